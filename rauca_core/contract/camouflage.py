@@ -1,0 +1,70 @@
+"""A camouflage on disk: an 8-bit sRGB UV map (PNG) and the JSON that says which atlas it fits and how it was made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .errors import RaucaError
+from .files import write_bytes, write_json
+from .schema import read_json
+
+FORMAT = ("rauca-camouflage", 1)
+
+
+@dataclass(frozen=True)
+class Camouflage:
+    """Metadata of a camouflage; the UV map lies beside it as ``<stem>.png``.
+
+    Attributes:
+        name: shown in tables.
+        vehicle_name, atlas_id: the vehicle and UV layout that it fits.
+        size: the UV map is square, texels.
+        method: e.g. ``"rauca"``, ``"random"``, ``"plain"``.
+        made: whatever the maker wants to remember (detector, steps, seed, losses).
+    """
+
+    name: str
+    vehicle_name: str
+    atlas_id: str
+    size: int
+    method: str
+    made: dict[str, Any] = field(default_factory=dict)
+
+    def check_fits(self, atlas_id: str, where: str) -> None:
+        """Raise :class:`RaucaError` when the camouflage was made for another UV layout."""
+        if self.atlas_id != atlas_id:
+            raise RaucaError(
+                f"{where}: made for the UV atlas {self.atlas_id} of {self.vehicle_name}, this vehicle's atlas is "
+                f"{atlas_id}; optimise it on this vehicle"
+            )
+
+
+def save_camouflage(path: Path, camouflage: Camouflage, png: bytes) -> None:
+    """Write ``path`` (.json) and the UV map beside it (.png), the map first: a JSON always finds its map."""
+    path = Path(path)
+    name, version = FORMAT
+    write_bytes(path.with_suffix(".png"), png)
+    write_json(path, {"format": name, "version": version, **camouflage.__dict__})
+
+
+def load_camouflage(path: Path) -> tuple[Camouflage, Path]:
+    """Read a camouflage by its JSON or PNG path; returns the metadata and the path of the UV map."""
+    path = Path(path).with_suffix(".json")
+    fields = read_json(path)
+    fields.format(*FORMAT)
+    made = fields.raw("made")
+    camouflage = Camouflage(
+        fields.text("name"),
+        fields.text("vehicle_name"),
+        fields.text("atlas_id"),
+        fields.integer("size", 1, 16384),
+        fields.text("method"),
+        made if isinstance(made, dict) else {},
+    )
+    fields.done()
+    image = path.with_suffix(".png")
+    if not image.is_file():
+        raise RaucaError(f"{image}: the camouflage's UV map is missing; keep the .png beside the .json")
+    return camouflage, image

@@ -1,0 +1,224 @@
+"""A data set on disk: a vehicle, a plan, and the frames rendered so far.
+
+Folder layout::
+
+    dataset.json       the plan: everything needed to render any frame again
+    vehicle/           see `vehicle.py`
+    frames/<id>/       see `frame.py`
+    ledger.jsonl       one line per frame, appended after the frame's rename
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .errors import RaucaError
+from .files import write_json
+from .frame import Frame, load_frame
+from .schema import Fields, read_json
+from .weather import Weather
+
+FORMAT = ("rauca-dataset", 1)
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Where the cameras stand around the vehicle.
+
+    Every combination of azimuth, elevation and distance is one view; jitter is drawn per view and location, uniformly
+    within +- the given amount.
+
+    Attributes:
+        azimuths_deg: 0 faces the vehicle's front, counter-clockwise from above.
+        elevations_deg, distances_m: of the camera, from the vehicle's centre.
+        jitter_azimuth_deg, jitter_elevation_deg, jitter_roll_deg: half-widths, degrees.
+        jitter_distance: half-width as a fraction of the distance.
+        jitter_aim_m: half-width of the shift of the point looked at, metres.
+        fov_deg: horizontal field of view.
+    """
+
+    azimuths_deg: tuple[float, ...]
+    elevations_deg: tuple[float, ...]
+    distances_m: tuple[float, ...]
+    jitter_azimuth_deg: float = 0.0
+    jitter_elevation_deg: float = 0.0
+    jitter_distance: float = 0.0
+    jitter_aim_m: float = 0.0
+    jitter_roll_deg: float = 0.0
+    fov_deg: float = 60.0
+
+    def __len__(self) -> int:
+        return len(self.azimuths_deg) * len(self.elevations_deg) * len(self.distances_m)
+
+    def nominal(self, view: int) -> tuple[float, float, float]:
+        """Azimuth, elevation (degrees) and distance (metres) of a view before jitter."""
+        per_elevation = len(self.azimuths_deg) * len(self.elevations_deg)
+        return (
+            self.azimuths_deg[view % len(self.azimuths_deg)],
+            self.elevations_deg[view // len(self.azimuths_deg) % len(self.elevations_deg)],
+            self.distances_m[view // per_elevation],
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in self.__dict__.items()}
+
+    @staticmethod
+    def from_json(fields: Fields) -> Ring:
+        def floats(name: str) -> tuple[float, ...]:
+            count = len(fields.items(name))
+            if not count:
+                raise RaucaError(f"{fields.where}: {name} must not be empty")
+            return tuple(fields.array(name, (count,)).tolist())
+
+        ring = Ring(
+            floats("azimuths_deg"),
+            floats("elevations_deg"),
+            floats("distances_m"),
+            fields.number("jitter_azimuth_deg", 0, 180),
+            fields.number("jitter_elevation_deg", 0, 90),
+            fields.number("jitter_distance", 0, 0.9),
+            fields.number("jitter_aim_m", 0, 100),
+            fields.number("jitter_roll_deg", 0, 180),
+            fields.number("fov_deg", 1, 170),
+        )
+        fields.done()
+        return ring
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a data set consists of, before anything is rendered.
+
+    Attributes:
+        name: for people.
+        vehicle_name, atlas_id: which vehicle, and which UV layout, the frames show.
+        size: frames are square, pixels.
+        samples: Cycles samples per pixel of each render, before denoising.
+        light: True renders the affine light maps A and B (to optimise on); False renders the reference paint itself
+            and leaves A and B out (to evaluate on).
+        weathers, ring, locations: every combination is one frame.
+        reference_srgb: 8-bit sRGB paint colour of ``image.png``.
+        min_visible: frames that see less of the paint than this fraction are kept out.
+        seed: names every random stream of the data set.
+        blender: version that renders it.
+    """
+
+    name: str
+    vehicle_name: str
+    atlas_id: str
+    size: int
+    samples: int
+    light: bool
+    weathers: tuple[Weather, ...]
+    ring: Ring
+    locations: int
+    reference_srgb: tuple[int, int, int]
+    min_visible: float
+    seed: int
+    blender: str
+
+    def frame_ids(self) -> list[tuple[str, int, int, Weather]]:
+        """Every planned frame as (id, location, view, weather), in rendering order."""
+        return [
+            (f"L{location:02d}-V{view:03d}-{weather.name}", location, view, weather)
+            for location in range(self.locations)
+            for weather in self.weathers
+            for view in range(len(self.ring))
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        name, version = FORMAT
+        return {
+            "format": name,
+            "version": version,
+            "name": self.name,
+            "vehicle_name": self.vehicle_name,
+            "atlas_id": self.atlas_id,
+            "size": self.size,
+            "samples": self.samples,
+            "light": self.light,
+            "weathers": [w.to_json() for w in self.weathers],
+            "ring": self.ring.to_json(),
+            "locations": self.locations,
+            "reference_srgb": list(self.reference_srgb),
+            "min_visible": self.min_visible,
+            "seed": self.seed,
+            "blender": self.blender,
+        }
+
+    @staticmethod
+    def from_json(fields: Fields) -> Plan:
+        fields.format(*FORMAT)
+        weathers = [
+            Weather.from_json(Fields(w, f"{fields.where}: weathers[{i}]"))
+            for i, w in enumerate(fields.items("weathers"))
+        ]
+        red, green, blue = (int(c) for c in fields.array("reference_srgb", (3,)))
+        plan = Plan(
+            fields.text("name"),
+            fields.text("vehicle_name"),
+            fields.text("atlas_id"),
+            fields.integer("size", 16, 8192),
+            fields.integer("samples", 1, 65536),
+            fields.flag("light"),
+            tuple(weathers),
+            Ring.from_json(fields.nested("ring")),
+            fields.integer("locations", 1, 10000),
+            (red, green, blue),
+            fields.number("min_visible", 0, 1),
+            fields.integer("seed"),
+            fields.text("blender"),
+        )
+        fields.done()
+        return plan
+
+
+class Dataset:
+    """A data set folder opened for reading: its plan and its finished frames."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self.plan = read_plan(self.folder)
+
+    @property
+    def vehicle_folder(self) -> Path:
+        return self.folder / "vehicle"
+
+    def frame_folder(self, frame_id: str) -> Path:
+        return frame_folder(self.folder, frame_id)
+
+    def frames(self) -> list[Frame]:
+        """Finished frames in plan order; frames kept out as occluded have no folder and do not appear."""
+        planned = (self.frame_folder(frame_id) for frame_id, *_ in self.plan.frame_ids())
+        return [load_frame(folder) for folder in planned if (folder / "frame.json").is_file()]
+
+
+def frame_folder(dataset: Path, frame_id: str) -> Path:
+    return Path(dataset) / "frames" / frame_id
+
+
+def read_plan(folder: Path) -> Plan:
+    """Read ``dataset.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
+    path = Path(folder) / "dataset.json"
+    if not path.is_file():
+        raise RaucaError(f"{folder}: not a data set (no dataset.json); make one with `rauca dataset make`")
+    return Plan.from_json(read_json(path))
+
+
+def claim_folder(folder: Path, plan: Plan) -> None:
+    """Write the plan into an empty folder, or accept a folder that already holds the same plan.
+
+    A different plan is refused rather than mixed in; only the Blender version may differ, and is kept as first written.
+    """
+    path = Path(folder) / "dataset.json"
+    if path.is_file():
+        found = read_plan(folder)
+        if replace(found, blender="") != replace(plan, blender=""):
+            changed = [k for k, v in plan.to_json().items() if k != "blender" and found.to_json()[k] != v]
+            raise RaucaError(
+                f"{folder}: holds a data set made with another {', '.join(changed)}; choose another folder or remove it"
+            )
+        return
+    write_json(path, plan.to_json())

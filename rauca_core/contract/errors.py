@@ -1,0 +1,9 @@
+"""The one exception a user may see as a plain sentence."""
+
+
+class RaucaError(Exception):
+    """A mistake or a fault the user can act on.
+
+    The message is one line that names the file or option, says what is wrong and what to do.
+    Command lines print it without a traceback and exit with code 2.
+    """

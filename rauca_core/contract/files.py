@@ -1,0 +1,153 @@
+"""Writes that either happen whole or not at all.
+
+A file or folder is written under a temporary name beside its target, flushed to the disk, then renamed: a reader,
+or a job that resumes after a crash, never meets half of one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import shutil
+import struct
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RaucaError
+
+TEMPORARY_PREFIX = ".partial-"
+
+
+@contextlib.contextmanager
+def disk_errors(target: Path) -> Iterator[None]:
+    """Turn the disk's refusals (full, read-only, not permitted) into a :class:`RaucaError` that names ``target``."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RaucaError(
+                f"{target}: no space left on the disk; free some and run the same command again"
+            ) from error
+        if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+            raise RaucaError(f"{target}: not writable; choose another output folder") from error
+        raise
+
+
+def require_space(folder: Path, needed_bytes: int) -> None:
+    """Raise :class:`RaucaError` if the disk that will hold ``folder`` has less than ``needed_bytes`` free."""
+    existing = folder.absolute()
+    while not existing.exists():
+        existing = existing.parent
+    free = shutil.disk_usage(existing).free
+    if free < needed_bytes:
+        raise RaucaError(
+            f"{folder}: needs about {needed_bytes / 2**20:.0f} MiB but the disk has {free / 2**20:.0f} MiB free; "
+            "free some space or choose another output folder"
+        )
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write ``data`` to ``path`` atomically, creating its folder."""
+    path = Path(path)
+    with disk_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=TEMPORARY_PREFIX, dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+            raise
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write ``value`` as UTF-8 JSON atomically; NaN and infinity are refused, JSON has none."""
+    write_bytes(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
+
+
+@contextlib.contextmanager
+def atomic_folder(target: Path) -> Iterator[Path]:
+    """Yield a temporary folder that becomes ``target`` on success and vanishes on any exception.
+
+    An existing ``target`` is replaced only once the new one is complete.
+    """
+    target = Path(target)
+    with disk_errors(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=TEMPORARY_PREFIX, dir=target.parent))
+        try:
+            yield temporary
+            for entry in temporary.rglob("*"):
+                _flush(entry)
+            os.chmod(temporary, 0o755)
+            if target.exists():
+                shutil.rmtree(target)
+            os.replace(temporary, target)
+            _flush(target.parent)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+
+
+def sweep_partials(folder: Path) -> int:
+    """Remove what a killed job left under a temporary name directly inside ``folder``; returns how many."""
+    leftovers = list(Path(folder).glob(TEMPORARY_PREFIX + "*"))
+    for entry in leftovers:
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+    return len(leftovers)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Append one line to a ledger with a single write, then flush it to the disk."""
+    with disk_errors(path):
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        try:
+            os.write(handle, (line + "\n").encode())
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """Encode (H, W) grey or (H, W, 3) RGB 8-bit pixels as PNG.
+
+    Blender's Python has neither Pillow nor OpenCV, and Blender's own image writer applies colour management: hence
+    these few lines. Reading is left to Pillow (outside Blender) and to Blender (inside).
+    """
+    if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3) or (pixels.ndim == 3 and pixels.shape[2] != 3):
+        raise ValueError(f"PNG needs uint8 (H, W) or (H, W, 3) pixels, not {pixels.dtype} {pixels.shape}")
+    height, width = pixels.shape[:2]
+    rows = np.ascontiguousarray(pixels).reshape(height, -1)
+    filtered = np.zeros((height, rows.shape[1] + 1), np.uint8)
+    filtered[:, 1:] = rows
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0 if pixels.ndim == 2 else 2, 0, 0, 0)
+    body = zlib.compress(filtered.tobytes(), 6)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def _flush(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,249 @@
+"""A vehicle on disk: one mesh, one UV atlas for its paint, and the materials that fill the rest.
+
+Both worlds read the same arrays, so the renderer and Blender can never disagree about geometry.
+
+Folder layout::
+
+    vehicle.json      this module's metadata
+    mesh.npz          positions, triangles, uvs, normals, material
+    paint_mask.png    8-bit grey, the atlas's size; 255 where paint may change
+    base.png          optional sRGB texture of the original paint, same atlas
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RaucaError
+from .files import atomic_folder, png_bytes, write_bytes, write_json
+from .schema import Fields, read_json
+
+FORMAT = ("rauca-vehicle", 1)
+KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a part of the vehicle looks when it is not camouflage.
+
+    Attributes:
+        kind: one of :data:`KINDS`; faces of kind ``paint`` take the camouflage where the paint mask allows.
+        base_color: linear RGB albedo in [0, 1].
+        emission: linear radiance added by a lit lamp, relative to a white surface at noon.
+        textured: take the base colour from ``base.png`` instead.
+    """
+
+    name: str
+    kind: str
+    base_color: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    roughness: float = 0.4
+    metallic: float = 0.0
+    coat: float = 0.0
+    emission: float = 0.0
+    textured: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "base_color": list(self.base_color),
+            "roughness": self.roughness,
+            "metallic": self.metallic,
+            "coat": self.coat,
+            "emission": self.emission,
+            "textured": self.textured,
+        }
+
+    @staticmethod
+    def from_json(fields: Fields) -> Material:
+        red, green, blue = fields.array("base_color", (3,)).tolist()
+        material = Material(
+            fields.text("name"),
+            fields.text("kind"),
+            (red, green, blue),
+            fields.number("roughness", 0, 1),
+            fields.number("metallic", 0, 1),
+            fields.number("coat", 0, 1),
+            fields.number("emission", 0),
+            fields.flag("textured"),
+        )
+        fields.done()
+        if material.kind not in KINDS:
+            raise RaucaError(f"{fields.where}: kind must be one of {', '.join(KINDS)}, not {material.kind!r}")
+        return material
+
+
+@dataclass(eq=False)
+class Vehicle:
+    """A vehicle in its own frame: front +x, up +z, wheels on z = 0, metres.
+
+    Attributes:
+        positions: (V, 3) float32 vertices.
+        triangles: (F, 3) int32 vertex indices, counter-clockwise from outside.
+        uvs: (F, 3, 2) float32 per corner; u to the right, v up. Texel row 0 is at the top, v = 1.
+        normals: (F, 3, 3) float32 unit shading normals per corner.
+        material: (F,) int16 index into ``materials``.
+        paint_mask: (H, W) uint8, 255 where the camouflage may change the paint.
+        base_texture: (H', W', 3) uint8 sRGB, or None.
+        padding_texels: empty texels between charts of the atlas, at the mask's size.
+    """
+
+    name: str
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    uvs: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    material: NDArray[np.int16]
+    materials: list[Material]
+    paint_mask: NDArray[np.uint8]
+    base_texture: NDArray[np.uint8] | None = None
+    padding_texels: int = 0
+    category: str = "car"
+    source: str = ""
+    licence: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def paint_faces(self) -> NDArray[np.bool_]:
+        """(F,) True on faces whose material is paint."""
+        is_paint = np.array([m.kind == "paint" for m in self.materials])
+        return is_paint[self.material]
+
+    @property
+    def atlas_id(self) -> str:
+        """Names the UV layout: a camouflage fits a vehicle exactly when this agrees. Hash of paint UVs and mask."""
+        paint = self.paint_faces()
+        digest = hashlib.sha256()
+        digest.update(
+            np.ascontiguousarray(np.round(self.uvs[paint].astype(np.float64) * 2**16).astype(np.int64)).tobytes()
+        )
+        digest.update(str(self.paint_mask.shape).encode() + np.packbits(self.paint_mask >= 128).tobytes())
+        return digest.hexdigest()[:16]
+
+    @property
+    def geometry_id(self) -> str:
+        """Hash of everything the renderer's taps depend on; keys caches."""
+        digest = hashlib.sha256(self.atlas_id.encode())
+        for array in (self.positions, self.triangles, self.uvs, self.paint_faces()):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()[:16]
+
+    def size(self) -> NDArray[np.float64]:
+        """Length, width, height in metres."""
+        return np.ptp(self.positions, axis=0).astype(np.float64)
+
+    def check(self, where: str) -> None:
+        """Raise :class:`RaucaError` naming ``where`` unless the vehicle can be rendered and painted."""
+        faces = len(self.triangles)
+        if faces == 0:
+            raise RaucaError(f"{where}: the mesh has no faces; export it with its geometry")
+        bad = int((~np.isfinite(self.positions)).any(axis=1).sum())
+        if bad:
+            raise RaucaError(f"{where}: {bad} of {len(self.positions)} vertices are NaN or infinite; repair the mesh")
+        shapes = {
+            "uvs": (self.uvs.shape, (faces, 3, 2)),
+            "normals": (self.normals.shape, (faces, 3, 3)),
+            "material": (self.material.shape, (faces,)),
+            "triangles": (self.triangles.shape, (faces, 3)),
+        }
+        for name, (found, wanted) in shapes.items():
+            if found != wanted:
+                raise RaucaError(f"{where}: {name} has shape {found}, expected {wanted}")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.positions):
+            raise RaucaError(f"{where}: a face refers to a vertex that does not exist")
+        if not np.isfinite(self.uvs).all() or not np.isfinite(self.normals).all():
+            raise RaucaError(f"{where}: UVs or normals are NaN or infinite; repair the mesh")
+        if self.material.min() < 0 or self.material.max() >= len(self.materials):
+            raise RaucaError(f"{where}: a face refers to a material that does not exist")
+        if not self.paint_faces().any():
+            raise RaucaError(f"{where}: no face has a paint material; name it with --paint-material")
+        if not (self.paint_mask >= 128).any():
+            raise RaucaError(f"{where}: the paint mask is empty; paint white where the camouflage may go")
+
+    def save(self, folder: Path) -> None:
+        """Write the vehicle folder atomically."""
+        self.check(str(folder))
+        arrays = io.BytesIO()
+        np.savez_compressed(
+            arrays,
+            positions=self.positions,
+            triangles=self.triangles,
+            uvs=self.uvs,
+            normals=self.normals,
+            material=self.material,
+        )
+        with atomic_folder(Path(folder)) as temporary:
+            write_bytes(temporary / "mesh.npz", arrays.getvalue())
+            write_bytes(temporary / "paint_mask.png", png_bytes(self.paint_mask))
+            if self.base_texture is not None:
+                write_bytes(temporary / "base.png", png_bytes(self.base_texture))
+            write_json(temporary / "vehicle.json", self._metadata())
+
+    def _metadata(self) -> dict[str, Any]:
+        name, version = FORMAT
+        return {
+            "format": name,
+            "version": version,
+            "name": self.name,
+            "category": self.category,
+            "source": self.source,
+            "licence": self.licence,
+            "notes": self.notes,
+            "atlas_id": self.atlas_id,
+            "padding_texels": self.padding_texels,
+            "base_texture": self.base_texture is not None,
+            "materials": [m.to_json() for m in self.materials],
+        }
+
+
+def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
+    """Read and check a vehicle folder.
+
+    Args:
+        read_image: ``path -> (H, W) or (H, W, 3) uint8`` (Pillow outside Blender, Blender's reader inside).
+    """
+    folder = Path(folder)
+    fields = read_json(folder / "vehicle.json")
+    fields.format(*FORMAT)
+    where = str(folder / "vehicle.json")
+    materials = [
+        Material.from_json(Fields(item, f"{where}: materials[{i}]")) for i, item in enumerate(fields.items("materials"))
+    ]
+    names = ("positions", "triangles", "uvs", "normals", "material")
+    arrays = load_arrays(folder / "mesh.npz", names)
+    vehicle = Vehicle(
+        name=fields.text("name"),
+        category=fields.text("category"),
+        source=fields.text("source"),
+        licence=fields.text("licence"),
+        notes=[str(note) for note in fields.items("notes")],
+        padding_texels=fields.integer("padding_texels"),
+        materials=materials,
+        paint_mask=read_image(folder / "paint_mask.png"),
+        base_texture=read_image(folder / "base.png") if fields.flag("base_texture") else None,
+        **arrays,
+    )
+    atlas_id = fields.text("atlas_id")
+    fields.done()
+    vehicle.check(str(folder))
+    if vehicle.atlas_id != atlas_id:
+        raise RaucaError(f"{folder}: mesh or mask was changed after vehicle.json was written; import the vehicle again")
+    return vehicle
+
+
+def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
+    """Read named arrays from an .npz without unpickling; a damaged file is named."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in names}
+    except FileNotFoundError:
+        raise RaucaError(f"{path}: not found") from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        raise RaucaError(f"{path}: damaged or not a rauca file ({error}); make it again") from error
