@@ -6,7 +6,7 @@ Frame folder::
     image.png      8-bit sRGB (`Standard` view) of the vehicle in its reference paint
     vehicle.png    8-bit coverage of the whole vehicle, anti-aliased, from a fog-free view
     paint.png      8-bit coverage of the paintable part (mask included), likewise
-    passes.npz     distance (H, W) float16 metres, infinity for sky; A, B (H, W, 3) float16 linear, if the plan has light
+    passes.npz     distance (H, W) float16 metres, infinity for sky; with light also A, B (H, W, 3) float16 linear
 
 Display image of any texture x (linear, per pixel, coverage-normalised): ``srgb(A * x + B)``. Outside the paint A is 0
 and B is the original frame.
