@@ -164,6 +164,8 @@ class Vehicle:
             raise RaucaError(f"{where}: a face refers to a material that does not exist")
         if not self.paint_faces().any():
             raise RaucaError(f"{where}: no face has a paint material; name it with --paint-material")
+        if self.paint_mask.ndim != 2 or self.paint_mask.shape[0] != self.paint_mask.shape[1]:
+            raise RaucaError(f"{where}: the paint mask must be square and grey, not {self.paint_mask.shape}")
         if not (self.paint_mask >= 128).any():
             raise RaucaError(f"{where}: the paint mask is empty; paint white where the camouflage may go")
 

@@ -1,0 +1,32 @@
+"""Every difference between the Blender versions this add-on runs on (4.2 to 5.x), in one place."""
+
+from __future__ import annotations
+
+import bpy
+
+
+def sky_texture_kind() -> str:
+    """The physical sky with one scattering event: `NISHITA` until 4.x, `SINGLE_SCATTERING` from 5.0."""
+    return "SINGLE_SCATTERING" if bpy.app.version >= (5, 0, 0) else "NISHITA"
+
+
+def has_denoiser(scene: bpy.types.Scene) -> bool:
+    """True when this build carries Open Image Denoise (Debian's does not).
+
+    Builds without it either refuse the value or, in 5.2, drop it without a word.
+    """
+    try:
+        scene.cycles.denoiser = "OPENIMAGEDENOISE"
+    except TypeError:
+        return False
+    return bool(getattr(bpy.app.build_options, "openimagedenoise", True))
+
+
+def use_single_layer_exr(settings: bpy.types.ImageFormatSettings) -> None:
+    """Ask for one uncompressed 32-bit RGBA layer; 5.0 wants the media type chosen first."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format = "OPEN_EXR"
+    settings.color_mode = "RGBA"
+    settings.color_depth = "32"
+    settings.exr_codec = "NONE"

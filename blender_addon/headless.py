@@ -1,0 +1,244 @@
+"""The command lines that run inside Blender: make a data set, render camouflages on its views.
+
+The same code serves ``blender -b -P pipelines/make_dataset.py -- ARGS`` and ``python pipelines/make_dataset.py ARGS``
+(bpy wheel). Exit codes: 0 done, 2 a mistake or an interruption told in one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+import bpy
+
+from .core import assets, contract, files
+from .scene.images import read_image_blender
+from .scene.vehicle_import import import_vehicle
+
+PROGRESS_MARK = "rauca-progress "
+
+
+def make_dataset(arguments: Sequence[str]) -> int:
+    """Entry of ``pipelines/make_dataset.py``; returns the exit code."""
+    return _guarded(_make_dataset, _dataset_parser().parse_args(arguments))
+
+
+def render_camouflages(arguments: Sequence[str]) -> int:
+    """Entry of ``pipelines/render_camouflage.py``; returns the exit code."""
+    return _guarded(_render_camouflages, _render_parser().parse_args(arguments))
+
+
+def apply_camouflage(arguments: Sequence[str]) -> int:
+    """Entry of ``rauca apply``; returns the exit code."""
+    return _guarded(_apply_camouflage, _apply_parser().parse_args(arguments))
+
+
+def blender_arguments() -> list[str]:
+    """What follows ``--`` in Blender, everything in plain Python."""
+    if "--" in sys.argv:
+        return sys.argv[sys.argv.index("--") + 1 :]
+    return [] if bpy.app.binary_path else sys.argv[1:]
+
+
+def _make_dataset(options: argparse.Namespace) -> None:
+    from .scene.dataset import render_dataset
+    from .scene.session import Session
+
+    weathers = contract.find_preset(options.weathers, assets.assets_folder() / "weathers")
+    ring = contract.Ring(
+        azimuths_deg=options.azimuths,
+        elevations_deg=options.elevations,
+        distances_m=options.distances,
+        jitter_azimuth_deg=options.jitter_azimuth,
+        jitter_elevation_deg=options.jitter_elevation,
+        jitter_distance=options.jitter_distance,
+        jitter_aim_m=options.jitter_aim,
+        jitter_roll_deg=options.jitter_roll,
+        fov_deg=options.fov,
+    )
+    vehicle = find_vehicle(options.vehicle, options.paint_mask, options.paint_material)
+    plan = contract.Plan(
+        name=options.out.name,
+        vehicle_name=vehicle.name,
+        atlas_id=vehicle.atlas_id,
+        size=options.size,
+        samples=options.samples,
+        light=options.light,
+        weathers=tuple(weathers),
+        ring=ring,
+        locations=options.locations,
+        reference_srgb=options.reference,
+        min_visible=options.min_visible,
+        seed=options.seed,
+        blender=bpy.app.version_string,
+    )
+    session = Session(plan, vehicle, denoise=options.denoise)
+    contract.claim_folder(options.out, plan)
+    if not (options.out / "vehicle" / "vehicle.json").is_file():
+        vehicle.save(options.out / "vehicle")
+    for note in vehicle.notes:
+        print(f"note: {note}", flush=True)
+    render_dataset(session, options.out, _reporter(options.json_progress))
+
+
+def _render_camouflages(options: argparse.Namespace) -> None:
+    from .scene.camouflages import read_paintwork, render_camouflages
+    from .scene.session import Session
+
+    dataset = contract.Dataset(options.dataset)
+    paintworks = [read_paintwork(path, dataset.plan.atlas_id) for path in options.camouflages]
+    names = [p.name for p in paintworks]
+    if len(set(names)) != len(names):
+        raise contract.RaucaError(f"two camouflages share a name ({', '.join(names)}); give each JSON its own")
+    vehicle = contract.load_vehicle(dataset.vehicle_folder, read_image_blender)
+    session = Session(dataset.plan, vehicle, denoise=options.denoise)
+    render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress))
+
+
+def _apply_camouflage(options: argparse.Namespace) -> None:
+    from .scene.apply import save_blend
+
+    if options.out.suffix != ".blend":
+        raise contract.RaucaError(f"{options.out}: --out must end in .blend")
+    save_blend(
+        find_vehicle(options.vehicle, options.paint_mask, options.paint_material), options.camouflage, options.out
+    )
+
+
+def find_vehicle(name_or_path: str, paint_mask: Path | None, paint_material: str | None) -> contract.Vehicle:
+    """A shipped vehicle by name, or any vehicle file."""
+    shipped = assets.assets_folder() / "vehicles"
+    known = sorted(p.parent.name for p in shipped.glob("*/vehicle.json"))
+    if name_or_path in known:
+        if paint_mask or paint_material:
+            raise contract.RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
+        return contract.load_vehicle(shipped / name_or_path, read_image_blender)
+    path = Path(name_or_path)
+    if not path.exists():
+        raise contract.RaucaError(
+            f"{path}: no such vehicle; give an .obj, .glb or .blend file, or one of {', '.join(known)}"
+        )
+    return import_vehicle(path, paint_mask, paint_material)
+
+
+def _guarded(job: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> int:
+    """Run a job; a :class:`RaucaError` or an interruption becomes one line on standard error and exit code 2."""
+
+    def interrupt(number: int, stack: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        with files.disk_errors(getattr(options, "out", Path())):
+            job(options)
+    except contract.RaucaError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: finished frames are kept; run the same command to go on", file=sys.stderr, flush=True)
+        return 2
+    return 0
+
+
+def _reporter(as_json: bool) -> Callable[[int, int, str], None]:
+    def report(done: int, total: int, last: str) -> None:
+        if as_json:
+            print(PROGRESS_MARK + json.dumps({"done": done, "total": total, "last": last}), flush=True)
+        else:
+            print(f"[{done}/{total}] {last}", flush=True)
+
+    return report
+
+
+def _dataset_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="make_dataset.py", description="Render a multi-weather data set of a vehicle.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
+    _add_vehicle(add)
+    add("--weathers", default="demo", help="preset name or .json file")
+    add("--locations", type=_whole, default=1, help="places along the street")
+    add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
+    add("--elevations", type=_numbers, default=(10.0, 25.0), help="degrees, comma separated")
+    add("--distances", type=_numbers, default=(6.0, 10.0), help="metres, comma separated")
+    add("--jitter-azimuth", type=float, default=0.0, help="half-width, degrees")
+    add("--jitter-elevation", type=float, default=0.0, help="half-width, degrees")
+    add("--jitter-distance", type=float, default=0.0, help="half-width, fraction of the distance")
+    add("--jitter-aim", type=float, default=0.0, help="half-width, metres")
+    add("--jitter-roll", type=float, default=0.0, help="half-width, degrees")
+    add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
+    add("--size", type=_whole, default=320, help="frames are square, pixels")
+    add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")
+    add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
+    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
+    add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
+    add("--seed", type=int, default=0)
+    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    return parser
+
+
+def _render_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="render_camouflage.py", description="Render a data set's views in camouflage.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--dataset", type=Path, required=True, help="data set whose views are rendered")
+    add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
+    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    add("camouflages", type=Path, nargs="+", help="camouflage .json files")
+    return parser
+
+
+def _apply_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="rauca apply", description="Save a vehicle in camouflage.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--out", type=Path, required=True, help="the .blend to write")
+    _add_vehicle(add)
+    add("camouflage", type=Path, help="camouflage .json file")
+    return parser
+
+
+def _add_vehicle(add: Callable[..., object]) -> None:
+    add("--vehicle", default="sedan", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file")
+    add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
+    add("--paint-material", help="name of the material to camouflage")
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return value
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a comma separated list of numbers") from None
+
+
+def _azimuths(text: str) -> tuple[float, ...]:
+    if text.isdigit() and int(text) > 0:
+        return tuple(i * 360.0 / int(text) for i in range(int(text)))
+    return _numbers(text)
+
+
+def _colour(text: str) -> tuple[int, int, int]:
+    digits = text.removeprefix("#")
+    try:
+        red, green, blue = bytes.fromhex(digits)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB colour like 8c8c8c") from None
+    return red, green, blue

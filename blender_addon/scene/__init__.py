@@ -1,0 +1,1 @@
+"""Scene code shared by the artist's buttons and the headless pipelines; no user interface in here."""

@@ -1,0 +1,43 @@
+"""A contract camera as Blender's."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..core import contract
+
+SENSOR_MM = 36.0
+
+
+def place(scene: bpy.types.Scene, camera: contract.Camera) -> None:
+    """Make ``camera`` the scene's camera and set the resolution to its size.
+
+    Raises:
+        RaucaError: the pixels are not square, which Blender could only imitate.
+    """
+    if not np.isclose(camera.K[0, 0], camera.K[1, 1], rtol=1e-6) or abs(camera.K[0, 1]) > 1e-9:
+        raise contract.RaucaError("camera: pixels must be square and without skew (K[0][0] = K[1][1], K[0][1] = 0)")
+    holder = scene.camera
+    if holder is None:
+        holder = bpy.data.objects.new("rauca camera", bpy.data.cameras.new("rauca camera"))
+        scene.collection.objects.link(holder)
+        scene.camera = holder
+    lens = holder.data
+    larger = max(camera.width, camera.height)
+    lens.sensor_fit = "AUTO"
+    lens.sensor_width = SENSOR_MM
+    lens.lens = camera.K[0, 0] * SENSOR_MM / larger
+    lens.shift_x = (camera.width / 2 - camera.K[0, 2]) / larger
+    lens.shift_y = (camera.K[1, 2] - camera.height / 2) / larger
+    lens.clip_start, lens.clip_end = 0.02, 5000.0
+
+    to_blender = np.diag([1.0, -1.0, -1.0])  # Blender's camera looks along -z with y up
+    pose = np.eye(4)
+    pose[:3, :3] = camera.R.T @ to_blender
+    pose[:3, 3] = camera.position
+    holder.matrix_world = Matrix(pose.tolist())
+    scene.render.resolution_x, scene.render.resolution_y = camera.width, camera.height
+    scene.render.resolution_percentage = 100
+    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0

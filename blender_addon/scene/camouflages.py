@@ -1,0 +1,81 @@
+"""Re-rendering a data set's views in camouflage: the judge of every camouflage, never the neural render."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import colour, contract, files
+from .images import read_image_blender
+from .session import Session
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Paintwork:
+    """A camouflage ready to paint: its name in folders, UV map (H, W, 3) 8-bit sRGB, and the map's hash."""
+
+    name: str
+    uv_map_srgb: NDArray[np.uint8]
+    digest: str
+
+
+def read_paintwork(path: Path, atlas_id: str) -> Paintwork:
+    """Read a camouflage for the vehicle with ``atlas_id``; raises :class:`RaucaError` when it does not fit."""
+    camouflage, image = contract.load_camouflage(path)
+    camouflage.check_fits(atlas_id, str(path))
+    pixels = read_image_blender(image)
+    if pixels.shape != (camouflage.size, camouflage.size, 3):
+        raise contract.RaucaError(
+            f"{image}: is {pixels.shape[1]}x{pixels.shape[0]}, {path.name} says {camouflage.size}x{camouflage.size} "
+            "RGB; keep the two files together"
+        )
+    return Paintwork(camouflage.name, pixels, hashlib.sha256(pixels.tobytes()).hexdigest()[:16])
+
+
+def render_camouflages(
+    session: Session, dataset: contract.Dataset, paintworks: list[Paintwork], out: Path, progress: Progress
+) -> None:
+    """Render every frame of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
+
+    Frames already there are kept if they were rendered from the same UV map, and rendered again otherwise.
+    """
+    frames = dataset.frames()
+    total, done = len(frames) * len(paintworks), 0
+    files.require_space(out, total * dataset.plan.size**2 * 4)
+    for paintwork in paintworks:
+        folder = out / paintwork.name
+        _claim(folder, paintwork)
+        missing = [frame for frame in frames if not (folder / f"{frame.id}.png").is_file()]
+        done += len(frames) - len(missing)
+        progress(done, total, paintwork.name)
+        if missing:
+            session.vehicle.paint.set_map(paintwork.uv_map_srgb)
+        present: tuple[int, contract.Weather] | None = None
+        for frame in missing:
+            if present != (frame.location, frame.weather):
+                session.enter(frame.location)
+                session.set_weather(frame.weather)
+                present = (frame.location, frame.weather)
+            linear = session.render(frame.location, frame.view, frame.weather)
+            pixels = colour.to_bytes(colour.srgb_from_linear(linear))
+            files.write_bytes(folder / f"{frame.id}.png", files.png_bytes(pixels))
+            done += 1
+            progress(done, total, f"{paintwork.name}/{frame.id}")
+
+
+def _claim(folder: Path, paintwork: Paintwork) -> None:
+    """Bind ``folder`` to a UV map; renders of another map are removed, they would be mistaken for this one's."""
+    note = folder / "camouflage.json"
+    if note.is_file() and json.loads(note.read_text()).get("uv_map") == paintwork.digest:
+        return
+    for stale in folder.glob("*.png"):
+        stale.unlink()
+    files.write_json(note, {"name": paintwork.name, "uv_map": paintwork.digest})

@@ -1,0 +1,45 @@
+"""Shader trees in a few words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+
+def fresh_tree(material: bpy.types.Material) -> bpy.types.NodeTree:
+    """The material's node tree, emptied."""
+    if not material.use_nodes:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material.node_tree
+
+
+def add(tree: bpy.types.NodeTree, kind: str, **inputs: Any) -> bpy.types.Node:
+    """Add a node; keyword arguments set inputs by name (underscores for spaces): a value, or a socket to link."""
+    node = tree.nodes.new(kind)
+    for name, value in inputs.items():
+        socket = node.inputs[name.replace("_", " ")]
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return node
+
+
+def mix_colour(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -> bpy.types.NodeSocket:
+    """``first * (1 - factor) + second * factor`` per channel, unclamped; returns the colour socket."""
+    node = tree.nodes.new("ShaderNodeMix")
+    node.data_type, node.clamp_factor = "RGBA", False
+    # The node has a socket of every data type under the same names; these are the RGBA ones.
+    for index, value in ((0, factor), (6, first), (7, second)):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, node.inputs[index])
+        else:
+            node.inputs[index].default_value = value
+    return node.outputs[2]
+
+
+def output(tree: bpy.types.NodeTree, **shaders: bpy.types.NodeSocket) -> None:
+    """Add the output node; keywords are its sockets: Surface, Volume."""
+    add(tree, "ShaderNodeOutputMaterial", **shaders)

@@ -1,0 +1,105 @@
+"""The paint: one colour, or a UV map, wherever the paint mask allows.
+
+The colour goes into the base colour of a non-metallic Principled BSDF under an untinted coat. Linear radiance is then
+affine in it, which is what the light maps of a frame rest on.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import colour, contract
+from . import nodes
+
+UV_LAYER = "rauca"
+
+
+class Paint:
+    """Colour and UV map shared by all paint materials of one vehicle."""
+
+    def __init__(self, vehicle: contract.Vehicle) -> None:
+        mask = np.repeat(vehicle.paint_mask[:, :, None], 3, axis=2) / np.float32(255)
+        self._mask = _float_image("rauca paint mask", mask)
+        self._base: bpy.types.Image | None = None
+        if vehicle.base_texture is not None:
+            self._base = _float_image("rauca base", colour.linear_from_srgb(vehicle.base_texture / np.float32(255)))
+        self._map: bpy.types.Image | None = None
+        self._trees: list[bpy.types.NodeTree] = []
+
+    def set_colour(self, linear: tuple[float, float, float]) -> None:
+        """Paint in one linear RGB albedo."""
+        for tree in self._trees:
+            tree.nodes["paint colour"].outputs[0].default_value = (*linear, 1.0)
+            tree.nodes["paint source"].outputs[0].default_value = 0.0
+
+    def set_map(self, uv_map_srgb: NDArray[np.uint8]) -> None:
+        """Paint with a UV map, (H, W, 3) 8-bit sRGB, row 0 at the top.
+
+        It becomes a float image in linear light, so Cycles interpolates texels as the renderer's taps do. Cycles keeps
+        stale pixels when an image is edited in place: each map is a new image.
+        """
+        previous = self._map
+        self._map = _float_image("rauca camouflage", colour.linear_from_srgb(uv_map_srgb / np.float32(255)))
+        for tree in self._trees:
+            tree.nodes["paint map"].image = self._map
+            tree.nodes["paint source"].outputs[0].default_value = 1.0
+        if previous is not None:
+            bpy.data.images.remove(previous)
+
+    def connect(
+        self, tree: bpy.types.NodeTree, unpainted: bpy.types.NodeSocket | tuple[float, ...]
+    ) -> bpy.types.NodeSocket:
+        """Add the paint's nodes to ``tree``; returns the base colour, ``unpainted`` where the mask is black."""
+        flat = nodes.add(tree, "ShaderNodeRGB")
+        source = nodes.add(tree, "ShaderNodeValue")
+        uv_map = self._texture(tree, self._map)
+        flat.name, source.name, uv_map.name = "paint colour", "paint source", "paint map"
+        source.outputs[0].default_value = 0.0
+        painted = nodes.mix_colour(tree, source.outputs[0], flat.outputs[0], uv_map.outputs["Color"])
+        self._trees.append(tree)
+        return nodes.mix_colour(tree, self.mask_socket(tree), unpainted, painted)
+
+    def mask_socket(self, tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        """The paint mask in [0, 1], interpolated as the renderer does."""
+        return self._texture(tree, self._mask).outputs["Color"]
+
+    def base_texture_socket(self, tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        """The vehicle's original texture, linear."""
+        return self._texture(tree, self._base).outputs["Color"]
+
+    @staticmethod
+    def _texture(tree: bpy.types.NodeTree, image: bpy.types.Image | None) -> bpy.types.Node:
+        uv = tree.nodes.new("ShaderNodeUVMap")
+        uv.uv_map = UV_LAYER
+        texture = nodes.add(tree, "ShaderNodeTexImage", Vector=uv.outputs[0])
+        texture.image, texture.interpolation, texture.extension = image, "Linear", "EXTEND"
+        return texture
+
+
+def paint_material(spec: contract.Material, paint: Paint) -> bpy.types.Material:
+    """The material of a painted part."""
+    material = bpy.data.materials.new(f"rauca {spec.name}")
+    tree = nodes.fresh_tree(material)
+    unpainted = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
+    shader = nodes.add(
+        tree,
+        "ShaderNodeBsdfPrincipled",
+        Base_Color=paint.connect(tree, unpainted),
+        Roughness=spec.roughness,
+        Metallic=0.0,  # a metallic base tints its highlights: radiance would no longer be affine in the colour
+        Coat_Weight=spec.coat,
+    )
+    nodes.output(tree, Surface=shader.outputs[0])
+    return material
+
+
+def _float_image(name: str, linear: NDArray[np.float32]) -> bpy.types.Image:
+    height, width = linear.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = linear[::-1]
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    return image

@@ -1,0 +1,95 @@
+"""Cycles settings, and a render that comes back as an array."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import compat
+from ..core import contract
+
+LIGHT_BOUNCES = 4  # the error against 12 bounces is 66 dB; see the project's Blender notes
+MEMORY_FOLDER = Path("/dev/shm")
+
+
+def prepare(scene: bpy.types.Scene) -> None:
+    """Set what never changes between frames: engine, bounces, display transform, file format."""
+    render, cycles = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.use_persistent_data = True
+    render.use_file_extension = False
+    render.film_transparent = False
+    cycles.device = "CPU"
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = LIGHT_BOUNCES
+    cycles.transmission_bounces = cycles.volume_bounces = 2
+    cycles.sample_clamp_indirect = 10.0
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
+    cycles.use_auto_tile = False
+    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
+    compat.use_single_layer_exr(render.image_settings)
+
+
+def require_denoiser(scene: bpy.types.Scene) -> None:
+    """Raise :class:`RaucaError` when this Blender cannot denoise: few-sample frames would be noise."""
+    if not compat.has_denoiser(scene):
+        raise contract.RaucaError(
+            f"Blender {bpy.app.version_string} has no Open Image Denoise; use the bpy wheel or blender.org's build, "
+            "or pass --no-denoise with 64 samples or more"
+        )
+
+
+def render_linear(scene: bpy.types.Scene, samples: int, seed: int, denoise: bool) -> NDArray[np.float32]:
+    """Render the scene's camera; returns (H, W, 4) linear premultiplied RGBA, row 0 at the top.
+
+    The array goes through an uncompressed file in memory: Blender offers no pixels of a render in background mode.
+    """
+    cycles = scene.cycles
+    cycles.samples, cycles.seed = samples, seed % 2**31
+    cycles.use_adaptive_sampling = False
+    cycles.use_denoising = denoise
+    if denoise:
+        cycles.denoiser = "OPENIMAGEDENOISE"
+        cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "ACCURATE"
+    folder = MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else Path(tempfile.gettempdir())
+    with tempfile.TemporaryDirectory(prefix="rauca-", dir=folder) as temporary:
+        scene.render.filepath = str(Path(temporary) / "render.exr")
+        with silenced():
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+        return _read_exr(scene.render.filepath)
+
+
+def _read_exr(path: str) -> NDArray[np.float32]:
+    image = bpy.data.images.load(path)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+    finally:
+        bpy.data.images.remove(image)
+    return pixels.reshape(height, width, 4)[::-1].copy()
+
+
+@contextlib.contextmanager
+def silenced() -> Iterator[None]:
+    """Send what Blender's C code prints on standard output to nowhere; Python's own output is flushed first."""
+    sys.stdout.flush()
+    keep = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(keep, 1)
+        os.close(keep)
+        os.close(nowhere)

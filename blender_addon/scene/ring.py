@@ -1,0 +1,59 @@
+"""The camera ring: where the camera of a view stands, jitter included. NumPy only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract, seeding
+
+GROUND_CLEARANCE_M = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A camera in world space and the polar coordinates it came from (degrees and metres, after jitter)."""
+
+    camera: contract.Camera
+    azimuth_deg: float
+    elevation_deg: float
+    distance_m: float
+
+
+def viewpoint(
+    plan: contract.Plan, location: int, view: int, vehicle_to_world: NDArray[np.float64], centre: NDArray[np.float64]
+) -> Viewpoint:
+    """The camera of one view.
+
+    Jitter depends on the plan's seed, the location and the view, not on the weather: weathers share cameras, so they
+    share coverage renders and renderer taps.
+
+    Args:
+        vehicle_to_world: (4, 4) rigid transform.
+        centre: (3,) the point looked at, in the vehicle's frame, metres.
+    """
+    ring = plan.ring
+    rng = seeding.named_rng(plan.seed, "ring", location, view)
+    azimuth, elevation, distance = ring.nominal(view)
+    azimuth += rng.uniform(-1, 1) * ring.jitter_azimuth_deg
+    elevation = min(elevation + rng.uniform(-1, 1) * ring.jitter_elevation_deg, 89.0)
+    distance *= 1 + rng.uniform(-1, 1) * ring.jitter_distance
+    aim = centre + rng.uniform(-1, 1, 3) * ring.jitter_aim_m
+    roll = rng.uniform(-1, 1) * ring.jitter_roll_deg
+
+    flat = distance * math.cos(math.radians(elevation))
+    offset = np.array(
+        [
+            flat * math.cos(math.radians(azimuth)),
+            flat * math.sin(math.radians(azimuth)),
+            distance * math.sin(math.radians(elevation)),
+        ]
+    )
+    eye = centre + offset
+    eye[2] = max(eye[2], GROUND_CLEARANCE_M)
+    world = np.stack([eye, aim]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
+    camera = contract.Camera.look_at(world[0], world[1], ring.fov_deg, plan.size, plan.size, roll)
+    return Viewpoint(camera, azimuth % 360.0, elevation, distance)

@@ -1,0 +1,1 @@
+"""Panels and properties; no scene logic in here."""
