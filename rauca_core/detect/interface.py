@@ -44,10 +44,13 @@ class Detector(Protocol):
     Attributes:
         name: as in tables, e.g. ``"yolov3-tiny"``.
         class_names: (C,) names.
+        fingerprint: hexadecimal; changes with anything that could change a prediction (weights, network, input size),
+            so that results may be kept on disk under it.
     """
 
     name: str
     class_names: tuple[str, ...]
+    fingerprint: str
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""

@@ -1,0 +1,67 @@
+"""The detector that a darknet cfg and weights file make."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from ..contract import RaucaError
+from .interface import DensePredictions, Detections
+from .letterbox import Letterbox
+from .network import DarknetNetwork
+from .nms import detections
+from .weights_file import read_weights
+
+
+class DarknetDetector:
+    """A YOLOv2, v3 or v4 network behind :class:`rauca_core.detect.Detector`.
+
+    Attributes:
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        size: the network's square input, pixels.
+        network: the differentiable module; its weights take no gradient.
+    """
+
+    def __init__(self, name: str, cfg: Path, weights: Path, class_names: tuple[str, ...], size: int = 416) -> None:
+        """Build the network of ``cfg`` and read ``weights``.
+
+        Raises:
+            RaucaError: anything wrong with the files, a class list of another length, a size the network cannot take.
+        """
+        self.network = DarknetNetwork(cfg)
+        if len(class_names) != self.network.classes:
+            raise RaucaError(
+                f"{cfg}: the network predicts {self.network.classes} classes, {len(class_names)} names were given"
+            )
+        if size < self.network.stride or size % self.network.stride:
+            raise RaucaError(f"{name}: input size {size} must be a multiple of {self.network.stride} pixels")
+        weights_sha256 = read_weights(weights, self.network)
+        self.name = name
+        self.class_names = class_names
+        self.size = size
+        settings = f"{hashlib.sha256(cfg.read_bytes()).hexdigest()} {weights_sha256} {size}"
+        self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
+
+    def to(self, device: torch.device | str) -> DarknetDetector:
+        """Move the network to a device; returns self."""
+        self.network.to(device)
+        return self
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        box = Letterbox(images.shape[2], images.shape[3], self.size)
+        found: DensePredictions = self.network(box.fit(images))
+        found.boxes = box.boxes_to_image(found.boxes)
+        return found
+
+    @torch.no_grad()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        found = detections(self.dense(images), score_threshold, iou_threshold)
+        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
+        for one in found:
+            one.boxes = one.boxes.clamp(min=0).minimum(limit)
+        return found

@@ -1,0 +1,64 @@
+"""Box overlap and non-maximum suppression."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .interface import DensePredictions, Detections
+
+# Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.
+MAX_CANDIDATES = 4096
+
+
+def box_iou(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of (..., N, 4) and (..., M, 4) xyxy boxes: (..., N, M); empty boxes overlap nothing."""
+    top_left = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
+    bottom_right = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
+    shared = (bottom_right - top_left).clamp(min=0).prod(-1)
+    area_a = (a[..., 2:] - a[..., :2]).clamp(min=0).prod(-1)
+    area_b = (b[..., 2:] - b[..., :2]).clamp(min=0).prod(-1)
+    union = area_a[..., :, None] + area_b[..., None, :] - shared
+    return shared / union.clamp(min=1e-12)
+
+
+def suppress(boxes: Tensor, iou_threshold: float) -> Tensor:
+    """Greedy non-maximum suppression of (N, 4) boxes sorted best first: (N,) bool, True for those kept.
+
+    A box is kept when no kept box before it overlaps it by more than ``iou_threshold``. Starting from "all kept" and
+    applying that rule to all boxes at once, box i is settled after at most i rounds, and all in a handful.
+    """
+    overlaps = (box_iou(boxes, boxes) > iou_threshold).triu(1)
+    kept = torch.ones(len(boxes), dtype=torch.bool, device=boxes.device)
+    while True:
+        updated = ~(overlaps & kept[:, None]).any(0)
+        if torch.equal(updated, kept):
+            return kept
+        kept = updated
+
+
+def detections(predictions: DensePredictions, score_threshold: float, iou_threshold: float) -> list[Detections]:
+    """Final detections per image, best first; a box may speak for several classes, each suppressed on its own.
+
+    The score is objectness times class probability; only scores above ``score_threshold`` count.
+    """
+    scores = predictions.objectness[..., None] * predictions.classes
+    return [
+        _of_one_image(boxes, image_scores, score_threshold, iou_threshold)
+        for boxes, image_scores in zip(predictions.boxes, scores, strict=True)
+    ]
+
+
+def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_threshold: float) -> Detections:
+    index, label = (scores > score_threshold).nonzero(as_tuple=True)
+    chosen = []
+    for category in label.unique().tolist():
+        candidates = index[label == category]
+        order = scores[candidates, category].argsort(descending=True, stable=True)
+        candidates = candidates[order[:MAX_CANDIDATES]]
+        candidates = candidates[suppress(boxes[candidates], iou_threshold)]
+        chosen.append(torch.stack([candidates, torch.full_like(candidates, category)]))
+    index, label = torch.cat(chosen, 1) if chosen else torch.stack([index, label])
+    order = scores[index, label].argsort(descending=True, stable=True)
+    index, label = index[order], label[order]
+    return Detections(boxes[index], scores[index, label], label)

