@@ -7,7 +7,6 @@ The same code serves ``blender -b -P pipelines/make_dataset.py -- ARGS`` and ``p
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -20,8 +19,6 @@ import bpy
 from .core import assets, contract, files
 from .scene.images import read_image_blender
 from .scene.vehicle_import import import_vehicle
-
-PROGRESS_MARK = "rauca-progress "
 
 
 def make_dataset(arguments: Sequence[str]) -> int:
@@ -37,6 +34,17 @@ def render_camouflages(arguments: Sequence[str]) -> int:
 def apply_camouflage(arguments: Sequence[str]) -> int:
     """Entry of ``rauca apply``; returns the exit code."""
     return _guarded(_apply_camouflage, _apply_parser().parse_args(arguments))
+
+
+def main() -> int:
+    """Entry of a child process: the first argument names the job."""
+    jobs = {
+        "make_dataset": make_dataset,
+        "render_camouflages": render_camouflages,
+        "apply_camouflage": apply_camouflage,
+    }
+    job, *arguments = blender_arguments()
+    return jobs[job](arguments)
 
 
 def blender_arguments() -> list[str]:
@@ -149,7 +157,7 @@ def _guarded(job: Callable[[argparse.Namespace], None], options: argparse.Namesp
 def _reporter(as_json: bool) -> Callable[[int, int, str], None]:
     def report(done: int, total: int, last: str) -> None:
         if as_json:
-            print(PROGRESS_MARK + json.dumps({"done": done, "total": total, "last": last}), flush=True)
+            print(contract.Progress(done, total, last).line(), flush=True)
         else:
             print(f"[{done}/{total}] {last}", flush=True)
 
@@ -242,3 +250,7 @@ def _colour(text: str) -> tuple[int, int, int]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB colour like 8c8c8c") from None
     return red, green, blue
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import threading
@@ -11,7 +10,7 @@ from queue import Empty, SimpleQueue
 
 import bpy
 
-from ..headless import PROGRESS_MARK
+from ..core import contract
 
 
 class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -92,10 +91,9 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
                 line = self._lines.get_nowait()
             except Empty:
                 break
-            if line.startswith(PROGRESS_MARK):
-                news = json.loads(line.removeprefix(PROGRESS_MARK))
-                settings.done = news["done"] / max(news["total"], 1)
-                settings.job = f"{news['done']} of {news['total']} frames"
+            if progress := contract.parse_progress(line):
+                settings.done = progress.done / max(progress.total, 1)
+                settings.job = f"{progress.done} of {progress.total} frames"
                 for area in context.screen.areas if context.screen else ():
                     area.tag_redraw()
 

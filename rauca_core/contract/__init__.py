@@ -9,6 +9,7 @@ from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
+from .progress import Progress, parse_progress
 from .vehicle import Material, Vehicle, load_vehicle
 from .weather import Weather, find_preset, load_weathers
 
@@ -20,6 +21,7 @@ __all__ = [
     "FramePasses",
     "Material",
     "Plan",
+    "Progress",
     "RaucaError",
     "Ring",
     "Vehicle",
@@ -32,6 +34,7 @@ __all__ = [
     "load_passes",
     "load_vehicle",
     "load_weathers",
+    "parse_progress",
     "read_plan",
     "save_camouflage",
     "save_frame",

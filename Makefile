@@ -1,0 +1,31 @@
+# Two commands do everything on a fresh machine: `make demo` and `make test`.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+READY := $(VENV)/.ready
+
+.PHONY: demo test lint pictures clean
+
+demo: $(READY)
+	$(VENV)/bin/rauca demo
+
+test: $(READY)
+	$(VENV)/bin/python -m pytest
+
+lint: $(READY)
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+# The README's pictures, from the demo's own results.
+pictures: demo
+	$(VENV)/bin/rauca report runs/demo --pictures docs/pictures
+
+# torch comes first and pinned: asked for later, by another package, it would bring gigabytes of CUDA libraries.
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet torch==2.13.0
+	$(VENV)/bin/python -m pip install --quiet -e .[blender,dev]
+	touch $(READY)
+
+clean:
+	rm -rf $(VENV) runs reports

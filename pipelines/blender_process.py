@@ -1,0 +1,92 @@
+"""Blender jobs in a process of their own: torch and Blender never share memory, and a crash of one spares the other."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rauca_core.contract import Progress, RaucaError, parse_progress
+
+
+def blender_command(job: str, arguments: Sequence[str], blender: Path | None = None) -> list[str]:
+    """The command that runs ``blender_addon.headless`` for ``job``: in ``blender`` if given, else in the bpy wheel.
+
+    Raises:
+        RaucaError: neither is there.
+    """
+    if blender is not None:
+        if not blender.is_file():
+            raise RaucaError(f"{blender}: no such program; give the path of a Blender executable")
+        root = str(Path(__file__).resolve().parent.parent)
+        code = (
+            f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
+        )
+        return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", job, *arguments]
+    if importlib.util.find_spec("bpy") is None:
+        raise RaucaError("Blender is missing: `pip install rauca[blender]` for the wheel, or pass --blender PROGRAM")
+    return [sys.executable, "-m", "blender_addon.headless", job, *arguments]
+
+
+def run_blender(
+    job: str, arguments: Sequence[str], progress: Callable[[Progress], None], blender: Path | None = None
+) -> None:
+    """Run a job to its end.
+
+    Args:
+        job: ``make_dataset``, ``render_camouflages`` or ``apply_camouflage``.
+        progress: called at every item.
+
+    Raises:
+        RaucaError: what the job said was wrong, or how it died.
+    """
+    process = subprocess.Popen(
+        blender_command(job, arguments, blender),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # Ctrl-C reaches us alone; we pass it on once, below
+    )
+    complaints: list[str] = []
+    listener = threading.Thread(target=lambda: complaints.extend(process.stderr or ()), daemon=True)
+    listener.start()
+    try:
+        for line in process.stdout or ():
+            if news := parse_progress(line):
+                progress(news)
+            elif line.startswith("note: "):
+                print(line.rstrip(), file=sys.stderr)
+        process.wait()
+    except BaseException:
+        _stop(process)
+        raise
+    listener.join(timeout=5)
+    if process.returncode:
+        raise RaucaError(_reason(job, process.returncode, complaints))
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGTERM)
+        try:
+            process.wait(timeout=30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _reason(job: str, code: int, complaints: list[str]) -> str:
+    """The job's own sentence if it left one, else how it died."""
+    for line in reversed(complaints):
+        for mark in ("error: ", "interrupted: "):
+            if line.startswith(mark):
+                return line.removeprefix("error: ").strip()
+    if code < 0:
+        name = signal.Signals(-code).name
+        return f"{job}: Blender was killed by {name} (out of memory?); finished frames are kept, run the command again"
+    tail = next((line.strip() for line in reversed(complaints) if line.strip()), "no message")
+    return f"{job}: Blender stopped with code {code}: {tail}"

@@ -1,0 +1,28 @@
+"""How a job in a process of its own tells how far it is: one marked JSON line on standard output."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+_MARK = "rauca-progress "
+
+
+@dataclass(frozen=True)
+class Progress:
+    """``done`` of ``total`` items; ``last`` names the newest."""
+
+    done: int
+    total: int
+    last: str
+
+    def line(self) -> str:
+        """The line to print."""
+        return _MARK + json.dumps(asdict(self))
+
+
+def parse_progress(line: str) -> Progress | None:
+    """The progress a line tells, or None for any other line."""
+    if not line.startswith(_MARK):
+        return None
+    return Progress(**json.loads(line.removeprefix(_MARK)))

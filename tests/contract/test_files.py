@@ -1,0 +1,82 @@
+import errno
+import io
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rauca_core.contract import RaucaError
+from rauca_core.contract.files import (
+    append_line,
+    atomic_folder,
+    disk_errors,
+    png_bytes,
+    require_space,
+    sweep_partials,
+    write_bytes,
+    write_json,
+)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (7, 5), (4, 9, 3)])
+def test_png_is_what_pillow_reads_back(shape):
+    pixels = np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(png_bytes(pixels)))), pixels)
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
+    target = tmp_path / "a.json"
+    write_json(target, {"old": 1})
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "disk full")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RaucaError, match=r"a\.json: no space left"):
+        write_json(target, {"new": 2})
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+    assert "old" in target.read_text()
+
+
+def test_json_refuses_nan(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "a.json", {"x": float("nan")})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "frame"
+    with pytest.raises(KeyboardInterrupt), atomic_folder(target) as temporary:  # noqa: PT012 - the body is the point
+        write_bytes(temporary / "half.png", b"half")
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+    with atomic_folder(target) as temporary:
+        write_bytes(temporary / "whole.png", b"whole")
+        assert not target.exists()
+    assert (target / "whole.png").read_bytes() == b"whole"
+
+
+def test_leftovers_of_a_killed_job_are_swept(tmp_path):
+    (tmp_path / ".partial-abc").mkdir()
+    (tmp_path / ".partial-def").write_text("x")
+    (tmp_path / "kept").mkdir()
+    assert sweep_partials(tmp_path) == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["kept"]
+
+
+def test_too_little_space_is_told_before_the_work_starts(tmp_path):
+    with pytest.raises(RaucaError, match="MiB free"):
+        require_space(tmp_path / "not" / "yet", 2**60)
+    require_space(tmp_path, 1)
+
+
+def test_other_disk_errors_pass_through(tmp_path):
+    with pytest.raises(IsADirectoryError), disk_errors(tmp_path):
+        raise IsADirectoryError(errno.EISDIR, "folder")
+
+
+def test_ledger_lines_stay_whole(tmp_path):
+    for i in range(3):
+        append_line(tmp_path / "ledger", f"line {i}")
+    assert (tmp_path / "ledger").read_text().splitlines() == ["line 0", "line 1", "line 2"]

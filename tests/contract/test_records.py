@@ -1,0 +1,214 @@
+"""Vehicles, frames, data sets, camouflages and weathers survive the disk, and damage is named."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import (
+    Camera,
+    Camouflage,
+    Dataset,
+    Frame,
+    FramePasses,
+    Plan,
+    RaucaError,
+    Ring,
+    Weather,
+    claim_folder,
+    find_preset,
+    load_camouflage,
+    load_frame,
+    load_passes,
+    load_vehicle,
+    load_weathers,
+    save_camouflage,
+    save_frame,
+)
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.colour import linear_from_srgb, srgb_from_linear
+from rauca_core.contract.files import png_bytes
+from rauca_core.contract.progress import Progress, parse_progress
+from rauca_core.contract.seeding import named_rng, named_seed
+from rauca_core.images import read_image
+
+PLAN = Plan(
+    name="p",
+    vehicle_name="box",
+    atlas_id="abc",
+    size=32,
+    samples=4,
+    light=True,
+    weathers=(Weather("day", 45), Weather("fog", 45, 60, 50)),
+    ring=Ring((0.0, 90.0), (10.0, 30.0), (5.0,), jitter_distance=0.1),
+    locations=2,
+    reference_srgb=(140, 140, 140),
+    min_visible=0.5,
+    seed=7,
+    blender="5.0.1",
+)
+
+
+def a_frame(frame_id: str = "L00-V000-day") -> Frame:
+    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, 32, 32)
+    return Frame(frame_id, 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 30.0, 20.0), 1.0, 3)
+
+
+def some_passes() -> FramePasses:
+    rng = np.random.default_rng(0)
+    grey, colour = rng.random((32, 32), np.float32), rng.random((3, 32, 32, 3), np.float32)
+    return FramePasses(colour[0], grey, grey, grey * 10, colour[1], colour[2] * 1e6)
+
+
+def test_vehicle_round_trip(tmp_path, box_vehicle):
+    box_vehicle.save(tmp_path / "v")
+    again = load_vehicle(tmp_path / "v", read_image)
+    assert np.array_equal(again.uvs, box_vehicle.uvs)
+    assert (again.atlas_id, again.geometry_id) == (box_vehicle.atlas_id, box_vehicle.geometry_id)
+    assert again.materials == box_vehicle.materials
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda v: v.positions.__setitem__((0, 0), np.nan), "1 of 8 vertices are NaN"),
+        (lambda v: v.triangles.__setitem__((0, 0), 99), "vertex that does not exist"),
+        (lambda v: v.paint_mask.fill(0), "paint mask is empty"),
+        (lambda v: v.material.fill(1), "no face has a paint material"),
+        (lambda v: v.uvs.__setitem__((0, 0, 0), np.inf), "UVs or normals"),
+        (lambda v: setattr(v, "triangles", v.triangles[:0]), "no faces"),
+    ],
+)
+def test_a_vehicle_that_cannot_be_painted_is_refused_and_not_written(tmp_path, box_vehicle, spoil, message):
+    spoil(box_vehicle)
+    with pytest.raises(RaucaError, match=message):
+        box_vehicle.save(tmp_path / "v")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_changed_mesh_is_noticed(tmp_path, box_vehicle):
+    box_vehicle.save(tmp_path / "v")
+    (tmp_path / "v" / "paint_mask.png").write_bytes(png_bytes(np.full((64, 64), 255, np.uint8)))
+    with pytest.raises(RaucaError, match="changed after"):
+        load_vehicle(tmp_path / "v", read_image)
+    (tmp_path / "v" / "mesh.npz").write_bytes(b"PK\x03\x04 not an archive")
+    with pytest.raises(RaucaError, match=r"mesh\.npz: damaged"):
+        load_vehicle(tmp_path / "v", read_image)
+
+
+def test_frame_round_trip(tmp_path):
+    frame, passes = a_frame(), some_passes()
+    save_frame(tmp_path / frame.id, frame, passes)
+    again = load_frame(tmp_path / frame.id)
+    assert again.to_json() == frame.to_json()
+    stored = load_passes(tmp_path / frame.id)
+    assert np.allclose(stored["A"], passes.A, rtol=1e-3, atol=1e-3)
+    assert np.isfinite(stored["B"]).all()  # light beyond float16's range is clipped, not infinite
+    image = read_image(tmp_path / frame.id / "image.png")
+    assert np.abs(image / 255 - srgb_from_linear(passes.image_linear)).max() <= 0.5 / 255 + 1e-6
+
+
+def test_a_frame_without_light_has_no_light_maps(tmp_path):
+    frame, passes = a_frame(), some_passes()
+    save_frame(tmp_path / frame.id, frame, replace(passes, A=None, B=None))
+    assert load_passes(tmp_path / frame.id, ("distance",))["distance"].shape == (32, 32)
+    with pytest.raises(RaucaError, match=r"passes\.npz"):
+        load_passes(tmp_path / frame.id)
+
+
+def test_a_frame_without_a_box(tmp_path):
+    frame = replace(a_frame(), box_xyxy=None)
+    save_frame(tmp_path / frame.id, frame, some_passes())
+    assert load_frame(tmp_path / frame.id).box_xyxy is None
+
+
+def test_a_moved_frame_is_noticed(tmp_path):
+    save_frame(tmp_path / "other", a_frame(), some_passes())
+    with pytest.raises(RaucaError, match="folder is called 'other'"):
+        load_frame(tmp_path / "other")
+
+
+def test_the_plan_names_every_frame_once():
+    ids = [frame_id for frame_id, *_ in PLAN.frame_ids()]
+    assert len(ids) == len(set(ids)) == 2 * 2 * 4
+    assert {PLAN.ring.nominal(view) for view in range(4)} == {(a, e, 5.0) for a in (0, 90) for e in (10, 30)}
+
+
+def test_a_folder_keeps_to_one_plan(tmp_path):
+    claim_folder(tmp_path, PLAN)
+    claim_folder(tmp_path, replace(PLAN, blender="4.5.0"))
+    assert Dataset(tmp_path).plan == PLAN
+    with pytest.raises(RaucaError, match="another size, seed"):
+        claim_folder(tmp_path, replace(PLAN, size=64, seed=8))
+
+
+def test_a_newer_dataset_is_refused(tmp_path):
+    claim_folder(tmp_path, PLAN)
+    path = tmp_path / "dataset.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "version": 2}))
+    with pytest.raises(RaucaError, match=r"dataset\.json: written in rauca-dataset version 2.*update"):
+        Dataset(tmp_path)
+    with pytest.raises(RaucaError, match="not a data set"):
+        Dataset(tmp_path / "nowhere")
+
+
+def test_unfinished_frames_do_not_appear(tmp_path):
+    claim_folder(tmp_path, PLAN)
+    frame = a_frame()
+    save_frame(tmp_path / "frames" / frame.id, frame, some_passes())
+    assert [f.id for f in Dataset(tmp_path).frames()] == [frame.id]
+
+
+def test_camouflage_round_trip_and_fit(tmp_path):
+    camouflage = Camouflage("c", "box", "abc", 8, "random", {"seed": 1})
+    save_camouflage(tmp_path / "c.json", camouflage, png_bytes(np.zeros((8, 8, 3), np.uint8)))
+    again, image = load_camouflage(tmp_path / "c.png")
+    assert (again, image.name) == (camouflage, "c.png")
+    again.check_fits("abc", "c.json")
+    with pytest.raises(RaucaError, match=r"c\.json: made for the UV atlas abc of box"):
+        again.check_fits("xyz", "c.json")
+    image.unlink()
+    with pytest.raises(RaucaError, match=r"c\.png: the camouflage's UV map is missing"):
+        load_camouflage(tmp_path / "c.json")
+
+
+def test_weather_presets_and_fog():
+    weathers = find_preset("base", assets_folder() / "weathers")
+    assert len(weathers) == 16
+    assert Weather("x", 45).extinction == 0
+    assert Weather("x", 45, 0, 50).extinction == pytest.approx(0.015)
+    with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, demo"):
+        find_preset("sunny", assets_folder() / "weathers")
+
+
+@pytest.mark.parametrize(
+    ("weather", "message"),
+    [
+        ({"name": "../x", "sun_altitude_angle": 1, "sun_azimuth_angle": 0, "fog_density": 0}, "only letters"),
+        ({"name": "x", "sun_altitude_angle": 91, "sun_azimuth_angle": 0, "fog_density": 0}, "between -90 and 90"),
+        ({"name": "x", "sun_altitude_angle": 1, "sun_azimuth_angle": 0, "fog_density": 101}, "between 0 and 100"),
+    ],
+)
+def test_bad_weathers_are_named(tmp_path, weather, message):
+    path = tmp_path / "w.json"
+    path.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "weathers": [weather]}))
+    with pytest.raises(RaucaError, match=rf"w\.json: weathers\[0\].*{message}"):
+        load_weathers(path)
+
+
+def test_transfer_function_inverts_itself():
+    x = np.linspace(0, 1, 1001, dtype=np.float32)
+    assert np.allclose(srgb_from_linear(linear_from_srgb(x)), x, atol=1e-5)
+    assert srgb_from_linear(np.array([np.nan, -1.0, 7.0])) == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+
+
+def test_seeds_depend_on_names_alone():
+    assert named_seed(1, "a") == named_seed(1, "a")
+    assert len({named_seed(s, n) for s in range(10) for n in "abc"}) == 30
+    assert named_rng(1, "x").random() == named_rng(1, "x").random()
+
+
+def test_progress_lines():
+    assert parse_progress(Progress(3, 9, "x").line()) == Progress(3, 9, "x")
+    assert parse_progress("Saved: file") is None
