@@ -16,6 +16,7 @@ from typing import NoReturn
 
 import bpy
 
+from .arguments import apply_parser, dataset_parser, render_parser
 from .core import assets, contract, files
 from .scene.images import read_image_blender
 from .scene.vehicle_import import import_vehicle
@@ -23,17 +24,17 @@ from .scene.vehicle_import import import_vehicle
 
 def make_dataset(arguments: Sequence[str]) -> int:
     """Entry of ``pipelines/make_dataset.py``; returns the exit code."""
-    return _guarded(_make_dataset, _dataset_parser().parse_args(arguments))
+    return _guarded(_make_dataset, dataset_parser().parse_args(arguments))
 
 
 def render_camouflages(arguments: Sequence[str]) -> int:
     """Entry of ``pipelines/render_camouflage.py``; returns the exit code."""
-    return _guarded(_render_camouflages, _render_parser().parse_args(arguments))
+    return _guarded(_render_camouflages, render_parser().parse_args(arguments))
 
 
 def apply_camouflage(arguments: Sequence[str]) -> int:
     """Entry of ``rauca apply``; returns the exit code."""
-    return _guarded(_apply_camouflage, _apply_parser().parse_args(arguments))
+    return _guarded(_apply_camouflage, apply_parser().parse_args(arguments))
 
 
 def main() -> int:
@@ -86,6 +87,7 @@ def _make_dataset(options: argparse.Namespace) -> None:
         seed=options.seed,
         blender=bpy.app.version_string,
     )
+    plan.check("options")
     session = Session(plan, vehicle, denoise=options.denoise)
     contract.claim_folder(options.out, plan)
     if not (options.out / "vehicle" / "vehicle.json").is_file():
@@ -162,94 +164,6 @@ def _reporter(as_json: bool) -> Callable[[int, int, str], None]:
             print(f"[{done}/{total}] {last}", flush=True)
 
     return report
-
-
-def _dataset_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="make_dataset.py", description="Render a multi-weather data set of a vehicle.", allow_abbrev=False
-    )
-    add = parser.add_argument
-    add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
-    _add_vehicle(add)
-    add("--weathers", default="demo", help="preset name or .json file")
-    add("--locations", type=_whole, default=1, help="places along the street")
-    add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
-    add("--elevations", type=_numbers, default=(10.0, 25.0), help="degrees, comma separated")
-    add("--distances", type=_numbers, default=(6.0, 10.0), help="metres, comma separated")
-    add("--jitter-azimuth", type=float, default=0.0, help="half-width, degrees")
-    add("--jitter-elevation", type=float, default=0.0, help="half-width, degrees")
-    add("--jitter-distance", type=float, default=0.0, help="half-width, fraction of the distance")
-    add("--jitter-aim", type=float, default=0.0, help="half-width, metres")
-    add("--jitter-roll", type=float, default=0.0, help="half-width, degrees")
-    add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
-    add("--size", type=_whole, default=320, help="frames are square, pixels")
-    add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")
-    add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
-    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
-    add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
-    add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
-    add("--seed", type=int, default=0)
-    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
-    return parser
-
-
-def _render_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="render_camouflage.py", description="Render a data set's views in camouflage.", allow_abbrev=False
-    )
-    add = parser.add_argument
-    add("--dataset", type=Path, required=True, help="data set whose views are rendered")
-    add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
-    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
-    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
-    add("camouflages", type=Path, nargs="+", help="camouflage .json files")
-    return parser
-
-
-def _apply_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="rauca apply", description="Save a vehicle in camouflage.", allow_abbrev=False
-    )
-    add = parser.add_argument
-    add("--out", type=Path, required=True, help="the .blend to write")
-    _add_vehicle(add)
-    add("camouflage", type=Path, help="camouflage .json file")
-    return parser
-
-
-def _add_vehicle(add: Callable[..., object]) -> None:
-    add("--vehicle", default="sedan", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file")
-    add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
-    add("--paint-material", help="name of the material to camouflage")
-
-
-def _whole(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return value
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a comma separated list of numbers") from None
-
-
-def _azimuths(text: str) -> tuple[float, ...]:
-    if text.isdigit() and int(text) > 0:
-        return tuple(i * 360.0 / int(text) for i in range(int(text)))
-    return _numbers(text)
-
-
-def _colour(text: str) -> tuple[int, int, int]:
-    digits = text.removeprefix("#")
-    try:
-        red, green, blue = bytes.fromhex(digits)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB colour like 8c8c8c") from None
-    return red, green, blue
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import nodes, render
+from . import nodes
+from .render import render_linear
 from .vehicle import SceneVehicle
 
 SAMPLES = 64
@@ -42,7 +43,7 @@ class Annotation:
 
 def annotate(scene: bpy.types.Scene, seed: int) -> Annotation:
     """Render the scene's camera inside :func:`geometry_only`."""
-    pixels = render.render_linear(scene, SAMPLES, seed, denoise=False)
+    pixels = render_linear(scene, SAMPLES, seed, denoise=False)
     solid = pixels[..., 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
@@ -58,24 +59,25 @@ def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.t
     other = _emitter("rauca vehicle", 1.0, None)
     painted = _emitter("rauca paint", 1.0, vehicle)
     slots = [(slot, slot.material) for thing in scene.objects if thing.type == "MESH" for slot in thing.material_slots]
-    bounces, film, world = scene.cycles.max_bounces, scene.render.film_transparent, scene.world
+    cycles, render = scene.cycles, scene.render
+    before = cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world
     hidden = [(thing, thing.hide_render) for thing in [*fog, *(o for o in scene.objects if o.type == "LIGHT")]]
     try:
         for slot, material in slots:
-            if slot.id_data is vehicle.object:
+            if slot.id_data == vehicle.object:
                 slot.material = painted if _is_paint(vehicle, material) else other
             else:
                 slot.material = background
         for thing, _ in hidden:
             thing.hide_render = True
-        scene.cycles.max_bounces, scene.render.film_transparent, scene.world = 0, True, None
+        cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = 0, 1.0, True, None
         yield
     finally:
         for slot, material in slots:
             slot.material = material
         for thing, was in hidden:
             thing.hide_render = was
-        scene.cycles.max_bounces, scene.render.film_transparent, scene.world = bounces, film, world
+        cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = before
         for material in (background, other, painted):
             bpy.data.materials.remove(material)
 

@@ -9,7 +9,7 @@ import bpy
 
 def fresh_tree(material: bpy.types.Material) -> bpy.types.NodeTree:
     """The material's node tree, emptied."""
-    if not material.use_nodes:
+    if material.node_tree is None:  # from 5.0 materials are born with one
         material.use_nodes = True
     material.node_tree.nodes.clear()
     return material.node_tree

@@ -26,7 +26,7 @@ from rauca_core.contract.schema import Fields, read_json
     ],
 )
 def test_every_complaint_names_file_and_field(getter, value, message):
-    with pytest.raises(RaucaError, match="^f: ") as caught:
+    with pytest.raises(RaucaError, match=r"^f: ") as caught:
         getter(Fields({"x": value}, "f"))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,0 +1,42 @@
+"""One small scene, built once: a painted box in the street."""
+
+from __future__ import annotations
+
+import pytest
+
+from rauca_core.contract import Plan, Ring, Weather
+
+
+@pytest.fixture(scope="session")
+def bpy_module():
+    return pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+
+def small_plan(atlas_id: str, **changes: object) -> Plan:
+    settings = {
+        "name": "test",
+        "vehicle_name": "box",
+        "atlas_id": atlas_id,
+        "size": 96,
+        "samples": 8,
+        "light": True,
+        "weathers": (Weather("day", 45.0),),
+        "ring": Ring((30.0, 200.0), (15.0,), (7.0,)),
+        "locations": 1,
+        "reference_srgb": (140, 140, 140),
+        "min_visible": 0.5,
+        "seed": 3,
+        "blender": "test",
+    }
+    return Plan(**(settings | changes))
+
+
+@pytest.fixture()
+def session(bpy_module, box_vehicle):
+    from blender_addon.scene.session import Session
+
+    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+    built = Session(small_plan(box_vehicle.atlas_id), box_vehicle)
+    built.enter(0)
+    built.set_weather(built.plan.weathers[0])
+    return built

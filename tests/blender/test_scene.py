@@ -1,0 +1,128 @@
+"""What the scene promises: true coverage, boxes, distances, light maps, exposure."""
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camera, Weather
+from rauca_core.contract.colour import srgb_from_linear, to_bytes
+
+
+def psnr(a, b):
+    return -10 * np.log10(np.mean((a - b) ** 2))
+
+
+def test_coverage_box_and_distance_are_the_geometrys(session, box_vehicle):
+    annotation = session.annotations(0, [0])[0]
+    viewpoint = session.viewpoint(0, 0)
+    pose = session.street.location(0)
+    corners = box_vehicle.positions @ pose[:3, :3].T + pose[:3, 3]
+    pixels, _ = viewpoint.camera.project(corners)
+    expected = (*pixels.min(axis=0), *pixels.max(axis=0))
+    assert annotation.box_xyxy() == pytest.approx(expected, abs=1.0)
+    assert annotation.vehicle.max() == 255
+    painted = annotation.paint.astype(int)
+    assert (painted <= annotation.vehicle.astype(int) + 1).all()
+    assert (
+        0.3 < (painted > 127).sum() / (annotation.vehicle > 127).sum() < 0.95
+    )  # the top and the gutters are not paint
+
+    nearest = np.linalg.norm(corners - viewpoint.camera.position, axis=1).min()
+    inside = annotation.distance[annotation.vehicle == 255].astype(float)
+    assert inside.min() == pytest.approx(nearest, rel=0.03)
+    assert np.isinf(annotation.distance[0]).any()  # sky along the top row
+
+
+def test_the_scene_is_as_before_after_annotation(session, bpy_module):
+    def slots():
+        return {o.name: [s.material.name for s in o.material_slots] for o in session.scene.objects}
+
+    session.render(0, 0, session.plan.weathers[0])
+    before = slots()
+    session.annotations(0, [0])
+    assert slots() == before
+    image = session.render(0, 0, session.plan.weathers[0])
+    session.annotations(0, [1])
+    session.set_weather(Weather("fog", 45, 60, 60))
+    session.render(0, 1, Weather("fog", 45, 60, 60))
+    session.set_weather(session.plan.weathers[0])
+    # A frame is the same bits whatever was rendered before it, once a first annotation has been made, as jobs do.
+    assert np.array_equal(session.render(0, 0, session.plan.weathers[0]), image)
+
+
+@pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 60), Weather("night", -30)])
+def test_light_maps_predict_a_colour_they_never_saw(session, weather):
+    from blender_addon.scene.dataset import light_maps
+
+    session.set_weather(weather)
+    painted = session.annotations(0, [0])[0].paint > 0
+    colour = np.array([0.5, 0.1, 0.25], np.float32)
+    A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
+    session.vehicle.paint.set_colour((0.5, 0.1, 0.25))
+    rendered = srgb_from_linear(session.render(0, 0, weather))
+    predicted = srgb_from_linear(A * colour + B)
+    assert np.isfinite(A).all()
+    assert A[~painted].max() == 0
+    assert psnr(rendered[painted], predicted[painted]) > 34
+    assert psnr(rendered[~painted], predicted[~painted]) > 34
+
+
+def test_a_uv_map_lands_where_the_uvs_say(session, box_vehicle):
+    """Each side of the box is a chart of its own; paint the +x side's chart red and look at it."""
+    uv_map = np.zeros((64, 64, 3), np.uint8)
+    uv_map[32:, 32:] = (0, 0, 255)  # chart 1, u > 0.5 and v < 0.5, is the +x side: rows count from the top
+    session.vehicle.paint.set_map(uv_map)
+    image = session.render(0, 0, session.plan.weathers[0])
+    blue = srgb_from_linear(image)[..., 2] - srgb_from_linear(image)[..., 0]
+    pose = session.street.location(0)
+    side = np.array([[2.0, 0.0, 0.75], [0.0, 1.0, 0.75]]) @ pose[:3, :3].T + pose[:3, 3]
+    (front, left), _ = session.viewpoint(0, 0).camera.project(side)
+    assert blue[int(front[1]), int(front[0])] > 0.2
+    assert abs(blue[int(left[1]), int(left[0])]) < 0.1
+    session.vehicle.paint.set_map(np.zeros_like(uv_map))  # a second map must not show stale pixels
+    again = srgb_from_linear(session.render(0, 0, session.plan.weathers[0]))
+    assert again[int(front[1]), int(front[0]), 2] - again[int(front[1]), int(front[0]), 0] < 0.1
+
+
+def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
+    from rauca_core.images import read_image
+
+    linear = session.render(0, 0, session.plan.weathers[0])
+    scene = session.scene
+    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
+    scene.render.image_settings.color_depth = "8"
+    scene.render.dither_intensity = 0
+    scene.render.filepath = str(tmp_path / "blender.png")
+    bpy_module.ops.render.render(write_still=True, scene=scene.name)
+    difference = read_image(tmp_path / "blender.png").astype(int) - to_bytes(srgb_from_linear(linear))
+    assert np.abs(difference).max() <= 1
+
+
+def test_sight_lines_notice_what_stands_in_the_way(session, bpy_module):
+    assert session.visible(0, 0) == 1.0
+    pose = session.street.location(0)
+    eye = session.viewpoint(0, 0).camera.position
+    middle = (eye + pose[:3, 3]) / 2
+    bpy_module.ops.mesh.primitive_cube_add(size=3.0, location=tuple(middle))
+    wall = bpy_module.context.object
+    session.scene.collection.objects.link(wall)
+    assert session.visible(0, 0) < 0.2
+
+
+@pytest.mark.parametrize("altitude", [0, 5, 10, 30, 45, 90])
+def test_exposure_puts_a_grey_card_in_the_middle(bpy_module, altitude):
+    from blender_addon.scene import camera, nodes, render
+    from blender_addon.scene.weather import SceneWeather
+
+    scene = bpy_module.data.scenes.new("card")
+    render.prepare(scene)
+    mesh = bpy_module.data.meshes.new("card")
+    mesh.from_pydata([(-50, -50, 0), (50, -50, 0), (50, 50, 0), (-50, 50, 0)], [], [(0, 1, 2, 3)])
+    material = bpy_module.data.materials.new("card")
+    tree = nodes.fresh_tree(material)
+    nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeBsdfDiffuse", Color=(0.18, 0.18, 0.18, 1)).outputs[0])
+    mesh.materials.append(material)
+    scene.collection.objects.link(bpy_module.data.objects.new("card", mesh))
+    SceneWeather(scene, []).apply(Weather("w", altitude))
+    camera.place(scene, Camera.look_at(np.array([0.0, 0, 10]), np.zeros(3), 60, 16, 16))
+    card = render.render_linear(scene, 32, 1, denoise=False)[..., :3] @ [0.2126, 0.7152, 0.0722]
+    assert (0.1 if altitude == 0 else 0.18) < card.mean() < 0.33
