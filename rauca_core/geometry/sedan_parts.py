@@ -1,0 +1,151 @@
+"""What is bolted to the sedan's body: wheels, plates, mirrors, handles, grille."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .mesh import MeshParts
+
+Points = NDArray[np.float64]
+
+
+def lathe(profile: Points, segments: int) -> Points:
+    """Turn a profile (N, 2) of (radius, y) around the y axis: (segments + 1, N, 3) grid."""
+    angle = np.linspace(0, 2 * np.pi, segments + 1)[:, None]
+    angle[-1] = 0.0  # the last column is the first, to the bit
+    return np.stack(
+        [
+            profile[:, 0] * np.cos(angle),
+            np.broadcast_to(profile[:, 1], (segments + 1, len(profile))),
+            profile[:, 0] * np.sin(angle),
+        ],
+        axis=-1,
+    )
+
+
+def add_box(
+    parts: MeshParts, centre: tuple[float, ...], size: tuple[float, ...], material: str, bevel: float = 0.0
+) -> None:
+    """Add a box, its four long edges seen along x chamfered by ``bevel``; metres."""
+    half = np.array(size) / 2
+    b = min(bevel, half[1] * 0.9, half[2] * 0.9)
+    ring = np.array(
+        [
+            [half[1] - b, -half[2]],
+            [half[1], -half[2] + b],
+            [half[1], half[2] - b],
+            [half[1] - b, half[2]],
+            [-half[1] + b, half[2]],
+            [-half[1], half[2] - b],
+            [-half[1], -half[2] + b],
+            [-half[1] + b, -half[2]],
+        ]
+    )
+    scale = np.array([0.0, 1 - b / max(half[1], half[2]), 1.0, 1.0, 1 - b / max(half[1], half[2]), 0.0])
+    x = np.array([-half[0], -half[0], -half[0] + b, half[0] - b, half[0], half[0]])
+    ring = np.vstack([ring, ring[:1]])
+    points = np.empty((len(x), len(ring), 3))
+    points[..., 0] = x[:, None]
+    points[..., 1:] = ring * scale[:, None, None]
+    parts.grid(points + np.array(centre), material)
+
+
+def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
+    """Add a left wheel: tyre, rim with five double spokes, brake disc."""
+    radius, rim, width = wheels["radius"], wheels["rim_radius"], wheels["width"] / 2
+    centre = np.array([x, wheels["half_track"], radius])
+    wall = radius - rim
+    tyre = np.array(
+        [
+            [rim - 0.01, -width * 0.86],
+            [rim + 0.3 * wall, -width],
+            [radius - 0.28 * wall, -width * 0.98],
+            [radius - 0.06 * wall, -width * 0.80],
+            [radius, -width * 0.60],
+            [radius, width * 0.60],
+            [radius - 0.06 * wall, width * 0.80],
+            [radius - 0.28 * wall, width * 0.98],
+            [rim + 0.3 * wall, width],
+            [rim + 0.05 * wall, width * 0.93],
+            [rim, width * 0.86],
+        ]
+    )
+    parts.grid(lathe(tyre, 48) + centre, "tyre", flip=False)
+    lip = np.array(
+        [
+            [rim + 0.004, width * 0.84],
+            [rim + 0.004, width * 0.95],
+            [rim - 0.012, width * 0.96],
+            [rim - 0.022, width * 0.86],
+            [rim - 0.03, width * 0.2],
+            [rim - 0.03, -width * 0.3],
+        ]
+    )
+    parts.grid(lathe(lip, 48) + centre, "rim", flip=False)
+    disc = np.array([[rim - 0.03, -width * 0.3], [0.16, -width * 0.28], [0.0, -width * 0.25]])
+    parts.grid(lathe(disc, 48) + centre, "dark", flip=False)
+    brake = np.array([[0.155, width * 0.0], [0.15, width * 0.05], [0.085, width * 0.05]])
+    parts.grid(lathe(brake, 32) + centre, "disc", flip=False)
+    hub = np.array([[0.075, 0.0], [0.072, width * 0.66], [0.045, width * 0.78], [0.0, width * 0.80]])
+    parts.grid(lathe(hub, 24) + centre, "rim", flip=False)
+    for k in range(5):
+        for lean in (-1, 1):
+            _add_spoke(parts, centre, 2 * np.pi * k / 5 + np.pi / 2, lean, rim, width)
+
+
+def _add_spoke(parts: MeshParts, centre: Points, angle: float, lean: int, rim: float, width: float) -> None:
+    """One blade of a double spoke, from the hub to the rim's lip."""
+    along = np.linspace(0.055, rim - 0.012, 5)
+    t = (along - along[0]) / (along[-1] - along[0])
+    middle = lean * (0.020 + 0.030 * t)
+    half = 0.017 - 0.002 * t
+    face = width * (0.78 + 0.12 * t)
+    back = face - 0.030
+    section = np.stack(
+        [
+            np.stack([along, middle + s * half * w, y], -1)
+            for s, w, y in (
+                (-1, 1.0, back),
+                (-1, 1.0, face - 0.008),
+                (-1, 0.7, face),
+                (1, 0.7, face),
+                (1, 1.0, face - 0.008),
+                (1, 1.0, back),
+            )
+        ],
+        axis=1,
+    )
+    radial, across, out = section[..., 0], section[..., 1], section[..., 2]
+    c, s = np.cos(angle), np.sin(angle)
+    points = np.stack([radial * c - across * s, out, radial * s + across * c], axis=-1) + centre
+    parts.grid(points, "rim", flip=True)
+
+
+def add_mirror(parts: MeshParts) -> None:
+    """The left mirror: a rounded housing on a stalk, its glass to the rear."""
+    around = np.linspace(0, 2 * np.pi, 25)
+    around[-1] = 0.0
+    depth = np.array([-0.055, -0.060, -0.045, -0.010, 0.030, 0.055, 0.066])
+    scale = np.array([0.0, 0.86, 1.0, 1.0, 0.86, 0.55, 0.0])
+    cosine, sine = np.cos(around), np.sin(around)
+    y = np.sign(cosine) * np.abs(cosine) ** 0.6 * 0.105
+    z = np.sign(sine) * np.abs(sine) ** 0.7 * 0.066
+    points = np.stack(
+        [np.broadcast_to(depth[:, None], (7, 25)), scale[:, None] * y, scale[:, None] * z], axis=-1
+    ) + np.array([0.80, 1.0, 0.985])
+    names = np.full((6, 24), "mirror", dtype="U32")
+    names[0] = "glass"
+    parts.grid(points, names)
+    add_box(parts, (0.81, 0.90, 0.935), (0.06, 0.12, 0.03), "trim", 0.008)
+
+
+def add_plate(parts: MeshParts, x: float, z: float, facing: int) -> None:
+    """A number plate in its frame with seven dark characters; ``facing`` +1 forward, -1 backward."""
+    add_box(parts, (x, 0, z), (0.02, 0.54, 0.13), "trim", 0.006)
+    add_box(parts, (x + facing * 0.008, 0, z), (0.012, 0.515, 0.108), "plate", 0.003)
+    for k in range(7):
+        y = (k - 3) * 0.064 + (0.018 if k > 2 else -0.012)
+        add_box(parts, (x + facing * 0.0145, y, z), (0.002, 0.034, 0.068), "ink")
