@@ -1,0 +1,23 @@
+"""The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
+
+from .cache import TapCache, tap_cache
+from .composite import composite, display, undisplay
+from .pyramid import Pyramid
+from .rasterise import Raster, rasterize
+from .sparse import SparseOperator, apply_many
+from .taps import Taps, build_taps
+
+__all__ = [
+    "Pyramid",
+    "Raster",
+    "SparseOperator",
+    "TapCache",
+    "Taps",
+    "apply_many",
+    "build_taps",
+    "composite",
+    "display",
+    "rasterize",
+    "tap_cache",
+    "undisplay",
+]

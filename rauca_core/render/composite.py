@@ -1,0 +1,46 @@
+"""From texture to display: affine light transport, then the sRGB transfer function."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+_KNEE_LINEAR = 0.0031308
+_KNEE_SRGB = 0.04045
+
+
+def composite(
+    x_bar_linear: Tensor, alpha: Tensor, A: Tensor, B: Tensor, reference_linear: Tensor | float = 0.0
+) -> Tensor:
+    """Light the paint: ``A * x + B``, per pixel and channel, linear.
+
+    A already holds the paint's coverage, so x must be the *coverage-normalised* texture; the plain average would darken
+    edges twice. ``alpha`` says where x_bar exists: where it is 0, x is the reference paint's albedo, which gives back
+    the reference image.
+
+    Args:
+        x_bar_linear: albedo, any shape, e.g. (B, 3, H, W) or (R, 3).
+        alpha: broadcastable, > 0 where x_bar is known.
+        A, B: light maps, broadcastable.
+        reference_linear: albedo of the paint that the frame was rendered with.
+    """
+    albedo = torch.where(alpha > 0, x_bar_linear, torch.as_tensor(reference_linear, dtype=x_bar_linear.dtype))
+    return A * albedo + B
+
+
+def display(linear: Tensor) -> Tensor:
+    """Encode linear light as sRGB in [0, 1] (IEC 61966-2-1).
+
+    Light beyond [0, 1] is clipped and has zero gradient, as a camera that saturates; within, the gradient is exact and
+    at most 12.92, the slope at 0. NaN stays NaN.
+    """
+    x = linear.clamp(0.0, 1.0)
+    # The power's slope is infinite at 0: keep its argument off 0 even where the other branch is taken.
+    curve = 1.055 * x.clamp(min=_KNEE_LINEAR).pow(1 / 2.4) - 0.055
+    return torch.where(x <= _KNEE_LINEAR, 12.92 * x, curve)
+
+
+def undisplay(srgb: Tensor) -> Tensor:
+    """Decode sRGB values in [0, 1] to linear light; values beyond are clipped and have zero gradient."""
+    x = srgb.clamp(0.0, 1.0)
+    return torch.where(x <= _KNEE_SRGB, x / 12.92, ((x.clamp(min=_KNEE_SRGB) + 0.055) / 1.055).pow(2.4))

@@ -1,0 +1,169 @@
+"""From visible subsamples to texels: which texels each fragment reads, and how much paint it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..contract import Vehicle
+from .pyramid import Pyramid
+from .rasterise import Raster
+
+TEXELS = 4  # a bilinear lookup in one mip level
+# On the side of the footprint's square of equal area. Half a level up is as accurate as its longest side (against 24x24
+# unfiltered subsamples, white noise and a published texture) with a fifth fewer taps.
+LEVEL_BIAS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Fragments:
+    """Painted fragments of one view.
+
+    Attributes:
+        index: (h, w) int32 over the raster's window, the fragment of a sample or -1.
+        texels: (N, 4) int32 places in the pyramid's list; unused ones have weight 0.
+        weights: (N, 4) float32, each row sums to 1.
+        paint: (N,) float32 paint mask in [0, 1] at the fragment.
+    """
+
+    index: NDArray[np.int32]
+    texels: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    paint: NDArray[np.float32]
+
+
+def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragments:
+    """Look up the texels of every visible subsample of a paint face.
+
+    The mip level is the one whose texels are about as large as the fragment's own footprint (a subsample's, not the
+    pixel's). UVs are clamped to the map; faces without area in the atlas read one texel at the finest level.
+    """
+    visible = raster.face_ids >= 0
+    painted = np.zeros_like(visible)
+    painted[visible] = vehicle.paint_faces()[raster.face_ids[visible]]
+    index = np.full(raster.face_ids.shape, -1, np.int32)
+    number = int(painted.sum())
+    index[painted] = np.arange(number, dtype=np.int32)
+    fragments = Fragments(
+        index,
+        np.zeros((number, TEXELS), np.int32),
+        np.zeros((number, TEXELS), np.float32),
+        np.zeros(number, np.float32),
+    )
+    starts = np.concatenate([[0], np.cumsum([s.size for s in pyramid.slots])]).astype(np.int64)
+    _look_up(
+        index,
+        raster.face_ids,
+        raster.x0,
+        raster.y0,
+        raster.planes,
+        vehicle.uvs.astype(np.float64),
+        vehicle.paint_mask,
+        np.concatenate([s.ravel() for s in pyramid.slots]),
+        np.concatenate([c.ravel() for c in pyramid.coverage]),
+        starts,
+        np.array(pyramid.sizes),
+        fragments.texels,
+        fragments.weights,
+        fragments.paint,
+    )
+    return fragments
+
+
+@njit(cache=True)
+def _look_up(
+    index: Any,
+    face_ids: Any,
+    x0: int,
+    y0: int,
+    planes: Any,
+    uvs: Any,
+    mask: Any,
+    slots: Any,
+    coverage: Any,
+    starts: Any,
+    sizes: Any,
+    texels: Any,
+    weights: Any,
+    paint: Any,
+) -> None:
+    for row in range(index.shape[0]):
+        for column in range(index.shape[1]):
+            n = index[row, column]
+            if n < 0:
+                continue
+            face = face_ids[row, column]
+            u, v, footprint = _texture_coordinates(planes[face], uvs[face], x0 + column, y0 + row)
+            paint[n] = _bilinear_mask(mask, u, v)
+            blur = np.log2(max(footprint * sizes[0], 1e-9)) + LEVEL_BIAS
+            level = min(max(int(np.rint(blur)), 0), len(sizes) - 1)
+            while level < len(sizes):
+                side = sizes[level]
+                if _bilinear(slots, coverage, starts[level], side, u, v, texels[n], weights[n]):
+                    break
+                level += 1  # nothing paintable this near at this level: a coarser one reaches further
+            else:
+                paint[n] = 0.0
+
+
+@njit(cache=True)
+def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float, float, float]:
+    """u, v in [0, 1] at a grid sample, and the side of its footprint in units of the map."""
+    over_depth, total = np.empty(3), 0.0
+    for k in range(3):
+        over_depth[k] = max(plane[0, k] * x + plane[1, k] * y + plane[2, k], 0.0)
+        total += over_depth[k]
+    u = v = ux = uy = vx = vy = dx = dy = 0.0
+    for k in range(3):
+        u += over_depth[k] * uv[k, 0]
+        v += over_depth[k] * uv[k, 1]
+        dx += plane[0, k]
+        dy += plane[1, k]
+        ux += plane[0, k] * uv[k, 0]
+        uy += plane[1, k] * uv[k, 0]
+        vx += plane[0, k] * uv[k, 1]
+        vy += plane[1, k] * uv[k, 1]
+    total = max(total, 1e-300)
+    u, v = u / total, v / total
+    ux, uy, vx, vy = (ux - u * dx) / total, (uy - u * dy) / total, (vx - v * dx) / total, (vy - v * dy) / total
+    footprint = np.sqrt(abs(ux * vy - uy * vx))
+    return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), footprint
+
+
+@njit(cache=True)
+def _bilinear_mask(mask: Any, u: float, v: float) -> float:
+    height, width = mask.shape
+    x = min(max(u * width - 0.5, 0.0), width - 1.0)
+    y = min(max((1.0 - v) * height - 0.5, 0.0), height - 1.0)
+    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    fx, fy = x - left, y - top
+    upper = mask[top, left] * (1 - fx) + mask[top, right] * fx
+    lower = mask[bottom, left] * (1 - fx) + mask[bottom, right] * fx
+    return (upper * (1 - fy) + lower * fy) / 255.0
+
+
+@njit(cache=True)
+def _bilinear(slots: Any, coverage: Any, start: int, side: int, u: float, v: float, texels: Any, weights: Any) -> bool:
+    """Coverage-weighted bilinear lookup in one level; False when none of its texels is paintable."""
+    x = min(max(u * side - 0.5, 0.0), side - 1.0)
+    y = min(max((1.0 - v) * side - 0.5, 0.0), side - 1.0)
+    left, top = int(x), int(y)
+    fx, fy = x - left, y - top
+    total = 0.0
+    for k in range(4):
+        column, row = min(left + k % 2, side - 1), min(top + k // 2, side - 1)
+        place = start + row * side + column
+        weight = (fx if k % 2 else 1.0 - fx) * (fy if k // 2 else 1.0 - fy)
+        texels[k] = max(slots[place], 0)
+        weights[k] = weight * coverage[place]
+        total += weight * coverage[place]
+    if total < 1e-6:
+        return False
+    for k in range(4):
+        weights[k] /= total
+    return True
