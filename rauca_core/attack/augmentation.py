@@ -1,0 +1,92 @@
+"""Random output augmentation (ROA): the rendered image is moved, scaled and relit before the detector sees it.
+
+Unlike the published code, the ground-truth box moves with the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+ROTATION_DEG = 5.0
+TRANSLATION = 0.1  # of the image's side
+SCALES = (0.7, 1.0)
+BRIGHTNESS = 0.25  # added, in sRGB units
+CONTRASTS = (0.75, 1.5)  # about the image's own mean
+JITTER_PROBABILITY = 0.5
+BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """One drawn augmentation per image of a batch.
+
+    Attributes:
+        matrix: (B, 2, 3) source to target in centred pixels: ``target = matrix @ (x - W/2, y - H/2, 1)``, in units of
+            the image's side for the translation.
+        brightness: (B,) offset; 0 leaves the image alone.
+        contrast: (B,) factor; 1 leaves the image alone.
+    """
+
+    matrix: Tensor
+    brightness: Tensor
+    contrast: Tensor
+
+    @staticmethod
+    def draw(rng: np.random.Generator, batch: int) -> Augmentation:
+        """Draw from a named generator, see ``contract.seeding``."""
+        angle = np.radians(rng.uniform(-ROTATION_DEG, ROTATION_DEG, batch))
+        scale = rng.uniform(*SCALES, batch)
+        shift = rng.uniform(-TRANSLATION, TRANSLATION, (batch, 2))
+        jitter = rng.random(batch) < JITTER_PROBABILITY
+        brightness = np.where(jitter, rng.uniform(-BRIGHTNESS, BRIGHTNESS, batch), 0.0)
+        contrast = np.where(jitter, rng.uniform(*CONTRASTS, batch), 1.0)
+        cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
+        rows = [np.stack([cosine, -sine, shift[:, 0]], 1), np.stack([sine, cosine, shift[:, 1]], 1)]
+        matrix = torch.tensor(np.stack(rows, 1), dtype=torch.float32)
+        return Augmentation(
+            matrix, torch.tensor(brightness, dtype=torch.float32), torch.tensor(contrast, dtype=torch.float32)
+        )
+
+    def __call__(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
+        """Augment sRGB images (B, 3, H, W) in [0, 1] and move their boxes (B, 4) xyxy along.
+
+        A moved box is the upright hull of the turned one, cut to the image. Values beyond [0, 1] are clipped and
+        have zero gradient.
+        """
+        return self.relight(self.move_images(images)), self.move_boxes(boxes, images.shape[3], images.shape[2])
+
+    def move_images(self, images: Tensor) -> Tensor:
+        """The affine part on images, bilinear."""
+        height, width = images.shape[2:]
+        matrix = self.matrix.to(images)
+        inverse = torch.linalg.inv(matrix[:, :, :2])
+        # grid_sample measures each axis in half-sides; conjugate by the sides so that rotations stay rotations.
+        sides = images.new_tensor([width, height])
+        turn = inverse * sides[None, None, :] / sides[None, :, None]
+        shift = -(inverse @ (matrix[:, :, 2:] * sides[None, :, None])) * 2 / sides[None, :, None]
+        grid = functional.affine_grid(torch.cat([turn, shift], 2), list(images.shape), align_corners=False)
+        moved = functional.grid_sample(images - BACKDROP, grid, mode="bilinear", align_corners=False)
+        return moved + BACKDROP
+
+    def move_boxes(self, boxes: Tensor, width: int, height: int) -> Tensor:
+        """The affine part on boxes (B, 4) xyxy pixels."""
+        matrix, sides = self.matrix.to(boxes), boxes.new_tensor([width, height])
+        x0, y0, x1, y1 = boxes.unbind(1)
+        corners = torch.stack([torch.stack(p, 1) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 2)
+        centred = corners - sides[None, :, None] / 2
+        moved = matrix[:, :, :2] @ centred + (matrix[:, :, 2:] + 0.5) * sides[None, :, None]
+        low = torch.minimum(moved.amin(2).clamp(min=0), sides)
+        high = torch.minimum(moved.amax(2).clamp(min=0), sides)
+        return torch.cat([low, high], 1)
+
+    def relight(self, images: Tensor) -> Tensor:
+        """The colour part."""
+        contrast = self.contrast.to(images)[:, None, None, None]
+        brightness = self.brightness.to(images)[:, None, None, None]
+        mean = images.mean((1, 2, 3), keepdim=True)
+        return ((images - mean) * contrast + mean + brightness).clamp(0.0, 1.0)

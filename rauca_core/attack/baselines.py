@@ -1,0 +1,62 @@
+"""Camouflages that nobody optimised; every result is compared with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import Camouflage, RaucaError, Vehicle, save_camouflage
+from ..contract.colour import to_bytes
+from ..contract.files import png_bytes
+from ..contract.seeding import named_rng
+from ..render import Pyramid
+from .result import map_png
+
+
+def random_camouflage(path: Path, vehicle: Vehicle, size: int = 1024, seed: int = 0, cell: int = 1) -> Camouflage:
+    """Random paint: every cell of the UV map takes a colour uniform in sRGB.
+
+    Args:
+        path: of the JSON to write; the PNG goes beside it.
+        size: side of the UV map, texels.
+        cell: side of a cell, texels; the published baseline is 1. ``made`` also tells its side in metres.
+
+    Raises:
+        RaucaError: ``cell`` or ``size`` out of range.
+    """
+    if not 1 <= cell <= size:
+        raise RaucaError(f"cell: {cell} texels on a UV map of {size}; choose 1 to {size}")
+    cells = -(-size // cell)
+    colours = named_rng(seed, "random camouflage").random((cells, cells, 3), np.float32)
+    uv_map = colours.repeat(cell, 0).repeat(cell, 1)[:size, :size]
+    pyramid = Pyramid.of(vehicle, size)
+    texels = pyramid.from_map(torch.from_numpy(np.ascontiguousarray(uv_map.transpose(2, 0, 1))))
+    metres = cell * texel_metres(vehicle, size)
+    made = {"seed": seed, "cell_texels": cell, "cell_metres": round(metres, 5)}
+    camouflage = Camouflage("random", vehicle.name, vehicle.atlas_id, size, "random", made)
+    save_camouflage(path, camouflage, map_png(pyramid, texels))
+    return camouflage
+
+
+def plain_camouflage(path: Path, vehicle: Vehicle, srgb: tuple[int, int, int], size: int = 64) -> Camouflage:
+    """One colour all over; ``srgb`` is 8-bit."""
+    if len(srgb) != 3 or not all(0 <= c <= 255 for c in srgb):
+        raise RaucaError(f"colour: {srgb} is not 8-bit sRGB; give three numbers from 0 to 255")
+    pixels: NDArray[np.uint8] = to_bytes(np.broadcast_to(np.array(srgb) / 255.0, (size, size, 3)))
+    camouflage = Camouflage("plain", vehicle.name, vehicle.atlas_id, size, "plain", {"srgb": list(srgb)})
+    save_camouflage(path, camouflage, png_bytes(pixels))
+    return camouflage
+
+
+def texel_metres(vehicle: Vehicle, size: int) -> float:
+    """Side of a texel on the body, metres: the square root of painted area over its area in the atlas."""
+    paint = vehicle.paint_faces()
+    corners = vehicle.positions[vehicle.triangles[paint]].astype(np.float64)
+    uvs = vehicle.uvs[paint].astype(np.float64) * size
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    texels = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum()
+    return float(np.sqrt(area / max(texels, 1e-12)))

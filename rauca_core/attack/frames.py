@@ -1,0 +1,106 @@
+"""Frames made ready for the optimiser: everything that does not depend on the texture, computed once."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..contract import Dataset, Frame, RaucaError, load_vehicle
+from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
+from ..environment import load_exact
+from ..images import read_image
+from ..render import TapCache, Taps, apply_many, composite, display
+from .settings import OptimiserSettings
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyFrame:
+    """One frame, split into what the texture can change and what it cannot.
+
+    Attributes:
+        frame: its metadata; ``box_xyxy`` is never None here.
+        taps: shared by all frames of the same camera.
+        A, B: (R, 3) float32 light maps at the taps' pixels.
+        background: (H * W, 3) uint8 sRGB, the frame in its reference paint; 8 bits as in the PNG a detector gets.
+    """
+
+    frame: Frame
+    taps: Taps
+    A: Tensor
+    B: Tensor
+    background: NDArray[np.uint8]
+
+    @property
+    def nbytes(self) -> int:
+        return self.background.nbytes + self.A.nbytes + self.B.nbytes
+
+
+class FrameStore:
+    """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts."""
+
+    def __init__(self, dataset: Dataset, settings: OptimiserSettings) -> None:
+        self._dataset, self._settings = dataset, settings
+        self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
+        self.frames = [f for f in dataset.frames() if f.box_xyxy is not None]
+        if not self.frames:
+            raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
+        size = dataset.plan.size
+        for frame in self.frames:
+            if (frame.camera.width, frame.camera.height) != (size, size):
+                raise RaucaError(
+                    f"{dataset.frame_folder(frame.id)}/frame.json: the camera is {frame.camera.width}x"
+                    f"{frame.camera.height} pixels, the data set's frames are {size}x{size}; render the frame again"
+                )
+        budget = settings.memory_mb * 2**20 // 2
+        self._taps = TapCache(settings.tap_folder or dataset.folder / "taps", budget)
+        self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
+        self._budget = budget
+        self.pyramid = self._taps.pyramid(self.vehicle, settings.map_size)
+        self._reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def ready(self, index: int) -> ReadyFrame:
+        """The frame at ``index``, from memory or made ready from disk."""
+        found = self._ready.pop(index, None) or self._prepare(self.frames[index])
+        self._ready[index] = found
+        while sum(f.nbytes for f in self._ready.values()) > self._budget and len(self._ready) > 1:
+            self._ready.popitem(last=False)
+        return found
+
+    def _prepare(self, frame: Frame) -> ReadyFrame:
+        chosen = self._settings
+        camera = frame.camera_in_vehicle
+        taps = self._taps.get(self.vehicle, camera, chosen.map_size, chosen.samples, chosen.pixel_filter)
+        light = load_exact(self._dataset, frame.id)
+        A, B = light.A.reshape(-1, 3), light.B.reshape(-1, 3)
+        background = to_bytes(srgb_from_linear(A * self._reference + B))
+        pixels = taps.pixels
+        return ReadyFrame(frame, taps, torch.from_numpy(A[pixels]), torch.from_numpy(B[pixels]), background)
+
+
+def render_batch(batch: Sequence[ReadyFrame], pyramid_linear: Tensor) -> Tensor:
+    """Frames in a texture: the pyramid's texels (T, 3) linear -> sRGB images (B, 3, H, W) in [0, 1].
+
+    The paint is lit exactly; pixels that no tap reaches keep the frame's reference paint.
+    """
+    width, height = batch[0].taps.width, batch[0].taps.height
+    albedo = apply_many([f.taps.rows for f in batch], pyramid_linear)
+    A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
+    paint = display(composite(albedo, albedo.new_ones(()), A, B))
+    background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
+    places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
+    flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)
+    return flat.reshape(len(batch), height, width, 3).permute(0, 3, 1, 2)
+
+
+def boxes_of(batch: Sequence[ReadyFrame]) -> Tensor:
+    """Ground-truth boxes (B, 4) xyxy pixels."""
+    return torch.tensor([f.frame.box_xyxy for f in batch], dtype=torch.float32)

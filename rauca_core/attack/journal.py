@@ -1,0 +1,90 @@
+"""The record of a run: a line of JSON per step, and tensorboard."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from torch import Tensor
+from torch.nn import functional
+from torch.utils.tensorboard import SummaryWriter
+
+from ..contract import RaucaError
+from ..contract.files import append_line, write_bytes
+
+HISTORY = "history.jsonl"
+PREVIEW_SIDE = 512
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """One step, as told to callbacks and kept in the history.
+
+    Attributes:
+        step: counted from 1; ``steps`` in all.
+        loss: Eq. 8; ``attack`` and ``smooth`` are Eq. 6 (mean over the batch) and Eq. 7, unweighted.
+        score: max H_d, mean over the batch.
+        seconds: of the whole step; ``detector_seconds`` of them in the detector and its gradient.
+    """
+
+    step: int
+    steps: int
+    loss: float
+    attack: float
+    smooth: float
+    score: float
+    seconds: float
+    detector_seconds: float
+
+
+class Journal:
+    """Writes history in blocks, so that it never runs ahead of the checkpoint it belongs to."""
+
+    def __init__(self, folder: Path, step: int) -> None:
+        """Open a run's record after ``step`` steps; what a killed run wrote beyond is dropped."""
+        self._path = folder / HISTORY
+        kept = [line for line in read_history(folder) if line["step"] <= step] if self._path.is_file() else []
+        if self._path.is_file():
+            write_bytes(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
+        self._pending: list[str] = []
+        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1 if step else None)
+
+    def add(self, report: StepReport) -> None:
+        self._pending.append(json.dumps(asdict(report)))
+        for name in ("loss", "attack", "smooth", "score"):
+            self._board.add_scalar(name, getattr(report, name), report.step)
+
+    def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
+        """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
+        small = functional.adaptive_avg_pool2d(uv_map_srgb, min(PREVIEW_SIDE, uv_map_srgb.shape[-1]))
+        self._board.add_image("uv_map", small.clamp(0, 1), step)
+        self._board.add_image("frame", image_srgb.clamp(0, 1), step)
+
+    def flush(self) -> None:
+        if self._pending:
+            append_line(self._path, "\n".join(self._pending))
+            self._pending = []
+        self._board.flush()
+
+    def close(self) -> None:
+        self._board.close()
+
+
+def read_history(folder: Path) -> list[dict[str, float]]:
+    """The reports of a run in ``folder``, one per step.
+
+    Raises:
+        RaucaError: missing or damaged; a torn last line, left by a crash, is dropped.
+    """
+    path = Path(folder) / HISTORY
+    if not path.is_file():
+        raise RaucaError(f"{path}: not found; optimise a camouflage first")
+    lines, reports = path.read_text(encoding="utf-8").splitlines(), []
+    for number, line in enumerate(lines, 1):
+        try:
+            reports.append(dict(json.loads(line)))
+        except ValueError as error:
+            if number < len(lines):
+                raise RaucaError(f"{path}: line {number} is damaged; remove it") from error
+    return reports

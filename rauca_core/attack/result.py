@@ -1,0 +1,41 @@
+"""The finished camouflage: an 8-bit UV map anyone can load, and how it was made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from torch import Tensor
+
+from ..contract import Camouflage, Vehicle, save_camouflage
+from ..contract.colour import to_bytes
+from ..contract.files import png_bytes
+from ..render import Pyramid, display, undisplay
+from .journal import read_history
+from .settings import OptimiserSettings
+
+AVERAGED_STEPS = 50
+
+
+def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
+    """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign colour."""
+    uv_map = display(pyramid.to_map(undisplay(texels_srgb.detach().cpu())))
+    return png_bytes(to_bytes(uv_map.permute(1, 2, 0).numpy()))
+
+
+def write_result(
+    out: Path, vehicle: Vehicle, pyramid: Pyramid, texels_srgb: Tensor, settings: OptimiserSettings, detector: str
+) -> Path:
+    """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history."""
+    last = read_history(out)[-AVERAGED_STEPS:]
+    losses = {name: sum(r[name] for r in last) / len(last) for name in ("loss", "attack", "smooth", "score")}
+    made = {
+        "detector": detector,
+        "steps": settings.steps,
+        "seed": settings.seed,
+        "final_losses": losses,
+        "settings": settings.identity(),
+    }
+    camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, "rauca", made)
+    path = out / "camouflage.json"
+    save_camouflage(path, camouflage, map_png(pyramid, texels_srgb))
+    return path

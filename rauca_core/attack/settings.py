@@ -1,0 +1,73 @@
+"""What a user may choose about an optimisation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ..contract import RaucaError
+
+
+class OptimiserSettings(BaseModel):
+    """Settings of :func:`optimiser.optimise`; the defaults are the paper's where it names one.
+
+    Attributes:
+        steps: gradient steps in all.
+        batch: frames per step.
+        lr: Adam's learning rate, on sRGB values in [0, 1].
+        alpha, beta: weights of the attack and smoothness losses, Eq. 8.
+        map_size: side of the UV map, texels.
+        samples: subsamples per pixel along each axis of the renderer.
+        pixel_filter: of the renderer that made the frames.
+        seed: names every random stream.
+        start: ``random`` uniform texels, or ``plain`` mid grey.
+        limit: keep texels in [0, 1] by ``project`` (after each step; every texel keeps its gradient) or by ``clamp``
+            (in the forward pass, as published; texels beyond the range have none).
+        roa: random output augmentation.
+        target: the class to hide.
+        detector_size: images are resized to this side first, pixels; None leaves them to the detector's adapter.
+        checkpoint_every: steps.
+        threads: of torch on the CPU; None leaves torch's own choice.
+        memory_mb: frames and taps kept in memory, MiB.
+        tap_folder: where taps are cached; beside the frames when None.
+        name: of the camouflage, in tables.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    steps: int = Field(1000, ge=1)
+    batch: int = Field(4, ge=1, le=1024)
+    lr: float = Field(0.01, gt=0, le=1)
+    alpha: float = Field(1.0, ge=0)
+    beta: float = Field(0.01, ge=0)
+    map_size: int = Field(1024, ge=16, le=8192)
+    samples: int = Field(4, ge=1, le=16)
+    pixel_filter: Literal["blackman-harris", "box"] = "blackman-harris"
+    seed: int = Field(0, ge=0)
+    start: Literal["random", "plain"] = "random"
+    limit: Literal["project", "clamp"] = "project"
+    roa: bool = True
+    target: str = "car"
+    detector_size: int | None = Field(None, ge=32, le=8192)
+    checkpoint_every: int = Field(100, ge=1)
+    threads: int | None = Field(None, ge=1)
+    memory_mb: int = Field(4096, ge=64)
+    tap_folder: Path | None = None
+    name: str = "rauca"
+
+    def identity(self) -> dict[str, Any]:
+        """The settings that a resumed run must share to end as one that never stopped."""
+        free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
+        return self.model_dump(mode="json", exclude=free)
+
+
+def make_settings(**chosen: Any) -> OptimiserSettings:
+    """Check settings from a command line or a file; raises :class:`RaucaError` naming the first bad one."""
+    try:
+        return OptimiserSettings(**chosen)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
