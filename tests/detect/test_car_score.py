@@ -1,20 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 import torch
-from darknet_files import EVERY_LAYER, write_random_weights
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import DarknetDetector, box_iou, car_score
-
-
-@pytest.fixture
-def detector(tmp_path: Path) -> DarknetDetector:
-    cfg = tmp_path / "every.cfg"
-    cfg.write_text(EVERY_LAYER)
-    return DarknetDetector("every", cfg, write_random_weights(tmp_path / "every.weights", cfg), ("boat", "car"), 64)
 
 
 def test_car_score_is_the_best_prediction_on_the_target(detector: DarknetDetector) -> None:

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from darknet_files import EVERY_LAYER, write_random_weights
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES, DarknetDetector, load_detector
 from rauca_core.detect.cfg import read_cfg
 from rauca_core.detect.network import DarknetNetwork
 from rauca_core.detect.weights_file import read_weights
-
-
-@pytest.fixture
-def cfg(tmp_path: Path) -> Path:
-    path = tmp_path / "every.cfg"
-    path.write_text(EVERY_LAYER)
-    return path
-
-
-@pytest.fixture
-def weights(cfg: Path) -> Path:
-    return write_random_weights(cfg.with_suffix(".weights"), cfg)
 
 
 @pytest.mark.parametrize(
@@ -51,8 +39,9 @@ def weights(cfg: Path) -> Path:
     ],
 )
 def test_a_wrong_cfg_is_refused(cfg: Path, before: str, after: str, complaint: str) -> None:
-    assert before in EVERY_LAYER
-    cfg.write_text(EVERY_LAYER.replace(before, after, 1))
+    text = cfg.read_text()
+    assert before in text
+    cfg.write_text(text.replace(before, after, 1))
     with pytest.raises(RaucaError, match=complaint) as refusal:
         DarknetNetwork(cfg)
     assert "\n" not in str(refusal.value)
@@ -66,7 +55,7 @@ def test_something_else_than_a_cfg_is_refused(cfg: Path, content: bytes) -> None
 
 
 def test_training_options_are_skipped(cfg: Path) -> None:
-    cfg.write_text(EVERY_LAYER.replace("channels=3", "channels=3\nlearning_rate=0.1\nburn_in=1000"))
+    cfg.write_text(cfg.read_text().replace("channels=3", "channels=3\nlearning_rate=0.1\nburn_in=1000"))
     assert len(DarknetNetwork(cfg).layers) == len(read_cfg(cfg)[1])
 
 
@@ -113,14 +102,16 @@ def test_sizes_and_class_lists_are_checked(cfg: Path, weights: Path) -> None:
         DarknetDetector("every", cfg, weights, ("car", "boat", "kite"), 64)
 
 
-def test_the_fingerprint_follows_weights_and_size(cfg: Path, weights: Path) -> None:
+def test_the_fingerprint_follows_weights_and_size(
+    cfg: Path, weights: Path, random_weights: Callable[..., Path]
+) -> None:
     def fingerprint(size: int) -> str:
         return DarknetDetector("every", cfg, weights, ("car", "boat"), size).fingerprint
 
     first = fingerprint(64)
     assert fingerprint(64) == first
     assert fingerprint(72) != first
-    write_random_weights(weights, cfg, seed=1)
+    random_weights(weights, cfg, seed=1)
     assert fingerprint(64) != first
 
 
@@ -135,8 +126,8 @@ def test_a_detector_by_path_needs_its_cfg_and_names_beside_it(cfg: Path, weights
         load_detector(str(weights))
 
 
-def test_a_named_network_takes_the_users_weights(tmp_path: Path) -> None:
-    weights = write_random_weights(tmp_path / "mine.weights", SOURCES["yolov4-tiny"].cfg)
+def test_a_named_network_takes_the_users_weights(tmp_path: Path, random_weights: Callable[..., Path]) -> None:
+    weights = random_weights(tmp_path / "mine.weights", SOURCES["yolov4-tiny"].cfg)
     detector = load_detector(f"yolov4-tiny={weights}", 64)
     assert detector.name == "yolov4-tiny"
     assert len(detector.detect(torch.rand(1, 3, 48, 64))) == 1

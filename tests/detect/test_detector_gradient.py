@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 import torch
-from darknet_files import EVERY_LAYER, write_random_weights
 from torch import Tensor
 
 from rauca_core.detect import DarknetDetector
 from rauca_core.detect.letterbox import Letterbox
-
-
-@pytest.fixture
-def detector(tmp_path: Path) -> DarknetDetector:
-    cfg = tmp_path / "every.cfg"
-    cfg.write_text(EVERY_LAYER)
-    return DarknetDetector("every", cfg, write_random_weights(tmp_path / "every.weights", cfg), ("car", "boat"), 64)
 
 
 def test_gradient_matches_finite_differences(detector: DarknetDetector) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import torch
-from darknet_files import EVERY_LAYER, write_random_weights
 from numpy.typing import NDArray
 
 from rauca_core.detect import SOURCES, DarknetDetector
@@ -93,20 +93,17 @@ def test_published_weights_agree_with_opencv(name: str, tiny_weights: dict[str, 
     check(detector, source.cfg, tiny_weights[name], 416, tmp_path)
 
 
-def test_full_yolov3_agrees_with_opencv(tmp_path: Path) -> None:
+def test_full_yolov3_agrees_with_opencv(tmp_path: Path, random_weights: Callable[..., Path]) -> None:
     source = SOURCES["yolov3"]
-    weights = write_random_weights(tmp_path / "random.weights", source.cfg)
+    weights = random_weights(tmp_path / "random.weights", source.cfg)
     assert weights.stat().st_size == source.size_bytes  # the published file fits this cfg
     detector = DarknetDetector("yolov3", source.cfg, weights, source.class_names, 96)
     check(detector, source.cfg, weights, 96, tmp_path)
 
 
 @pytest.mark.parametrize("size", [64, 80])
-def test_every_layer_agrees_with_opencv(size: int, tmp_path: Path) -> None:
-    cfg = tmp_path / "every.cfg"
-    cfg.write_text(EVERY_LAYER)
-    weights = write_random_weights(tmp_path / "every.weights", cfg)
-    check(DarknetDetector("every", cfg, weights, ("car", "boat"), size), cfg, weights, size, tmp_path)
+def test_every_layer_agrees_with_opencv(size: int, cfg: Path, weights: Path, tmp_path: Path) -> None:
+    check(DarknetDetector("every", cfg, weights, ("boat", "car"), size), cfg, weights, size, tmp_path)
 
 
 def test_the_class_list_is_coco() -> None:

@@ -1,0 +1,117 @@
+"""Detections that were made before: one line per image, in one file per detector and setting.
+
+A line is keyed by the image's sha256, so a render that changes is detected anew and one that does not never is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import RaucaError
+from ..contract.files import append_line, write_bytes
+from ..detect import Detections, Detector
+from ..detect.scoring import class_index
+
+
+@dataclass(frozen=True)
+class DetectionSettings:
+    """Which detections are kept.
+
+    Attributes:
+        category: the target's class.
+        score_threshold: lowest score kept for that class; low, because AP integrates over all scores.
+        other_threshold: lowest score kept for other classes, which only appear in pictures.
+        iou_threshold: of non-maximum suppression.
+    """
+
+    category: str = "car"
+    score_threshold: float = 0.005
+    other_threshold: float = 0.1
+    iou_threshold: float = 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Detections of one image, best first: boxes (M, 4) xyxy pixels, scores (M,), class names (M,)."""
+
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    names: tuple[str, ...]
+
+    def only(self, name: str) -> Found:
+        """Those of one class."""
+        keep = np.array([n == name for n in self.names], bool)
+        return Found(self.boxes[keep], self.scores[keep], (name,) * int(keep.sum()))
+
+
+class DetectionCache:
+    """The detections of one detector under one setting, on disk."""
+
+    def __init__(self, folder: Path, detector_name: str, fingerprint: str, settings: DetectionSettings) -> None:
+        """Open or start the file in ``folder``; the end of a line that a killed run left is dropped.
+
+        Raises:
+            RaucaError: the file is damaged.
+        """
+        key = hashlib.sha256(f"{fingerprint} {sorted(settings.__dict__.items())}".encode()).hexdigest()[:12]
+        self.path = Path(folder) / f"{detector_name}-{key}.jsonl"
+        self.settings = settings
+        self._found = self._read()
+
+    def __contains__(self, image_sha256: str) -> bool:
+        return image_sha256 in self._found
+
+    def __getitem__(self, image_sha256: str) -> Found:
+        return self._found[image_sha256]
+
+    def add(self, detector: Detector, image_sha256: str, detections: Detections) -> None:
+        """Keep what the settings ask for, in memory and on disk."""
+        line = self._line(detector, image_sha256, detections)
+        if not self.path.exists():
+            write_bytes(self.path, b"")
+        append_line(self.path, json.dumps(line, allow_nan=False))
+        self._found[image_sha256] = _found(line)
+
+    def _line(self, detector: Detector, image_sha256: str, detections: Detections) -> dict[str, Any]:
+        target = class_index(detector, self.settings.category)
+        keep = (detections.labels == target) | (detections.scores >= self.settings.other_threshold)
+        return {
+            "image": image_sha256,
+            "boxes": [[round(x, 2) for x in box] for box in detections.boxes[keep].double().tolist()],
+            "scores": [round(score, 7) for score in detections.scores[keep].double().tolist()],
+            "names": [detector.class_names[label] for label in detections.labels[keep].tolist()],
+        }
+
+    def _read(self) -> dict[str, Found]:
+        if not self.path.is_file():
+            return {}
+        data = self.path.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]
+        if whole != data:
+            write_bytes(self.path, whole)
+        found = {}
+        for number, text in enumerate(whole.splitlines(), start=1):
+            try:
+                line = json.loads(text)
+                found[str(line["image"])] = _found(line)
+            except (ValueError, KeyError, TypeError) as error:
+                raise RaucaError(
+                    f"{self.path}:{number}: damaged ({error}); remove the file, it is only a cache"
+                ) from error
+        return found
+
+
+def _found(line: dict[str, Any]) -> Found:
+    boxes = np.array(line["boxes"], np.float64).reshape(-1, 4)
+    scores = np.array(line["scores"], np.float64)
+    names = tuple(str(name) for name in line["names"])
+    if not len(boxes) == len(scores) == len(names):
+        raise ValueError("boxes, scores and names differ in number")
+    return Found(boxes, scores, names)

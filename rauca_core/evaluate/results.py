@@ -1,0 +1,161 @@
+"""What an evaluation found, in memory and as ``results.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..contract import RaucaError
+from ..contract.files import write_json
+from ..contract.schema import Fields, read_json
+from .detection_cache import DetectionSettings
+
+FORMAT = ("rauca-results", 1)
+MEAN = "mean"
+T = TypeVar("T")
+AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
+
+
+@dataclass(frozen=True)
+class FrameRow:
+    """A frame that took part, under its nominal camera (before jitter) and its weather."""
+
+    id: str
+    weather: str
+    azimuth_deg: float
+    elevation_deg: float
+    distance_m: float
+    sun_altitude_deg: float
+    fog_density: float
+    box_xyxy: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """AP@0.5 in [0, 1] over all frames, and the bootstrap's 95 % interval over frames."""
+
+    ap: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Group:
+    """AP@0.5 of the frames that share a value on one of :data:`AXES`; ``ap[paint][detector]``."""
+
+    value: float
+    frames: int
+    ap: dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class ImageRow:
+    """An image that was evaluated; ``path`` is relative to the results' folder."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """An evaluation.
+
+    Attributes:
+        dataset: the data set's name.
+        settings: of detection; ``settings.category`` is the target's class.
+        resamples, seed: of the bootstrap.
+        detectors: name -> fingerprint, in table order.
+        frames: that took part, in plan order.
+        dropped: ids of frames that show too little of the vehicle to have a box.
+        table: ``table[paint][detector or "mean"]``.
+        groups: ``groups[axis]``, sorted by value.
+        images: ``images[paint]``, in the order of ``frames``.
+    """
+
+    dataset: str
+    settings: DetectionSettings
+    resamples: int
+    seed: int
+    detectors: dict[str, str]
+    frames: tuple[FrameRow, ...]
+    dropped: tuple[str, ...]
+    table: dict[str, dict[str, Estimate]]
+    groups: dict[str, tuple[Group, ...]]
+    images: dict[str, tuple[ImageRow, ...]]
+
+    @property
+    def paints(self) -> tuple[str, ...]:
+        return tuple(self.table)
+
+
+def save_results(path: Path, results: Results) -> None:
+    """Write ``results.json`` atomically."""
+    name, version = FORMAT
+    write_json(path, {"format": name, "version": version, **asdict(results)})
+
+
+def load_results(path: Path) -> Results:
+    """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
+    fields = read_json(path)
+    fields.format(*FORMAT)
+    table = {
+        paint: {detector: _record(Estimate, row, f"{path}: table") for detector, row in _object(path, rows).items()}
+        for paint, rows in _object(path, fields.raw("table")).items()
+    }
+    groups = {
+        axis: tuple(_record(Group, row, f"{path}: groups") for row in rows)
+        for axis, rows in _object(path, fields.raw("groups")).items()
+    }
+    images = {
+        paint: tuple(_record(ImageRow, row, f"{path}: images") for row in rows)
+        for paint, rows in _object(path, fields.raw("images")).items()
+    }
+    results = Results(
+        dataset=fields.text("dataset"),
+        settings=_record(DetectionSettings, fields.raw("settings"), f"{path}: settings"),
+        resamples=fields.integer("resamples", 1),
+        seed=fields.integer("seed"),
+        detectors={name: str(value) for name, value in _object(path, fields.raw("detectors")).items()},
+        frames=tuple(_frame_row(Fields(row, f"{path}: frames[{i}]")) for i, row in enumerate(fields.items("frames"))),
+        dropped=tuple(str(frame) for frame in fields.items("dropped")),
+        table=table,
+        groups=groups,
+        images=images,
+    )
+    fields.done()
+    _check(path, results)
+    return results
+
+
+def _check(path: Path, results: Results) -> None:
+    columns = {*results.detectors, MEAN}
+    if not results.table or any(set(row) != columns for row in results.table.values()):
+        raise RaucaError(f"{path}: table and detectors do not fit together; evaluate again")
+    if set(results.images) != set(results.table) or any(len(i) != len(results.frames) for i in results.images.values()):
+        raise RaucaError(f"{path}: images and frames do not fit together; evaluate again")
+    if set(results.groups) != set(AXES):
+        raise RaucaError(f"{path}: groups must be {', '.join(AXES)}; evaluate again")
+
+
+def _frame_row(fields: Fields) -> FrameRow:
+    left, top, right, bottom = fields.array("box_xyxy", (4,)).tolist()
+    numbers = {name: fields.number(name) for name in AXES}
+    row = FrameRow(fields.text("id"), fields.text("weather"), **numbers, box_xyxy=(left, top, right, bottom))
+    fields.done()
+    return row
+
+
+def _object(path: Path, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise RaucaError(f"{path}: expected a JSON object, found {str(value)[:40]}; evaluate again")
+    return value
+
+
+def _record(kind: type[T], value: Any, where: str) -> T:
+    """A flat dataclass from a JSON object of exactly its fields."""
+    try:
+        return kind(**value)
+    except TypeError as error:
+        raise RaucaError(f"{where}: not a {kind.__name__} ({error}); evaluate again") from error

@@ -1,0 +1,161 @@
+"""An evaluation from images to results.json, with published weights on drawn cars."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import RaucaError
+from rauca_core.contract.files import png_bytes, write_bytes
+from rauca_core.detect import Detections, Detector
+from rauca_core.evaluate import (
+    DetectionSettings,
+    Results,
+    average_precision,
+    evaluate,
+    load_results,
+    reference_images,
+)
+from rauca_core.evaluate.average_precision import Sample
+from rauca_core.evaluate.results import AXES
+from rauca_core.images import read_image
+
+
+class Counting:
+    """Passes everything on to a real detector and counts the images that reach it."""
+
+    def __init__(self, detector: Detector) -> None:
+        self.name, self.class_names, self.fingerprint = detector.name, detector.class_names, detector.fingerprint
+        self.dense = detector.dense
+        self.detector = detector
+        self.images = 0
+
+    def detect(
+        self, images: torch.Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45
+    ) -> list[Detections]:
+        self.images += len(images)
+        return self.detector.detect(images, score_threshold, iou_threshold)
+
+
+def run(scene, detectors: list[Detector], out: Path, **options: object) -> Results:
+    renders = {"normal": reference_images(scene.dataset), "noise": scene.noise}
+    return evaluate(scene.dataset, renders, detectors, out, resamples=100, **options)  # type: ignore[arg-type]
+
+
+def test_results_are_what_detecting_by_hand_gives(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    results = run(scene, detectors, tmp_path / "out")
+    assert results.paints == ("normal", "noise")
+    assert len(results.frames) == 23
+    assert results.dropped == ("L00-V005-clear-day",)
+    folders = {
+        "normal": lambda i: scene.dataset.frame_folder(i) / "image.png",
+        "noise": lambda i: scene.noise / f"{i}.png",
+    }
+    frames = [frame for frame in scene.dataset.frames() if frame.box_xyxy is not None]
+    for (paint, path_of), detector in itertools.product(folders.items(), detectors):
+        samples = []
+        for frame in frames:
+            pixels = read_image(path_of(frame.id))
+            (found,) = detector.detect(torch.from_numpy(pixels.transpose(2, 0, 1).copy())[None].float() / 255)
+            cars = found.labels == detector.class_names.index("car")
+            boxes, scores = found.boxes[cars].double().numpy(), found.scores[cars].double().numpy()
+            samples.append(Sample(np.array(frame.box_xyxy), boxes, scores))
+        estimate = results.table[paint][detector.name]
+        assert estimate.ap == pytest.approx(average_precision(samples), abs=0.02)  # the cache keeps 0.01 pixels
+        assert estimate.low <= estimate.ap <= estimate.high
+        assert 0.2 < estimate.ap < 1.0
+    assert results.table["normal"] != results.table["noise"]
+    for row in results.table.values():
+        assert row["mean"].ap == pytest.approx(np.mean([row[detector.name].ap for detector in detectors]))
+
+
+def test_groups_follow_the_nominal_camera_and_the_weather(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    results = run(scene, detectors[:1], tmp_path / "out")
+    sizes = {axis: {group.value: group.frames for group in results.groups[axis]} for axis in AXES}
+    assert sizes == {
+        "azimuth_deg": {0.0: 6, 90.0: 5, 180.0: 6, 270.0: 6},
+        "elevation_deg": {10.0: 23},
+        "distance_m": {6.0: 12, 9.0: 11},
+        "sun_altitude_deg": {10.0: 8, 45.0: 15},
+        "fog_density": {0.0: 15, 90.0: 8},
+    }
+    (whole,) = results.groups["elevation_deg"]
+    name = detectors[0].name
+    assert whole.ap["noise"][name] == results.table["noise"][name].ap
+    clear, foggy = (group.ap["normal"][name] for group in results.groups["fog_density"])
+    assert foggy < clear
+
+
+def test_a_second_run_detects_only_what_is_new(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    counting = Counting(detectors[0])
+    seen: list[tuple[str, int, int]] = []
+    first = run(scene, [counting], out, on_progress=lambda what, done, total: seen.append((what, done, total)))
+    assert counting.images == 46
+    assert seen[-1] == (f"{counting.name} on noise", 23, 23)
+    assert run(scene, [counting], out) == first
+    assert counting.images == 46
+    changed = scene.noise / "L00-V000-fog.png"
+    changed.write_bytes((scene.noise / "L00-V001-fog.png").read_bytes() + b"another file")
+    run(scene, [counting], out)
+    assert counting.images == 47
+    run(scene, [counting], out, settings=DetectionSettings(iou_threshold=0.6))
+    assert counting.images == 47 + 46
+
+
+def test_a_cache_cut_off_by_a_crash_goes_on(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    counting = Counting(detectors[0])
+    first = run(scene, [counting], tmp_path / "out")
+    (cache,) = (tmp_path / "out" / "detections").iterdir()
+    cache.write_bytes(cache.read_bytes()[:-40])
+    assert run(scene, [counting], tmp_path / "out") == first
+    assert counting.images == 47
+    lines = cache.read_bytes().splitlines()
+    cache.write_bytes(b"\n".join([lines[0][:30], *lines[1:]]) + b"\n")
+    with pytest.raises(RaucaError, match=r"jsonl:1: damaged .* remove the file"):
+        run(scene, [counting], tmp_path / "out")
+
+
+def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    results = run(scene, detectors[:1], tmp_path / "out")
+    path = tmp_path / "out" / "results.json"
+    assert load_results(path) == results
+    written = json.loads(path.read_text())
+    assert (written["format"], written["version"]) == ("rauca-results", 1)
+    assert written["images"]["noise"][0]["path"] == "../noise/L00-V000-clear-day.png"
+    for change, complaint in [
+        ({"version": 2}, "reads up to 1; update rauca"),
+        ({"table": {}}, "table and detectors do not fit"),
+        ({"images": {}}, "images and frames do not fit"),
+        ({"settings": {"category": "car", "colour": 1}}, "not a DetectionSettings"),
+        ({"surplus": 1}, "unknown field surplus"),
+    ]:
+        path.write_text(json.dumps(written | change))
+        with pytest.raises(RaucaError, match=complaint):
+            load_results(path)
+
+
+def test_missing_or_wrongly_sized_renders_are_named(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    (scene.noise / "L00-V003-fog.png").unlink()
+    with pytest.raises(RaucaError, match=r"L00-V003-fog.png: not found; 1 of 23 images of paint 'noise'"):
+        run(scene, detectors[:1], tmp_path / "out")
+    write_bytes(scene.noise / "L00-V003-fog.png", png_bytes(np.zeros((50, 60, 3), np.uint8)))
+    with pytest.raises(RaucaError, match=r"60x50 pixels, frame L00-V003-fog has 192x192"):
+        run(scene, detectors[:1], tmp_path / "out")
+    assert not (tmp_path / "out" / "results.json").exists()
+
+
+def test_bad_requests_are_refused(scene, detectors: list[Detector], tmp_path: Path) -> None:
+    with pytest.raises(RaucaError, match="no paints given"):
+        evaluate(scene.dataset, {}, detectors, tmp_path)
+    with pytest.raises(RaucaError, match="no detectors given"):
+        run(scene, [], tmp_path)
+    with pytest.raises(RaucaError, match="must have names of their own"):
+        run(scene, [detectors[0], detectors[0]], tmp_path)
+    with pytest.raises(RaucaError, match="knows no class 'tank'"):
+        run(scene, detectors, tmp_path, settings=DetectionSettings(category="tank"))
