@@ -50,13 +50,14 @@ class SparseOperator:
         """The matrix and its transpose as torch CSR tensors, kept per device."""
         key = (device, dtype)
         if key not in self._on_device:
-            self._on_device[key] = (self._tensor(device, dtype), self.transpose._tensor(device, dtype))
+            ordered = self.transpose.transpose  # torch wants sorted columns; rows are merged in order of visit
+            self._on_device[key] = (ordered._tensor(device, dtype), self.transpose._tensor(device, dtype))
         return self._on_device[key]
 
     def _tensor(self, device: torch.device, dtype: torch.dtype) -> Tensor:
         parts = (torch.from_numpy(self.indptr), torch.from_numpy(self.columns.astype(np.int64)))
         weights = torch.from_numpy(self.weights).to(dtype)
-        return torch.sparse_csr_tensor(*parts, weights, size=self.shape, device=device)
+        return torch.sparse_csr_tensor(*parts, weights, size=self.shape, device=device, check_invariants=True)
 
 
 def apply_many(operators: Sequence[SparseOperator], values: Tensor) -> Tensor:

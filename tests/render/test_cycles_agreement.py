@@ -1,0 +1,92 @@
+"""The taps against the renderer whose frames they explain."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import Camera, Vehicle, load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.images import read_image
+from rauca_core.render import Pyramid, build_taps
+
+SIZE = 160
+MAP = 512
+
+
+@pytest.fixture(scope="module")
+def sedan() -> Vehicle:
+    return load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
+
+
+def cycles(vehicle: Vehicle, camera: Camera, uv_map: np.ndarray, folder: Path) -> dict[str, np.ndarray]:
+    pytest.importorskip("bpy", reason="Blender as a module is not installed")
+    source, target = folder / "view.npz", folder / "rendered.npz"
+    np.savez(
+        source,
+        positions=vehicle.positions,
+        triangles=vehicle.triangles,
+        uvs=vehicle.uvs,
+        paint=vehicle.paint_faces(),
+        mask=vehicle.paint_mask,
+        uv_map_linear=uv_map,
+        K=camera.K,
+        R=camera.R,
+        t=camera.t,
+        size=camera.width,
+        samples=256,
+    )
+    script = Path(__file__).with_name("cycles_view.py")
+    done = subprocess.run([sys.executable, script, source, target], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    with np.load(target) as archive:
+        return dict(archive)
+
+
+def psnr(found: np.ndarray, wanted: np.ndarray) -> float:
+    return float(-10 * np.log10(np.mean((found - wanted) ** 2)))
+
+
+@pytest.mark.parametrize(("azimuth", "elevation", "distance"), [(40, 20, 7), (200, 45, 5)])
+def test_taps_agree_with_cycles(
+    sedan: Vehicle, tmp_path: Path, azimuth: float, elevation: float, distance: float
+) -> None:
+    a, e = np.radians([azimuth, elevation])
+    aim = np.array([0.0, 0.0, 0.7])
+    eye = aim + distance * np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
+    camera = Camera.look_at(eye, aim, 50, SIZE, SIZE)
+    pyramid = Pyramid.of(sedan, MAP)
+    cells = np.random.default_rng(0).random((3, MAP // 8, MAP // 8)).astype(np.float32)
+    texels = pyramid.from_map(torch.from_numpy(cells.repeat(8, 1).repeat(8, 2)))
+    # As a camouflage is exported: gutters filled from the paint beside them.
+    uv_map = pyramid.to_map(texels).permute(1, 2, 0).numpy()
+    reference = cycles(sedan, camera, uv_map, tmp_path)
+
+    taps = build_taps(sedan, camera, MAP, samples=4, pyramid=pyramid)
+    alpha = taps.coverage()
+    x_bar = taps.to_image(taps.rows(pyramid(texels)), torch.zeros(3, SIZE, SIZE)).permute(1, 2, 0).numpy()
+
+    seen, wanted = alpha >= 0.5, reference["coverage"] >= 0.5
+    assert (seen & wanted).sum() / (seen | wanted).sum() >= 0.995
+    assert psnr(alpha, reference["coverage"]) > 38
+    inside = reference["coverage"] > 0.999
+    edge = (reference["coverage"] > 0.02) & ~inside
+    premultiplied = alpha[..., None] * x_bar
+    assert psnr(premultiplied[inside], reference["premultiplied"][inside]) > 43
+    assert psnr(premultiplied[edge], reference["premultiplied"][edge]) > 35
+    # What the light maps of an edge multiply: the coverage-normalised texture, fallback rows included.
+    normalised = reference["premultiplied"][edge] / reference["coverage"][edge, None]
+    weighted = reference["coverage"][edge, None] * (x_bar[edge] - normalised)
+    assert -10 * np.log10(np.mean(weighted**2)) > 30
+
+
+def test_box_filter_is_further_from_cycles(sedan: Vehicle, tmp_path: Path) -> None:
+    camera = Camera.look_at(np.array([5.0, 4.0, 2.5]), np.array([0, 0, 0.7]), 50, 96, 96)
+    reference = cycles(sedan, camera, np.ones((MAP, MAP, 3), np.float32), tmp_path)["coverage"]
+    gap = [psnr(build_taps(sedan, camera, MAP, 4, f).coverage(), reference) for f in ("blackman-harris", "box")]
+    assert gap[0] > gap[1] + 6

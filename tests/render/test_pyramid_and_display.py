@@ -1,0 +1,93 @@
+"""Coverage-weighted mips, and the way from albedo to sRGB; gradients by finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import Camera, RaucaError, Vehicle
+from rauca_core.contract.colour import linear_from_srgb, srgb_from_linear
+from rauca_core.render import Pyramid, build_taps, composite, display, undisplay
+
+
+def test_levels_are_coverage_weighted_means() -> None:
+    coverage = np.random.default_rng(0).random((16, 16)).astype(np.float32)
+    coverage[coverage < 0.5] = 0
+    pyramid = Pyramid(coverage)
+    values = torch.rand(len(pyramid.texels), 3, dtype=torch.float64)
+    levels = pyramid(values).numpy()
+    uv_map = np.zeros((256, 3))
+    uv_map[pyramid.texels] = values.numpy()
+    uv_map = uv_map.reshape(16, 16, 3)
+    for level, side in enumerate(pyramid.sizes):
+        block = 16 // side
+        share = coverage.reshape(side, block, side, block).sum((1, 3))
+        total = (uv_map * coverage[..., None]).reshape(side, block, side, block, 3).sum((1, 3))
+        slot = pyramid.slots[level]
+        assert ((slot >= 0) == (share > 0)).all()
+        wanted = total[slot >= 0] / share[slot >= 0, None]
+        assert np.allclose(levels[slot[slot >= 0]], wanted, atol=1e-6)
+
+
+def test_odd_sizes_stop_halving() -> None:
+    pyramid = Pyramid(np.ones((20, 20), np.float32))
+    assert pyramid.sizes == [20, 10, 5]
+    assert pyramid(torch.ones(400, 3)).allclose(torch.ones(525, 3))
+
+
+def test_map_round_trip_fills_gutters_from_the_nearest_paint() -> None:
+    coverage = np.zeros((32, 32), np.float32)
+    coverage[2:10, 2:10] = coverage[20:30, 20:30] = 1
+    pyramid = Pyramid(coverage)
+    uv_map = torch.rand(3, 32, 32)
+    uv_map[:, 2:10, 2:10] = 0.9
+    uv_map[:, 20:30, 20:30] = 0.1
+    filled = pyramid.to_map(pyramid.from_map(uv_map))
+    assert torch.equal(pyramid.from_map(filled), pyramid.from_map(uv_map))
+    assert torch.allclose(filled[:, :12, :12], torch.tensor(0.9))
+    assert torch.allclose(filled[:, 18:, 18:], torch.tensor(0.1))
+
+
+def test_nothing_paintable_is_an_error() -> None:
+    with pytest.raises(RaucaError, match="paintable"):
+        Pyramid(np.zeros((16, 16), np.float32))
+
+
+def test_display_is_the_contracts_transfer_function_with_finite_slopes() -> None:
+    linear = torch.tensor([-1.0, 0.0, 1e-9, 0.0031308, 0.0032, 0.2, 1.0, 1.5, 1e6], requires_grad=True)
+    shown = display(linear)
+    assert np.allclose(shown.detach().numpy(), srgb_from_linear(linear.detach().numpy()), atol=1e-6)
+    shown.sum().backward()
+    assert torch.isfinite(linear.grad).all()
+    assert linear.grad[0] == 0
+    assert linear.grad[7] == 0
+    assert linear.grad[1] == pytest.approx(12.92)
+    srgb = torch.linspace(0, 1, 1001, requires_grad=True)
+    assert np.allclose(undisplay(srgb).detach().numpy(), linear_from_srgb(srgb.detach().numpy()), atol=1e-6)
+    assert torch.allclose(display(undisplay(srgb)), srgb, atol=1e-5)
+    undisplay(srgb).sum().backward()
+    assert torch.isfinite(srgb.grad).all()
+    assert display(torch.tensor(float("nan"))).isnan()  # not hidden: the optimiser stops on it
+
+
+def test_composite_keeps_the_reference_where_no_texture_is_known() -> None:
+    x_bar = torch.tensor([[float("nan")] * 3, [0.5, 0.5, 0.5]])
+    alpha = torch.tensor([[0.0], [0.3]])
+    image = composite(x_bar, alpha, torch.full((2, 3), 2.0), torch.full((2, 3), 0.1), reference_linear=0.25)
+    assert torch.allclose(image, torch.tensor([[0.6] * 3, [1.1] * 3]))
+
+
+def test_gradient_through_the_whole_renderer(box_vehicle: Vehicle) -> None:
+    camera = Camera.look_at(np.array([5.0, 3.5, 2.0]), np.array([0.0, 0.0, 0.7]), 50, 16, 16)
+    pyramid = Pyramid.of(box_vehicle, 16)
+    taps = build_taps(box_vehicle, camera, 16, 2, pyramid=pyramid)
+    generator = torch.Generator().manual_seed(0)
+    A = torch.rand(len(taps), 3, dtype=torch.float64, generator=generator) * 0.6
+    B = torch.rand(len(taps), 3, dtype=torch.float64, generator=generator) * 0.2
+    texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, generator=generator) * 0.8 + 0.1
+
+    def render(srgb: torch.Tensor) -> torch.Tensor:
+        return display(composite(taps.rows(pyramid(undisplay(srgb))), torch.ones(()), A, B))
+
+    assert torch.autograd.gradcheck(render, texels.requires_grad_(), fast_mode=True, atol=1e-5)

@@ -1,0 +1,190 @@
+"""The operator from texels to pixels: its sums, its adjoint, its edges, its files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import Camera, RaucaError, Vehicle
+from rauca_core.render import Pyramid, SparseOperator, Taps, apply_many, build_taps, tap_cache
+from rauca_core.render.sparse import _Torch
+
+MAP = 128
+
+
+@pytest.fixture
+def camera() -> Camera:
+    return Camera.look_at(np.array([5.0, 3.5, 2.0]), np.array([0.0, 0.0, 0.7]), 50, 72, 64)
+
+
+def test_adjoint_is_exact(box_vehicle: Vehicle, camera: Camera) -> None:
+    rows = build_taps(box_vehicle, camera, MAP).rows
+    x = torch.randn(rows.shape[1], 3, dtype=torch.float64, requires_grad=True)
+    y = torch.randn(rows.shape[0], 3, dtype=torch.float64)
+    product = (rows(x) * y).sum()
+    product.backward()
+    assert float((x * x.grad).detach().sum()) == pytest.approx(float(product.detach()), rel=1e-10, abs=1e-9)
+    assert torch.allclose(x.grad, rows.transpose(y), atol=1e-12)
+    dense = np.zeros(rows.shape)
+    np.add.at(dense, (np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr)), rows.columns), rows.weights)
+    assert np.allclose(dense @ x.detach().numpy(), rows(x.detach()).numpy(), atol=1e-12)
+
+
+def test_torch_path_agrees_with_numba(box_vehicle: Vehicle, camera: Camera) -> None:
+    rows = build_taps(box_vehicle, camera, MAP).rows
+    x = torch.randn(rows.shape[1], 3, dtype=torch.float64, requires_grad=True)
+    y = torch.randn(2 * rows.shape[0], 3, dtype=torch.float64)
+    results = []
+    for apply in (lambda v: apply_many([rows, rows], v), lambda v: _Torch.apply((rows, rows), v)):
+        x.grad = None
+        result = apply(x)
+        (result * y).sum().backward()
+        results.append((result.detach(), x.grad.clone()))
+    assert torch.allclose(results[0][0], results[1][0], atol=1e-12)
+    assert torch.allclose(results[0][1], results[1][1], atol=1e-12)
+
+
+def test_constant_texture_gives_its_colour_times_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
+    pyramid = Pyramid.of(box_vehicle, MAP)
+    taps = build_taps(box_vehicle, camera, MAP, pyramid=pyramid)
+    colour = torch.tensor([0.2, 0.5, 0.9])
+    x_bar = taps.rows(pyramid(colour.expand(len(pyramid.texels), 3).contiguous()))
+    assert torch.allclose(x_bar, colour.expand_as(x_bar), atol=1e-5)
+    sums = np.add.reduceat(taps.rows.weights * np.repeat(taps.alpha, np.diff(taps.rows.indptr)), taps.rows.indptr[:-1])
+    assert np.allclose(sums, taps.alpha, atol=1e-6)
+    assert taps.alpha.max() <= 1
+    assert (taps.alpha > 0.999).sum() > 200
+
+
+def test_occluders_hide_paint(box_vehicle: Vehicle) -> None:
+    above = Camera.look_at(np.array([0.0, 0.0, 8.0]), np.zeros(3), 40, 48, 48)
+    hidden = build_taps(box_vehicle, above, MAP)  # only the trim on top is seen
+    assert hidden.alpha.max(initial=0) < 0.01
+    sides = slice(0, 8)
+    names = ("triangles", "uvs", "normals", "material")
+    open_box = replace(box_vehicle, **{name: getattr(box_vehicle, name)[sides] for name in names})
+    assert build_taps(open_box, above, MAP).alpha.max() > 0.9  # the far sides of its walls: nothing is culled
+
+
+def test_mask_scales_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
+    whole = build_taps(box_vehicle, camera, MAP).coverage()
+    half = replace(box_vehicle, paint_mask=box_vehicle.paint_mask // 255 * 128)
+    assert np.allclose(build_taps(half, camera, MAP).coverage(), whole * (128 / 255), atol=1e-4)
+
+
+def test_no_colour_bleeds_from_gutters(box_vehicle: Vehicle) -> None:
+    far = Camera.look_at(np.array([30.0, 20.0, 8.0]), np.zeros(3), 50, 64, 64)  # coarse mip levels
+    pyramid = Pyramid.of(box_vehicle, MAP)
+    uv_map = torch.ones(3, MAP, MAP)
+    uv_map.view(3, -1)[:, torch.from_numpy(pyramid.texels)] = 0.25
+    x_bar = build_taps(box_vehicle, far, MAP, pyramid=pyramid).rows(pyramid(pyramid.from_map(uv_map)))
+    assert torch.allclose(x_bar, torch.full_like(x_bar, 0.25), atol=1e-5)
+
+
+def test_fringe_reads_its_neighbours(box_vehicle: Vehicle, camera: Camera) -> None:
+    taps = build_taps(box_vehicle, camera, MAP)
+    alpha = taps.coverage()
+    listed = np.zeros(alpha.size, bool)
+    listed[taps.pixels] = True
+    listed = listed.reshape(alpha.shape)
+    bare = listed & (alpha == 0)
+    assert bare.any()
+    painted = np.pad(alpha >= 1 / 16, 2)
+    height, width = alpha.shape
+    near = np.any([painted[y : y + height, x : x + width] for y in range(5) for x in range(5)], axis=0)
+    assert (listed == (near | (alpha > 0))).all()
+    pyramid = Pyramid.of(box_vehicle, MAP)
+    charts = torch.zeros(3, MAP, MAP)  # every wall a colour of its own
+    charts[0, :, : MAP // 2] = charts[1, : MAP // 2] = 1
+    texels = pyramid.from_map(charts)
+    image = taps.to_image(taps.rows(pyramid(texels)), torch.full((3, 64, 72), -1.0)).numpy()
+    for row, column in np.argwhere(bare)[::7]:
+        # Its neighbours' own samples went into it; those reach at most four pixels further.
+        window = (slice(max(0, row - 4), row + 5), slice(max(0, column - 4), column + 5))
+        around = image[(slice(None), *window)][:, alpha[window] >= 1 / 16]
+        assert (image[:, row, column] >= around.min(1) - 1e-5).all()
+        assert (image[:, row, column] <= around.max(1) + 1e-5).all()
+
+
+def test_error_falls_with_samples(box_vehicle: Vehicle) -> None:
+    grazing = Camera.look_at(np.array([6.0, 1.25, 0.8]), np.array([0.0, 1.0, 0.7]), 50, 48, 48)
+    pyramid = Pyramid.of(box_vehicle, MAP)
+    texels = torch.rand(len(pyramid.texels), 3, generator=torch.Generator().manual_seed(0))
+
+    def image(samples: int) -> torch.Tensor:
+        taps = build_taps(box_vehicle, grazing, MAP, samples, pyramid=pyramid)
+        paint = taps.rows(pyramid(texels)) * torch.from_numpy(taps.alpha)[:, None]
+        return taps.to_image(paint, torch.zeros(3, 48, 48))
+
+    best = image(16)
+    errors = [float((image(s) - best).square().mean()) for s in (1, 2, 4)]
+    assert errors[0] > 2 * errors[1] > 4 * errors[2]
+
+
+def test_uv_outside_the_map_and_degenerate_uv_stay_finite(box_vehicle: Vehicle, camera: Camera) -> None:
+    box_vehicle.uvs[:2] += 3.0
+    box_vehicle.uvs[2:4] = 0.2
+    taps = build_taps(box_vehicle, camera, MAP)
+    assert len(taps) > 0
+    assert np.isfinite(taps.rows.weights).all()
+    assert np.allclose(np.add.reduceat(taps.rows.weights, taps.rows.indptr[:-1]), 1, atol=1e-5)
+
+
+def test_view_without_paint_has_no_taps_and_no_gradient(box_vehicle: Vehicle) -> None:
+    away = Camera.look_at(np.array([5.0, 0.0, 1.0]), np.array([9.0, 0.0, 1.0]), 50, 32, 32)
+    pyramid = Pyramid.of(box_vehicle, MAP)
+    taps = build_taps(box_vehicle, away, MAP, pyramid=pyramid)
+    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
+    taps.rows(pyramid(texels)).sum().backward()
+    assert len(taps) == 0
+    assert not texels.grad.any()
+
+
+def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
+    taps = build_taps(box_vehicle, camera, MAP)
+    taps.save(tmp_path / "taps.npz")
+    again = Taps.load(tmp_path / "taps.npz")
+    for name in ("pixels", "alpha"):
+        assert (getattr(taps, name) == getattr(again, name)).all()
+    for name in ("indptr", "columns", "weights"):
+        assert (getattr(taps.rows, name) == getattr(again.rows, name)).all()
+    assert (again.width, again.height, again.rows.shape) == (72, 64, taps.rows.shape)
+
+
+def test_cache_is_shared_and_rebuilds_what_is_damaged(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
+    first = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    (file,) = tmp_path.iterdir()
+    written = file.stat().st_mtime_ns
+    again = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    assert (again.rows.weights == first.rows.weights).all()
+    assert file.stat().st_mtime_ns == written
+    file.write_bytes(file.read_bytes()[:1000])
+    rebuilt = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    assert (rebuilt.rows.columns == first.rows.columns).all()
+    assert len(Taps.load(file)) == len(first)
+    cache = tap_cache(tmp_path)
+    assert cache.get(box_vehicle, camera, MAP) is cache.get(box_vehicle, camera, MAP)
+    box_vehicle.positions[0, 0] += 0.1
+    cache.get(box_vehicle, camera, MAP)
+    cache.get(box_vehicle, camera, MAP, samples=2)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_taps_that_point_outside_are_refused(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
+    taps = build_taps(box_vehicle, camera, MAP)
+    rows = taps.rows
+    columns = rows.columns.copy()
+    columns[5] = rows.shape[1]
+    bad = replace(taps, rows=SparseOperator(rows.indptr, columns, rows.weights, rows.shape[1]))
+    bad.save(tmp_path / "taps.npz")
+    with pytest.raises(RaucaError, match="damaged"):
+        Taps.load(tmp_path / "taps.npz")
+
+
+def test_unknown_filter_is_named(box_vehicle: Vehicle, camera: Camera) -> None:
+    with pytest.raises(RaucaError, match=r"'mitchell'.*blackman-harris"):
+        build_taps(box_vehicle, camera, MAP, filter="mitchell")
