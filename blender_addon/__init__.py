@@ -5,13 +5,13 @@ from __future__ import annotations
 
 def register() -> None:
     """Add the panels and operators to Blender."""
-    from . import registration
+    from .registration import register as add
 
-    registration.register()
+    add()
 
 
 def unregister() -> None:
     """Remove them."""
-    from . import registration
+    from .registration import unregister as remove
 
-    registration.unregister()
+    remove()

@@ -19,7 +19,6 @@ import bpy
 from .arguments import apply_parser, dataset_parser, render_parser
 from .core import assets, contract, files
 from .scene.images import read_image_blender
-from .scene.vehicle_import import import_vehicle
 
 
 def make_dataset(arguments: Sequence[str]) -> int:
@@ -108,7 +107,7 @@ def _render_camouflages(options: argparse.Namespace) -> None:
         raise contract.RaucaError(f"two camouflages share a name ({', '.join(names)}); give each JSON its own")
     vehicle = contract.load_vehicle(dataset.vehicle_folder, read_image_blender)
     session = Session(dataset.plan, vehicle, denoise=options.denoise)
-    render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress))
+    render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress), options.every)
 
 
 def _apply_camouflage(options: argparse.Namespace) -> None:
@@ -134,6 +133,8 @@ def find_vehicle(name_or_path: str, paint_mask: Path | None, paint_material: str
         raise contract.RaucaError(
             f"{path}: no such vehicle; give an .obj, .glb or .blend file, or one of {', '.join(known)}"
         )
+    from .scene.vehicle_import import import_vehicle
+
     return import_vehicle(path, paint_mask, paint_material)
 
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from blender_addon.arguments import apply_parser, dataset_parser
+from rauca_core.attack import make_settings
 from rauca_core.contract import RaucaError
 from rauca_core.detect.store import fetch, status
 
@@ -34,10 +35,14 @@ PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_optio
 Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 
 
-def run() -> None:
-    """Entry point: a user's mistake becomes one line on standard error and exit code 2."""
+def run(*command: str) -> None:
+    """Entry point: a user's mistake becomes one line on standard error and exit code 2.
+
+    Args:
+        command: put before what the user typed, for programs that stand for one command.
+    """
     try:
-        app()
+        app([*command, *sys.argv[1:]])
     except RaucaError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
@@ -48,7 +53,7 @@ def run() -> None:
 
 @dataset_app.command("make", context_settings=PASS_ON)
 def dataset_make(context: typer.Context, blender: Blender = None) -> None:
-    """Render a data set: every view in every weather, with light maps. `rauca dataset make --help` lists the options."""
+    """Render a data set: every view in every weather. `rauca dataset make --help` lists the options."""
     dataset_parser().parse_args(context.args)
     with progress_bar("rendering data set") as move:
         run_blender("make_dataset", [*context.args, "--json-progress"], move, blender)
@@ -61,6 +66,98 @@ def apply(context: typer.Context, blender: Blender = None) -> None:
     with progress_bar("painting") as move:
         run_blender("apply_camouflage", context.args, move, blender)
     console.print("saved; open it in Blender, or append its object to a scene of yours")
+
+
+@app.command()
+def optimize(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
+    out: Annotated[Path, typer.Option(help="folder for the camouflage, its history and checkpoints")],
+    detector: Annotated[
+        str, typer.Option(help="name from `rauca weights list`, or NETWORK=PATH.weights")
+    ] = "yolov3-tiny",
+    steps: int = 1000,
+    batch: Annotated[int, typer.Option(help="frames per step")] = 4,
+    lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
+    beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
+    map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
+    start: Annotated[str, typer.Option(help="random or plain")] = "random",
+    limit: Annotated[
+        str, typer.Option(help="keep texels in range by project (ours) or clamp (as published)")
+    ] = "project",
+    roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
+    seed: int = 0,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
+    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
+) -> None:
+    """Optimise a camouflage UV map against a detector."""
+    from .optimize_camouflage import optimize_camouflage
+
+    settings = make_settings(
+        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, start=start, limit=limit, roa=roa, seed=seed,
+        threads=threads, name=name,
+    )  # fmt: skip
+    console.print(f"camouflage: {optimize_camouflage(dataset, detector, settings, out, resume)}")
+
+
+@app.command()
+def evaluate(
+    dataset: Annotated[Path, typer.Argument(help="data set whose views are re-rendered; best made with --no-light")],
+    camouflage: Annotated[list[Path], typer.Option(help="camouflage .json; repeat for more")],
+    out: Annotated[Path, typer.Option(help="folder for renders, detections and results.json")],
+    detector: Annotated[list[str] | None, typer.Option(help="repeat for more; all fetched ones by default")] = None,
+    blender: Blender = None,
+) -> None:
+    """Measure AP@0.5 on the reference paint and on camouflages, re-rendered by Cycles."""
+    from .evaluate import measure, render_camouflages
+
+    detectors = detector or [entry.source.name for entry in status() if entry.ready]
+    render_camouflages(dataset, camouflage, out / "renders", blender)
+    results = measure(dataset, camouflage, out / "renders", detectors, out)
+    table = Table("paint", *results.table[results.paints[0]], title="AP@0.5 of class car [95 % interval]")
+    for paint, row in results.table.items():
+        table.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
+    Console().print(table)
+
+
+@app.command()
+def report(run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder laid out as the demo's")]) -> None:
+    """Write RUN/report.html again from what RUN holds."""
+    from .report import report_run
+
+    console.print(f"report: {report_run(run_folder)}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="folder of the run; run again to resume")] = Path("runs/demo"),
+    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or an .obj, .glb or .blend")] = "sedan",
+    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
+    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
+    blender: Blender = None,
+) -> None:
+    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. Under 20 minutes on two cores."""
+    from .demo import DemoChoice, run_demo
+
+    chosen = ["--vehicle", vehicle]
+    chosen += ["--paint-mask", str(paint_mask)] if paint_mask else []
+    chosen += ["--paint-material", paint_material] if paint_material else []
+    run_demo(DemoChoice(out, chosen, blender))
+
+
+@bench_app.command("render")
+def bench_render_command(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
+    camouflage: Annotated[Path, typer.Option(help="camouflage .json to compare in")],
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/render.json"),
+) -> None:
+    """The neural renderer's speed against its distance from Cycles."""
+    try:
+        from benchmarks.render import bench_render
+    except ImportError as error:
+        raise RaucaError("benchmarks are part of a checkout, not of an installed rauca; run this in one") from error
+
+    bench_render(dataset, camouflage, json)
 
 
 @app.command()

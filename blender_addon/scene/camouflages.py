@@ -41,13 +41,18 @@ def read_paintwork(path: Path, atlas_id: str) -> Paintwork:
 
 
 def render_camouflages(
-    session: Session, dataset: contract.Dataset, paintworks: list[Paintwork], out: Path, progress: Progress
+    session: Session,
+    dataset: contract.Dataset,
+    paintworks: list[Paintwork],
+    out: Path,
+    progress: Progress,
+    every: int = 1,
 ) -> None:
-    """Render every frame of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
+    """Render each ``every``-th frame of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
 
     Frames already there are kept if they were rendered from the same UV map, and rendered again otherwise.
     """
-    frames = dataset.frames()
+    frames = dataset.frames()[::every]
     total, done = len(frames) * len(paintworks), 0
     files.require_space(out, total * dataset.plan.size**2 * 4)
     for paintwork in paintworks:

@@ -48,6 +48,12 @@ class Paint:
         if previous is not None:
             bpy.data.images.remove(previous)
 
+    def pack(self) -> None:
+        """Keep the images inside the .blend: they have no file of their own."""
+        for image in (self._mask, self._base, self._map):
+            if image is not None:
+                image.pack()
+
     def connect(
         self, tree: bpy.types.NodeTree, unpainted: bpy.types.NodeSocket | tuple[float, ...]
     ) -> bpy.types.NodeSocket:

@@ -148,6 +148,10 @@ class Plan:
             "blender": self.blender,
         }
 
+    def check(self, where: str) -> None:
+        """Raise :class:`RaucaError` naming ``where`` and the field when a value is out of range."""
+        Plan.from_json(Fields(self.to_json(), where))
+
     @staticmethod
     def from_json(fields: Fields) -> Plan:
         fields.format(*FORMAT)

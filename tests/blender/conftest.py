@@ -31,7 +31,7 @@ def small_plan(atlas_id: str, **changes: object) -> Plan:
     return Plan(**(settings | changes))
 
 
-@pytest.fixture()
+@pytest.fixture
 def session(bpy_module, box_vehicle):
     from blender_addon.scene.session import Session
 

@@ -1,0 +1,1 @@
+"""Speed against error; each benchmark prints a table and writes JSON and a plot under reports/."""

@@ -1,0 +1,38 @@
+"""Reading images with Blender's own reader, the only one in Blender's Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract
+
+
+def read_image_blender(path: Path) -> NDArray[np.uint8]:
+    """Read an 8-bit image, row 0 at the top: (H, W) for grey files, else (H, W, 3) sRGB; alpha is dropped.
+
+    Raises:
+        RaucaError: missing or damaged file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise contract.RaucaError(f"{path}: not found")
+    try:
+        image = bpy.data.images.load(str(path.resolve()), check_existing=False)
+    except RuntimeError as error:
+        raise contract.RaucaError(f"{path}: not a readable image ({str(error).strip()})") from error
+    try:
+        image.colorspace_settings.name = "Non-Color"  # the stored values, not light
+        width, height = image.size
+        if not width or not height:
+            raise contract.RaucaError(f"{path}: not a readable image")
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+        is_grey = image.depth in (8, 16) or image.channels == 1
+    finally:
+        bpy.data.images.remove(image)
+    rgb = (pixels.reshape(height, width, 4)[::-1, :, :3] * 255 + 0.5).astype(np.uint8)
+    return np.ascontiguousarray(rgb[..., 0] if is_grey else rgb)

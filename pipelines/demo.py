@@ -1,0 +1,89 @@
+"""The main job on one screen: synthesise -> optimise -> apply -> re-render -> measure -> report.
+
+``python pipelines/demo.py`` or ``rauca demo`` runs it; run again to resume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipelines.blender_process import run_blender
+from pipelines.console import console, progress_bar
+from pipelines.evaluate import measure, render_camouflages
+from pipelines.optimize_camouflage import optimize_camouflage
+from pipelines.renderers import AGREEMENT, compare_renderers
+from pipelines.report import report_run
+from pipelines.stages import Stages
+from rauca_core.attack import make_settings, random_camouflage
+from rauca_core.contract import load_vehicle
+from rauca_core.detect import fetch
+from rauca_core.images import read_image
+
+WHITE_BOX = "yolov3-tiny"
+BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
+SEED = 1
+STEPS, BATCH, LEARNING_RATE = 600, 4, 0.02
+RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
+
+COMMON = ["--weathers", "demo", "--size", "320", "--samples", "8", "--json-progress"]
+TRAIN = ["--locations", "2", "--azimuths", "8", "--elevations", "8,22", "--distances", "7"]
+TRAIN += ["--jitter-azimuth", "22", "--jitter-elevation", "6", "--jitter-distance", "0.3", "--jitter-aim", "0.3"]
+HELD_OUT = ["--locations", "1", "--azimuths", "8", "--elevations", "12", "--distances", "6,9", "--no-light"]
+HELD_OUT += ["--jitter-azimuth", "10", "--jitter-elevation", "5", "--jitter-distance", "0.1", "--jitter-aim", "0.3"]
+
+
+@dataclass(frozen=True)
+class DemoChoice:
+    """Where the demo writes and what it works on; ``vehicle`` holds the vehicle's arguments as given."""
+
+    out: Path
+    vehicle: Sequence[str]
+    blender: Path | None = None
+
+
+def run_demo(choice: DemoChoice) -> Path:
+    """Run or resume the demo; returns the report's path."""
+    out, stages = choice.out, Stages(choice.out)
+    train, held_out, renders = out / "train", out / "held-out", out / "renders"
+    random, rauca = out / "random" / "camouflage.json", out / "rauca" / "camouflage.json"
+    vehicle = list(choice.vehicle)
+    detectors = (WHITE_BOX, *BLACK_BOX)
+
+    def dataset(folder: Path, title: str, options: list[str], seed: int) -> None:
+        arguments = ["--out", str(folder), *vehicle, *options, "--seed", str(seed), *COMMON]
+
+        def work() -> None:
+            with progress_bar(title) as move:
+                run_blender("make_dataset", arguments, move, choice.blender)
+
+        stages.run(title, arguments, work, folder / "dataset.json")
+
+    def optimise() -> None:
+        settings = make_settings(steps=STEPS, batch=BATCH, lr=LEARNING_RATE, seed=SEED, checkpoint_every=50)
+        started = (rauca.parent / "checkpoints").is_dir()
+        optimize_camouflage(train, WHITE_BOX, settings, rauca.parent, resume=started)
+
+    def paint_random() -> None:
+        loaded = load_vehicle(train / "vehicle", read_image)
+        random_camouflage(random, loaded, seed=SEED, cell=RANDOM_CELL)
+
+    stages.run("fetching weights", detectors, lambda: [fetch(name) for name in detectors], out)
+    dataset(train, "rendering training set", TRAIN, SEED)
+    dataset(held_out, "rendering held-out views", HELD_OUT, SEED + 1)
+    stages.run("optimising", [STEPS, BATCH, LEARNING_RATE, SEED], optimise, rauca)
+    stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
+    both = [random, rauca]
+    stages.run("re-rendering", [], lambda: render_camouflages(held_out, both, renders, choice.blender), renders)
+    stages.run("detecting", detectors, lambda: measure(held_out, both, renders, detectors, out), out / "results.json")
+    stages.run("comparing renderers", [], lambda: compare_renderers(train, rauca, out, choice.blender), out / AGREEMENT)
+    report = report_run(out)
+    console.print(f"report: {report}")
+    return report
+
+
+if __name__ == "__main__":
+    from pipelines.cli import run
+
+    run("demo")

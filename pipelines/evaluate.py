@@ -1,0 +1,50 @@
+"""Measure AP@0.5 of detectors on paints: re-render in Blender, detect, report.
+
+``python pipelines/evaluate.py --help`` or ``rauca evaluate --help`` lists the options.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pipelines.blender_process import run_blender
+from pipelines.console import progress_bar
+from rauca_core.contract import Dataset, Progress, load_camouflage
+from rauca_core.detect import load_detector
+from rauca_core.evaluate import Results, evaluate, reference_images
+from rauca_core.evaluate.images_of import ImageOf
+
+NORMAL = "normal"  # the data set's own reference paint
+
+
+def render_camouflages(
+    dataset: Path, camouflages: Sequence[Path], out: Path, blender: Path | None = None, every: int = 1
+) -> None:
+    """Render the data set's views in each camouflage to ``out/<name>``, with Cycles, never with the neural renderer."""
+    options = ["--dataset", str(dataset), "--out", str(out), "--every", str(every), "--json-progress"]
+    arguments = [*options, *map(str, camouflages)]
+    with progress_bar("re-rendering in camouflage") as move:
+        run_blender("render_camouflages", arguments, move, blender)
+
+
+def measure(
+    dataset: Path, camouflages: Sequence[Path], renders: Path, detectors: Sequence[str], out: Path, size: int = 416
+) -> Results:
+    """Detect in the renders and write ``out/results.json``."""
+    opened = Dataset(dataset)
+    paints: Mapping[str, Path | ImageOf] = {
+        NORMAL: reference_images(opened),
+        **{name: renders / name for name in (load_camouflage(path)[0].name for path in camouflages)},
+    }
+    loaded = [load_detector(name, size) for name in detectors]
+    with progress_bar("detecting") as move:
+        return evaluate(
+            opened, paints, loaded, out, on_progress=lambda what, done, total: move(Progress(done, total, what))
+        )
+
+
+if __name__ == "__main__":
+    from pipelines.cli import run
+
+    run("evaluate")

@@ -1,0 +1,128 @@
+"""How far the neural renderer is from the renderer it stands in for: coverage and colour, frame by frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import mean, median
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import Dataset, Frame, RaucaError, Vehicle, load_camouflage, load_vehicle
+from ..contract.files import write_json
+from ..environment import load_exact
+from ..images import read_image
+from ..render import Pyramid, Taps, build_taps, composite, display, undisplay
+
+FORMAT = ("rauca-agreement", 1)
+SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
+
+
+@dataclass(frozen=True)
+class FrameAgreement:
+    """One frame: intersection over union of the paint at half coverage; PSNR in display space, dB, where rendered."""
+
+    frame: str
+    iou: float
+    inside_db: float | None
+    edge_db: float | None
+    build_ms: float
+    apply_ms: float
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Means over the frames, and the frames."""
+
+    mean_iou: float
+    worst_iou: float
+    inside_db: float | None
+    edge_db: float | None
+    build_ms: float
+    apply_ms: float
+    frames: list[FrameAgreement]
+
+
+def measure_agreement(
+    dataset: Dataset, camouflage: Path, renders: Path, size: int | None = None, samples: int = 4
+) -> Agreement:
+    """Compare the neural renderer with Cycles on a data set with light maps.
+
+    Args:
+        camouflage: JSON of the texture to compare in.
+        renders: folder of ``<frame id>.png``, the same camouflage rendered by Cycles; frames without one are compared
+            by coverage alone.
+        size: side of the UV map given to the taps, texels; the camouflage's own by default.
+        samples: subsamples per pixel along each axis.
+
+    Raises:
+        RaucaError: no frames, or a camouflage of another vehicle.
+    """
+    vehicle = load_vehicle(dataset.vehicle_folder, read_image)
+    record, image = load_camouflage(camouflage)
+    record.check_fits(vehicle.atlas_id, str(camouflage))
+    pyramid = Pyramid.of(vehicle, size or record.size)
+    uv_map = torch.from_numpy(read_image(image).astype(np.float32) / 255).permute(2, 0, 1)
+    texels = pyramid(undisplay(pyramid.from_map(uv_map)))
+    frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
+    if not frames:
+        raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
+    rows = [_compare(dataset, frame, vehicle, pyramid.size, texels, renders, samples) for frame in frames]
+    return Agreement(
+        mean_iou=mean(row.iou for row in rows),
+        worst_iou=min(row.iou for row in rows),
+        inside_db=_mean([row.inside_db for row in rows]),
+        edge_db=_mean([row.edge_db for row in rows]),
+        build_ms=median(row.build_ms for row in rows),
+        apply_ms=median(row.apply_ms for row in rows),
+        frames=rows,
+    )
+
+
+def save_agreement(path: Path, agreement: Agreement) -> None:
+    """Write the figures as JSON."""
+    name, version = FORMAT
+    write_json(path, {"format": name, "version": version, **asdict(agreement)})
+
+
+def _compare(
+    dataset: Dataset, frame: Frame, vehicle: Vehicle, size: int, texels: torch.Tensor, renders: Path, samples: int
+) -> FrameAgreement:
+    folder = dataset.frame_folder(frame.id)
+    started = time.perf_counter()
+    taps = build_taps(vehicle, frame.camera_in_vehicle, size, samples)
+    built = time.perf_counter()
+    predicted = _predict(dataset, frame, taps, texels)
+    applied = time.perf_counter()
+    coverage = read_image(folder / "paint.png") / np.float32(255)
+    ours, theirs = taps.coverage() >= 0.5, coverage >= 0.5
+    iou = float((ours & theirs).sum() / max((ours | theirs).sum(), 1))
+    rendered = renders / f"{frame.id}.png"
+    inside = edge = None
+    if rendered.is_file():
+        error = (read_image(rendered) / np.float32(255) - predicted) ** 2
+        inside, edge = _psnr(error[coverage > SOLID]), _psnr(error[(coverage > 0) & (coverage <= SOLID)])
+    return FrameAgreement(frame.id, iou, inside, edge, 1e3 * (built - started), 1e3 * (applied - built))
+
+
+def _predict(dataset: Dataset, frame: Frame, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
+    """The frame in the texture, (H, W, 3) sRGB."""
+    light = load_exact(dataset, frame.id)
+    A, B = (torch.from_numpy(m.reshape(-1, 3)) for m in (light.A, light.B))
+    flat = display(B)
+    pixels = torch.from_numpy(taps.pixels.astype(np.int64))
+    albedo = taps.rows(texels)
+    paint = display(composite(albedo, albedo.new_ones(()), A[pixels], B[pixels]))
+    return flat.index_copy(0, pixels, paint).reshape(taps.height, taps.width, 3).numpy()
+
+
+def _psnr(squared_error: NDArray[np.float32]) -> float | None:
+    return float(-10 * np.log10(max(squared_error.mean(), 1e-10))) if squared_error.size else None
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return mean(known) if known else None

@@ -1,0 +1,172 @@
+"""The headless jobs as users run them: real processes, real renders, at thumbnail size."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camouflage, Dataset, load_passes, save_camouflage
+from rauca_core.contract.files import png_bytes
+from rauca_core.images import read_image
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+MAKE = REPOSITORY / "pipelines" / "make_dataset.py"
+RENDER = REPOSITORY / "pipelines" / "render_camouflage.py"
+SMALL = ["--azimuths", "2", "--elevations", "15", "--distances", "6", "--size", "64", "--samples", "2"]
+
+pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+
+def run(script: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(script), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory) -> Dataset:
+    folder = tmp_path_factory.mktemp("data") / "set"
+    done = run(MAKE, "--out", folder, *SMALL)
+    assert done.returncode == 0, done.stderr
+    return Dataset(folder)
+
+
+def test_every_planned_frame_is_there_and_whole(dataset):
+    frames = dataset.frames()
+    assert len(frames) == 2 * 3
+    for frame in frames:
+        folder = dataset.frame_folder(frame.id)
+        assert sorted(p.name for p in folder.iterdir()) == [
+            "frame.json", "image.png", "paint.png", "passes.npz", "vehicle.png",
+        ]  # fmt: skip
+        passes = load_passes(folder)
+        paint, image = read_image(folder / "paint.png"), read_image(folder / "image.png")
+        assert image.shape == (64, 64, 3)
+        assert passes["A"].shape == (64, 64, 3)
+        assert (paint > 127).sum() > 100
+        assert passes["A"][paint == 0].max() == 0
+        assert passes["A"][paint == 255].mean() > 0.01
+        assert frame.box_xyxy is not None
+        assert frame.visible > 0.9
+    ledger = [json.loads(line) for line in (dataset.folder / "ledger.jsonl").read_text().splitlines()]
+    assert [entry["frame"] for entry in ledger] == [frame_id for frame_id, *_ in dataset.plan.frame_ids()]
+
+
+def test_weathers_differ_and_share_cameras(dataset):
+    by_weather = {f.weather.name: f for f in dataset.frames() if f.view == 0}
+    cameras = {json.dumps(f.camera.to_json()) for f in by_weather.values()}
+    assert len(cameras) == 1
+    images = [read_image(dataset.frame_folder(f.id) / "image.png").astype(int) for f in by_weather.values()]
+    assert all(np.abs(a - b).mean() > 3 for i, a in enumerate(images) for b in images[:i])
+
+
+def test_a_second_run_renders_nothing_and_repairs_what_is_gone(dataset):
+    victim = dataset.frame_folder(dataset.frames()[0].id)
+    before = (victim / "image.png").read_bytes()
+    for path in victim.iterdir():
+        path.unlink()
+    victim.rmdir()
+    lines = len((dataset.folder / "ledger.jsonl").read_text().splitlines())
+    assert run(MAKE, "--out", dataset.folder, *SMALL).returncode == 0
+    assert len((dataset.folder / "ledger.jsonl").read_text().splitlines()) == lines + 1
+    assert (victim / "image.png").read_bytes() == before  # the same seed renders the same bits
+
+
+def test_another_plan_in_the_same_folder_is_refused(dataset):
+    refused = run(MAKE, "--out", dataset.folder, *SMALL, "--seed", "9")
+    assert refused.returncode == 2
+    assert refused.stderr.strip().splitlines()[-1].startswith(f"error: {dataset.folder}: holds a data set made with")
+
+
+def test_interrupted_then_resumed(tmp_path):
+    folder = tmp_path / "set"
+    command = [sys.executable, str(MAKE), "--out", str(folder), *SMALL, "--azimuths", "6"]
+    job = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in job.stdout:
+        if line.startswith("[2/"):
+            job.send_signal(signal.SIGTERM)
+            break
+    _, complaint = job.communicate(timeout=60)
+    assert job.returncode == 2
+    assert complaint.strip().splitlines()[-1].startswith("interrupted:")
+    finished = Dataset(folder).frames()
+    assert 2 <= len(finished) < 18
+    assert not list(folder.rglob(".partial-*"))
+    times = {f.id: os.stat(folder / "frames" / f.id / "frame.json").st_mtime_ns for f in finished}
+    assert run(MAKE, "--out", folder, *SMALL, "--azimuths", "6").returncode == 0
+    assert len(Dataset(folder).frames()) == 18
+    assert times == {i: os.stat(folder / "frames" / i / "frame.json").st_mtime_ns for i in times}
+
+
+def test_killed_outright_then_resumed(tmp_path):
+    folder = tmp_path / "set"
+    job = subprocess.Popen([sys.executable, str(MAKE), "--out", str(folder), *SMALL], stdout=subprocess.PIPE, text=True)
+    for line in job.stdout:
+        if line.startswith("[1/"):
+            time.sleep(0.2)
+            job.kill()
+            break
+    job.wait()
+    assert run(MAKE, "--out", folder, *SMALL).returncode == 0
+    assert len(Dataset(folder).frames()) == 6
+    assert not list(folder.rglob(".partial-*"))
+
+
+def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
+    size, atlas = 64, dataset.plan.atlas_id
+    for name, colour in (("red", (255, 0, 0)), ("blue", (0, 0, 255))):
+        uv_map = np.broadcast_to(np.uint8(colour), (size, size, 3)).copy()
+        record = Camouflage(name, dataset.plan.vehicle_name, atlas, size, "plain")
+        save_camouflage(tmp_path / f"{name}.json", record, png_bytes(uv_map))
+    arguments = [
+        "--dataset",
+        dataset.folder,
+        "--out",
+        tmp_path / "renders",
+        tmp_path / "red.json",
+        tmp_path / "blue.json",
+    ]
+    assert run(RENDER, *arguments).returncode == 0
+    for frame in dataset.frames():
+        red, blue = (read_image(tmp_path / "renders" / n / f"{frame.id}.png").astype(int) for n in ("red", "blue"))
+        paint = read_image(dataset.frame_folder(frame.id) / "paint.png") == 255
+        assert (red - blue)[paint][:, 0].mean() > 15
+        assert (blue - red)[paint][:, 2].mean() > 15
+    again = run(RENDER, *arguments)
+    assert again.stdout.splitlines()[-1].startswith("[12/12]")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--vehicle", "nowhere.obj"], "nowhere.obj: no such vehicle"),
+        (["--weathers", "sunny"], "'sunny' is unknown; choose one of base, demo, enhanced"),
+        (["--fov", "500"], "fov_deg must be between 1 and 170"),
+        (["--vehicle", "sedan", "--paint-mask", "x.png"], "brings its own paint"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_nothing(tmp_path, arguments, message):
+    refused = run(MAKE, "--out", tmp_path / "set", *SMALL, *arguments)
+    assert refused.returncode == 2
+    complaint = refused.stderr.strip().splitlines()[-1]
+    assert complaint.startswith("error: ")
+    assert message in complaint
+    assert "Traceback" not in refused.stderr
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_camouflage_of_another_vehicle_is_refused(dataset, tmp_path):
+    save_camouflage(
+        tmp_path / "c.json", Camouflage("c", "truck", "f" * 16, 8, "plain"), png_bytes(np.zeros((8, 8, 3), np.uint8))
+    )
+    refused = run(RENDER, "--dataset", dataset.folder, "--out", tmp_path / "renders", tmp_path / "c.json")
+    assert refused.returncode == 2
+    assert "made for the UV atlas ffffffffffffffff of truck" in refused.stderr
+    assert not (tmp_path / "renders").exists()
