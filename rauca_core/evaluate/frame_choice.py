@@ -21,7 +21,7 @@ def chosen_frames(frames: Sequence[FrameRow]) -> list[int]:
     others = weathers[1 : 1 + COLUMNS // 2]
     ring = _ring([i for i, row in enumerate(frames) if row.weather == weathers[0]], frames)
     count = min(len(ring), COLUMNS - len(others))
-    chosen = [ring[int(k)] for k in np.linspace(0, len(ring), count, endpoint=False)]
+    chosen = [ring[round(k)] for k in np.linspace(0, len(ring), count, endpoint=False)]
     model = frames[chosen[min(1, count - 1)]]
     for weather in others:
         alike = [i for i, row in enumerate(frames) if row.weather == weather]

@@ -20,23 +20,38 @@ TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#2ecc71", "#ff5a4f", "#ffb300"
 
 
 def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: str, threshold: float) -> bytes:
-    """A frame as JPEG, with its ground truth (white, dashed) and every detection that scores ``threshold`` or more.
+    """The part of a frame around its target as JPEG, with ground truth (white, dashed) and detections.
 
-    Green finds the target, red is the target's class elsewhere, amber is another class.
+    Those that score ``threshold`` or more are drawn. Green finds the target, red is the target's class elsewhere,
+    amber is another class.
     """
     pixels = read_image(path)
-    scale = TILE / pixels.shape[1]
-    height = max(1, round(pixels.shape[0] * scale))
-    picture = Image.fromarray(pixels).convert("RGB").resize((TILE, height), Image.Resampling.LANCZOS)
+    window = _window(np.array(truth), pixels.shape[1], pixels.shape[0])
+    left, top, side = window
+    picture = Image.fromarray(pixels).convert("RGB")
+    picture = picture.resize((TILE, TILE), Image.Resampling.LANCZOS, box=(left, top, left + side, top + side))
     pen = ImageDraw.Draw(picture)
-    _dashed(pen, np.array(truth) * scale)
+    _dashed(pen, _in_window(np.array(truth), window))
     overlaps = box_overlaps(found.boxes, np.array(truth))
     shown = [i for i in range(len(found.scores)) if found.scores[i] >= threshold]
     for i in reversed(shown):  # best last, on top
         right = overlaps[i] >= IOU_THRESHOLD
         colour = OTHER if found.names[i] != category else CORRECT if right else WRONG
-        _labelled(pen, found.boxes[i] * scale, f"{found.names[i]} {found.scores[i]:.2f}", colour, picture.size)
+        _labelled(pen, _in_window(found.boxes[i], window), f"{found.names[i]} {found.scores[i]:.2f}", colour)
     return _encode(picture, "JPEG")
+
+
+def _window(truth: NDArray[np.float64], width: int, height: int) -> tuple[float, float, float]:
+    """Left, top and side of a square inside the image, half as large again as the target and centred on it; pixels."""
+    side = min(float(width), float(height), max(1.5 * (truth[2:] - truth[:2]).max(), 32.0))
+    left = np.clip((truth[0] + truth[2] - side) / 2, 0, width - side)
+    top = np.clip((truth[1] + truth[3] - side) / 2, 0, height - side)
+    return float(left), float(top), side
+
+
+def _in_window(box: NDArray[np.float64], window: tuple[float, float, float]) -> NDArray[np.float64]:
+    left, top, side = window
+    return (box - np.array([left, top, left, top])) * TILE / side
 
 
 def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8]) -> bytes:
@@ -55,25 +70,23 @@ def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8]) -> bytes:
 
 def _dashed(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
     left, top, right, bottom = box.tolist()
-    dash = 5
+    dash = 6
     for start in np.arange(left, right, 2 * dash):
         for y in (top, bottom):
-            pen.line((start, y, min(start + dash, right), y), TRUTH, 1)
+            pen.line((start, y, min(start + dash, right), y), TRUTH, 2)
     for start in np.arange(top, bottom, 2 * dash):
         for x in (left, right):
-            pen.line((x, start, x, min(start + dash, bottom)), TRUTH, 1)
+            pen.line((x, start, x, min(start + dash, bottom)), TRUTH, 2)
 
 
-def _labelled(
-    pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, colour: str, size: tuple[int, int]
-) -> None:
+def _labelled(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, colour: str) -> None:
     left, top, right, bottom = box.tolist()
-    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
-    font = ImageFont.load_default(11)
-    _, _, text_width, text_height = font.getbbox(text)
-    x = min(max(left, 0), size[0] - text_width - 6)
-    y = top - text_height - 5 if top > text_height + 5 else min(bottom, size[1] - text_height - 5)
-    pen.rectangle((x, y, x + text_width + 6, y + text_height + 5), fill=colour)
+    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=3)
+    font = ImageFont.load_default(18)
+    _, _, width, height = (int(v) for v in font.getbbox(text))
+    x = min(max(left, 0), TILE - width - 6)
+    y = min(max(top - height - 5 if top > height + 5 else bottom, 0), TILE - height - 5)
+    pen.rectangle((x, y, x + width + 6, y + height + 5), fill=colour)
     pen.text((x + 3, y + 1), text, fill="#101418", font=font)
 
 

@@ -96,9 +96,11 @@ def _headline(results: Results, notes: ReportNotes) -> str:
         return "Mean AP@0.5 over detectors: " + ", ".join(f"{p} {100 * ap:.1f} %" for p, ap in means.items()) + "."
     best = min((paint for paint in means if paint != notes.normal), key=means.__getitem__)
     verb = "lowers" if means[best] < means[notes.normal] else "does not lower"
+    overlap = results.table[best][MEAN].high >= results.table[notes.normal][MEAN].low
+    caution = "; their intervals overlap, so other frames might say otherwise." if overlap else "."
     return (
         f"{best} {verb} {results.settings.category} AP@0.5 (mean over detectors): "
-        f"{100 * means[notes.normal]:.1f} % for {notes.normal}, {100 * means[best]:.1f} % for {best}."
+        f"{100 * means[notes.normal]:.1f} % for {notes.normal}, {100 * means[best]:.1f} % for {best}{caution}"
     )
 
 
@@ -132,8 +134,8 @@ def _grid(results: Results, folder: Path, detector: str) -> str:
         data = frame_picture(path, row.box_xyxy, cache[shown.sha256], settings.category, PICTURE_THRESHOLD)
         rows[paint].append(pages.image(data, "image/jpeg", f"{paint}, {_caption(row)}, {detector}"))
     note = (
-        f"Detections that score {PICTURE_THRESHOLD} or more. White dashes: ground truth. Green: the "
-        f"{settings.category} found. Red: a {settings.category} reported elsewhere. Amber: taken for something else."
+        f"Cut out around the vehicle; detections that score {PICTURE_THRESHOLD} or more. White dashes: ground truth. "
+        f"Green: the {settings.category} found. Red: a {settings.category} reported elsewhere. Amber: taken for something else."
     )
     titles = [_caption(results.frames[index]) for index in chosen]
     return pages.section(f"What {detector} sees", pages.picture_grid(titles, rows), note)
@@ -153,7 +155,10 @@ def _curves(results: Results) -> str:
         )
         for axis in varied
     )
-    note = "AP@0.5, mean over detectors, of the frames that share a value (nominal camera, before jitter)."
+    note = (
+        "AP@0.5, mean over detectors, of all frames that share a value, whatever else they vary in (nominal camera, "
+        "before jitter)."
+    )
     if fixed:
         note += " Not varied in this data set: " + "; ".join(fixed) + "."
     body = pages.legend(plots.paint_colours(results)) + f'<div class="plots">{drawn}</div>'
