@@ -135,7 +135,8 @@ def _grid(results: Results, folder: Path, detector: str) -> str:
         rows[paint].append(pages.image(data, "image/jpeg", f"{paint}, {_caption(row)}, {detector}"))
     note = (
         f"Cut out around the vehicle; detections that score {PICTURE_THRESHOLD} or more. White dashes: ground truth. "
-        f"Green: the {settings.category} found. Red: a {settings.category} reported elsewhere. Amber: taken for something else."
+        f"Green: the {settings.category} found. Red: a {settings.category} reported elsewhere. "
+        "Amber: taken for something else."
     )
     titles = [_caption(results.frames[index]) for index in chosen]
     return pages.section(f"What {detector} sees", pages.picture_grid(titles, rows), note)
