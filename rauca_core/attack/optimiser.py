@@ -124,7 +124,8 @@ class Run:
         self.texels = _start(len(self.store.pyramid.texels), settings).requires_grad_()
         self.adam = torch.optim.Adam([self.texels], lr=settings.lr, fused=True)
         self.smooth = SmoothLoss(self.store.pyramid.texels, settings.map_size)
-        self.identity = {**settings.identity(), "detector": detector.name, "frames": _digest(dataset, self.store)}
+        frames = _digest(dataset, self.store)
+        self.identity = {**settings.identity(), "detector": detector.fingerprint, "frames": frames}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
 
     def advance(self) -> StepReport:
@@ -149,10 +150,11 @@ class Run:
             with torch.no_grad():
                 self.texels.clamp_(0.0, 1.0)
         self.step, self.last_image = self.step + 1, images[0].detach()
-        loss = settings.alpha * detected.attack + settings.beta * float(smooth)
+        roughness = float(smooth.detach())
+        loss = settings.alpha * detected.attack + settings.beta * roughness
         seconds = time.perf_counter() - begin
         return StepReport(
-            self.step, settings.steps, loss, detected.attack, float(smooth), detected.score, seconds, detector_seconds
+            self.step, settings.steps, loss, detected.attack, roughness, detected.score, seconds, detector_seconds
         )
 
     def limited(self) -> Tensor:

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.attack import Augmentation
+from rauca_core.attack.augmentation import BACKDROP
+from rauca_core.contract.seeding import named_rng
+
+
+@pytest.mark.parametrize(("width", "height"), [(96, 96), (120, 80)])
+def test_boxes_move_with_the_picture(width: int, height: int) -> None:
+    """A painted rectangle, found again after the move, fills its moved box."""
+    batch = 24
+    boxes = torch.tensor([[30.0, 28.0, 66.0, 52.0]]).repeat(batch, 1)
+    images = torch.full((batch, 3, height, width), BACKDROP)
+    images[:, :, 28:52, 30:66] = 1.0
+    roa = Augmentation.draw(named_rng("move", width), batch)
+    moved, found = roa.move_images(images), roa.move_boxes(boxes, width, height)
+    assert len(torch.unique(found, dim=0)) == batch
+    for image, box in zip(moved, found, strict=True):
+        rows, columns = np.nonzero(image[0].numpy() > BACKDROP + 0.25)
+        seen = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+        assert np.abs(seen - box.numpy()).max() <= 1.2
+
+
+def test_boxes_are_cut_to_the_image() -> None:
+    roa = Augmentation.draw(named_rng("cut"), 50)
+    boxes = roa.move_boxes(torch.tensor([[-5.0, 0.0, 64.0, 70.0]]).repeat(50, 1), 64, 64)
+    assert boxes.min() >= 0
+    assert boxes.max() <= 64
+    assert (boxes[:, 2:] >= boxes[:, :2]).all()
+
+
+def test_ranges_and_share_of_relit_images() -> None:
+    roa = Augmentation.draw(named_rng("ranges"), 4000)
+    scale = roa.matrix[:, :, 0].norm(dim=1)
+    angle = torch.atan2(roa.matrix[:, 1, 0], roa.matrix[:, 0, 0]).rad2deg()
+    assert scale.min() >= 0.7 - 1e-6
+    assert scale.max() <= 1.0 + 1e-6
+    assert 4.9 < angle.abs().max() <= 5.001
+    assert 0.095 < roa.matrix[:, :, 2].abs().max() <= 0.1
+    relit = (roa.contrast != 1) | (roa.brightness != 0)
+    assert 0.46 < relit.float().mean() < 0.54
+    assert roa.brightness.abs().max() <= 0.25
+    assert 0.75 <= roa.contrast.min() < roa.contrast.max() <= 1.5
+
+
+def test_same_name_same_draw() -> None:
+    images, boxes = torch.rand(3, 3, 32, 32), torch.tensor([[4.0, 4.0, 20.0, 20.0]]).repeat(3, 1)
+    one, two = (Augmentation.draw(named_rng(7, "roa", 2), 3)(images, boxes) for _ in range(2))
+    assert torch.equal(one[0], two[0])
+    assert torch.equal(one[1], two[1])
+    assert not torch.equal(one[0], Augmentation.draw(named_rng(7, "roa", 3), 3)(images, boxes)[0])
+
+
+def test_gradient_reaches_the_image() -> None:
+    roa = Augmentation.draw(named_rng("gradient"), 1)
+    images = (torch.rand(1, 3, 6, 6, dtype=torch.float64) * 0.4 + 0.3).requires_grad_()
+    boxes = torch.tensor([[1.0, 1.0, 4.0, 4.0]], dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda x: roa(x, boxes)[0], images)

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rauca_core.attack import plain_camouflage, random_camouflage
+from rauca_core.attack.baselines import texel_metres
+from rauca_core.contract import RaucaError, Vehicle, load_camouflage
+from rauca_core.images import read_image
+from rauca_core.render.coverage import texel_coverage
+
+
+def test_random_paint_is_uniform_per_cell(box_vehicle: Vehicle, tmp_path: Path) -> None:
+    random_camouflage(tmp_path / "a.json", box_vehicle, size=256, seed=1, cell=4)
+    camouflage, image = load_camouflage(tmp_path / "a.json")
+    pixels = read_image(image)
+    inside = (texel_coverage(box_vehicle, 256) > 0).reshape(64, 4, 64, 4).all((1, 3))
+    cells = pixels.reshape(64, 4, 64, 4, 3).transpose(0, 2, 1, 3, 4)[inside]
+    assert (cells == cells[:, :1, :1]).all()
+    assert np.allclose(cells[:, 0, 0].mean(0), 127.5, atol=8)
+    assert cells.min() < 3
+    assert cells.max() > 252
+    camouflage.check_fits(box_vehicle.atlas_id, "test")
+    assert camouflage.made["cell_texels"] == 4
+    # 0.4 of the map, 102.4 texels, spans walls of 4 x 1.5 m and 2 x 1.5 m.
+    assert camouflage.made["cell_metres"] == pytest.approx(4 * np.sqrt(18 / 4) / 102.4, rel=1e-4)
+    assert texel_metres(box_vehicle, 512) == pytest.approx(camouflage.made["cell_metres"] / 8, rel=1e-3)
+    random_camouflage(tmp_path / "b.json", box_vehicle, size=256, seed=1, cell=4)
+    random_camouflage(tmp_path / "c.json", box_vehicle, size=256, seed=2, cell=4)
+    assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()
+    assert (tmp_path / "c.png").read_bytes() != (tmp_path / "a.png").read_bytes()
+    with pytest.raises(RaucaError, match="cell"):
+        random_camouflage(tmp_path / "d.json", box_vehicle, size=256, cell=0)
+
+
+def test_plain_paint_is_one_colour(box_vehicle: Vehicle, tmp_path: Path) -> None:
+    plain_camouflage(tmp_path / "grey.json", box_vehicle, (12, 140, 255))
+    camouflage, image = load_camouflage(tmp_path / "grey.json")
+    assert (read_image(image) == (12, 140, 255)).all()
+    assert camouflage.method == "plain"
+    with pytest.raises(RaucaError, match="8-bit"):
+        plain_camouflage(tmp_path / "bad.json", box_vehicle, (0, 0, 300))

@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.attack import OptimiserSettings, make_settings, optimise, read_history
+from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
+from rauca_core.contract.seeding import named_seed
+from rauca_core.images import read_image
+
+
+def settings(**chosen: Any) -> OptimiserSettings:
+    small = {"steps": 8, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03}
+    return make_settings(**(small | chosen))
+
+
+def texels(out: Path) -> torch.Tensor:
+    return load_checkpoint(out / CHECKPOINTS).tensors["texels"]
+
+
+def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    seen = []
+    chosen = settings(steps=40, roa=False, batch=6, start="plain", name="mine")
+    path = optimise(dataset, small_detector, chosen, tmp_path / "out", on_step=seen.append)
+    assert [r.step for r in seen] == list(range(1, 41))
+    assert seen[-1].attack < 0.9 * seen[0].attack
+    assert all(0 < r.detector_seconds < r.seconds for r in seen)
+    camouflage, image = load_camouflage(path)
+    assert camouflage.atlas_id == dataset.plan.atlas_id
+    assert (camouflage.name, camouflage.method, camouflage.size) == ("mine", "rauca", 64)
+    assert camouflage.made["steps"] == 40
+    assert camouflage.made["detector"] == "small"
+    pixels = read_image(image)
+    assert pixels.shape == (64, 64, 3)
+    assert pixels.std() > 1
+    history = read_history(tmp_path / "out")
+    assert [h["loss"] for h in history] == [r.loss for r in seen]
+    assert seen[0].loss == pytest.approx(seen[0].attack + 0.01 * seen[0].smooth)
+    assert list((tmp_path / "out" / "tensorboard").iterdir())
+
+
+@pytest.mark.parametrize("limit", ["project", "clamp"])
+def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str) -> None:
+    optimise(dataset, small_detector, settings(limit=limit), tmp_path / "whole")
+
+    class PowerCutError(Exception):
+        pass
+
+    def cut(report: Any) -> None:
+        if report.step == 5:
+            raise PowerCutError
+
+    with pytest.raises(PowerCutError):
+        optimise(dataset, small_detector, settings(limit=limit), tmp_path / "parts", on_step=cut)
+    steps = []
+    again = optimise(
+        dataset, small_detector, settings(limit=limit), tmp_path / "parts", lambda r: steps.append(r.step), resume=True
+    )
+    assert steps == [4, 5, 6, 7, 8]  # the checkpoint was made after step 3
+    assert torch.equal(texels(tmp_path / "whole"), texels(tmp_path / "parts"))
+    assert again.with_suffix(".png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
+    for one, two in zip(read_history(tmp_path / "whole"), read_history(tmp_path / "parts"), strict=True):
+        assert {k: one[k] for k in ("step", "loss", "score")} == {k: two[k] for k in ("step", "loss", "score")}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_stop_signal_leaves_a_checkpoint(
+    dataset: Dataset, small_detector: Any, tmp_path: Path, number: signal.Signals
+) -> None:
+    def stop(report: Any) -> None:
+        if report.step == 4:
+            os.kill(os.getpid(), number)
+
+    before = signal.getsignal(number)
+    with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*--resume"):
+        optimise(dataset, small_detector, settings(), tmp_path / "out", on_step=stop)
+    assert signal.getsignal(number) == before
+    assert load_checkpoint(tmp_path / "out" / CHECKPOINTS).step == 4
+    assert len(read_history(tmp_path / "out")) == 4
+    optimise(dataset, small_detector, settings(), tmp_path / "out", resume=True)
+    assert len(read_history(tmp_path / "out")) == 8
+
+
+def test_runs_outside_the_main_thread(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    thread = threading.Thread(target=optimise, args=(dataset, small_detector, settings(steps=1), tmp_path / "out"))
+    thread.start()
+    thread.join()
+    assert (tmp_path / "out" / "camouflage.json").is_file()
+
+
+def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    bad = dataset.frames()[4].id
+    broken, calls = small_detector.dense, []
+
+    def dense(images: torch.Tensor) -> Any:
+        calls.append(len(images))
+        found = broken(images)
+        return replace(
+            found, objectness=found.objectness * torch.where(images.new_ones(6, 1).cumsum(0) == 5, torch.nan, 1)
+        )
+
+    small_detector.dense = dense
+    with pytest.raises(RaucaError, match=r"step 1: .* not finite on frame L00-"):
+        optimise(dataset, small_detector, settings(batch=6), tmp_path / "out")
+    assert calls == [6]
+
+    frame = load_frame(dataset.frame_folder(bad))
+    maps = np.full((64, 64, 3), np.nan, np.float32)
+    flat = np.zeros((64, 64), np.float32)
+    save_frame(
+        dataset.frame_folder(bad), frame, FramePasses(flat[..., None].repeat(3, 2), flat, flat, flat, maps, maps)
+    )
+    small_detector.dense = broken
+    with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN"):
+        optimise(dataset, small_detector, settings(batch=6), tmp_path / "other")
+
+
+def test_projection_keeps_every_texel_alive(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    shared = {"steps": 30, "lr": 0.2, "checkpoint_every": 30}
+    optimise(dataset, small_detector, settings(**shared), tmp_path / "project")
+    optimise(dataset, small_detector, settings(**shared, limit="clamp"), tmp_path / "clamp")
+    projected, clamped = texels(tmp_path / "project"), texels(tmp_path / "clamp")
+    assert projected.min() >= 0
+    assert projected.max() <= 1
+    assert clamped.min() < 0 or clamped.max() > 1
+
+
+def test_frames_without_a_box_are_skipped(
+    dataset: Dataset, small_detector: Any, tmp_path: Path, box_vehicle: Vehicle
+) -> None:
+    for frame in dataset.frames()[1:]:
+        folder = dataset.frame_folder(frame.id)
+        fields = json.loads((folder / "frame.json").read_text())
+        (folder / "frame.json").write_text(json.dumps({**fields, "box_xyxy": None}))
+        (folder / "passes.npz").unlink()  # must not even be opened
+    optimise(dataset, small_detector, settings(steps=2), tmp_path / "out")
+    first = dataset.frame_folder(dataset.frames()[0].id) / "frame.json"
+    first.write_text(json.dumps({**json.loads(first.read_text()), "box_xyxy": None}))
+    with pytest.raises(RaucaError, match="no finished frame shows the vehicle"):
+        optimise(dataset, small_detector, settings(steps=2), tmp_path / "none")
+
+
+def test_wrong_conditions_are_refused(
+    dataset: Dataset, small_detector: Any, tmp_path: Path, dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(RaucaError, match="no run"):
+        optimise(dataset, small_detector, settings(), out, resume=True)
+    optimise(dataset, small_detector, settings(steps=1), out)
+    with pytest.raises(RaucaError, match="resume it or choose another folder"):
+        optimise(dataset, small_detector, settings(), out)
+    with pytest.raises(RaucaError, match="another lr, seed;"):
+        optimise(dataset, small_detector, settings(lr=0.5, seed=9), out, resume=True)
+    (tensors,) = (out / CHECKPOINTS).glob("*.safetensors")
+    tensors.write_bytes(tensors.read_bytes()[:100])
+    with pytest.raises(RaucaError, match="damaged"):
+        optimise(dataset, small_detector, settings(), out, resume=True)
+    with pytest.raises(RaucaError, match="knows no class 'plane'"):
+        optimise(dataset, small_detector, settings(target="plane"), tmp_path / "plane")
+    dark = dataset_factory(tmp_path / "dark", box_vehicle, 64, (40.0,), light=False)
+    with pytest.raises(RaucaError, match="without light maps"):
+        optimise(dark, small_detector, settings(), tmp_path / "nolight")
+
+
+def test_settings_name_what_is_wrong() -> None:
+    with pytest.raises(RaucaError, match=r"lr: .*-1"):
+        make_settings(lr=-1)
+    with pytest.raises(RaucaError, match="stepz"):
+        make_settings(stepz=3)
+
+
+def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    torch.manual_seed(123)  # global state must not matter
+    optimise(dataset, small_detector, settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
+    found = texels(tmp_path / "out")
+    wanted = torch.rand(found.shape, generator=torch.Generator().manual_seed(named_seed(5, "start")))
+    assert torch.allclose(found, wanted, atol=1e-6)
