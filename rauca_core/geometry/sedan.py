@@ -12,9 +12,12 @@ from ..contract.assets import assets_folder
 from .mesh import MeshParts, crease_normals
 from .sedan_body import Body
 from .sedan_parts import add_box, add_mirror, add_plate, add_wheel
+from .sedan_trim import add_trim
 from .unwrap import unwrap
 
 CREASE_DEG = 38.0
+CENTRAL_PANELS = ("nose", "tail", "bonnet", "roof", "boot")
+GRID_M = 2.0**-16  # vertices are rounded to this, so that every machine hands xatlas the same bits
 MATERIALS = [
     Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6),
     Material("glass", "glass", (0.012, 0.014, 0.018), roughness=0.04),
@@ -29,6 +32,10 @@ MATERIALS = [
     Material("taillamp", "taillamp", (0.36, 0.006, 0.010), roughness=0.12, coat=0.5),
     Material("chrome", "rim", (0.70, 0.70, 0.72), roughness=0.12, metallic=1.0),
     Material("mirror", "trim", (0.03, 0.03, 0.032), roughness=0.25),
+    Material("grille", "trim", (0.010, 0.010, 0.011), roughness=0.35),
+    Material("lens", "other", (0.20, 0.21, 0.22), roughness=0.06, coat=0.5),
+    Material("reverse", "other", (0.55, 0.50, 0.50), roughness=0.10, coat=0.5),
+    Material("reflector", "other", (0.30, 0.005, 0.008), roughness=0.15),
     Material("plate", "plate", (0.75, 0.75, 0.72), roughness=0.45),
     Material("ink", "other", (0.01, 0.01, 0.012), roughness=0.5),
 ]
@@ -38,7 +45,9 @@ def build_sedan() -> Vehicle:
     """Build, unwrap and name the sedan; deterministic."""
     profile = read_profile()
     half = MeshParts()
-    half.extend(Body(profile).parts())
+    body = Body(profile)
+    half.extend(body.parts())
+    add_trim(half, body)
     for x in (profile["wheels"]["front_x"], profile["wheels"]["rear_x"]):
         add_wheel(half, profile["wheels"], x)
     add_mirror(half)
@@ -51,6 +60,9 @@ def build_sedan() -> Vehicle:
     add_plate(whole, -2.300, 0.800, -1)
     positions, triangles, names = whole.welded()
     positions = positions - [np.ptp(positions[:, 0]) / 2 + positions[:, 0].min(), 0.0, positions[:, 2].min()]
+    positions = np.round(positions / GRID_M) * GRID_M
+    panels, sides = np.char.partition(names, "/")[:, 2], positions[triangles][..., 1].sum(axis=1) > 0
+    names = np.char.partition(names, "/")[:, 0]
     index = {material.name: i for i, material in enumerate(MATERIALS)}
     vehicle = Vehicle(
         name="sedan",
@@ -64,7 +76,9 @@ def build_sedan() -> Vehicle:
         source="rauca procedural sedan (assets/vehicles/sedan.toml)",
         licence="Apache-2.0",
     )
-    return unwrap(vehicle)
+    whole_panels = np.isin(panels, CENTRAL_PANELS)
+    groups = np.unique(np.char.add(panels, np.where(whole_panels | ~sides, "", " left")), return_inverse=True)[1]
+    return unwrap(vehicle, groups=groups)
 
 
 def read_profile() -> dict[str, Any]:

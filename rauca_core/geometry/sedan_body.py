@@ -54,11 +54,13 @@ class Body:
 
     def parts(self) -> MeshParts:
         """The left half of the body's skin, its floor and wheel housings."""
+        from .sedan_panels import deck_materials, wall_materials
+
         parts = MeshParts()
         wall, deck = self._wall_points(), self._deck_points
-        parts.grid(wall, self._wall_materials(wall), flip=True)
+        parts.grid(wall, wall_materials(self, wall), flip=True)
         points = deck(wall[:, -1])
-        parts.grid(points, self._deck_materials(points), flip=True)
+        parts.grid(points, deck_materials(self), flip=True)
         edge = wall[:, 0]
         parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody", flip=True)
         return parts
@@ -75,6 +77,23 @@ class Body:
         xy[..., 1] = np.where(xy[..., 1] < 1e-6, 0.0, xy[..., 1])
         return np.concatenate([xy, z[..., None]], axis=-1)
 
+    def ribbon(self, places: tuple[float, float], heights: tuple[float, float], lift: float) -> Points:
+        """Vertices of a strip that stands ``lift`` metres proud of the wall, between two places and two heights."""
+        count = max(2, int(abs(places[1] - places[0]) / 0.04))
+        place = np.linspace(*places, count + 1)[:, None] * np.ones(4)
+        edge = min(0.3 * (heights[1] - heights[0]), lift)
+        z = np.array([heights[0], heights[0] + edge, heights[1] - edge, heights[1]]) * np.ones_like(place)
+        normal = np.stack([np.interp(place, self._place, self._normal[:, i]) for i in (0, 1)], axis=-1)
+        points = self.skin(place, z)
+        points[..., :2] += normal * (np.array([-0.004, lift, lift, -0.004]))[:, None]
+        points[..., 1] = np.where(place == 0.0, 0.0, points[..., 1])
+        return points
+
+    @property
+    def tail_place(self) -> float:
+        """Place of the tail's middle; the nose's is 0."""
+        return float(self._place[-1])
+
     def place_of_x(self, x: Points) -> Points:
         """Places along the outline of the side's points by x."""
         side = slice(*np.searchsorted(-self._outline[:, 0], [-self._outline[8, 0], -self._outline[-8, 0]]))
@@ -86,7 +105,7 @@ class Body:
         front = np.array(plan["front_columns"][:0:-1]) * corners[0]
         end = self._place[-1]
         rear = end - np.array(plan["rear_columns"][1:]) * (end - corners[1])
-        x = self._side_x()
+        x = self.side_x()
         bottom_x, floor = x.copy(), np.full(len(x), np.nan)
         radius, hub = wheels["arch_radius"], wheels["radius"]
         for centre in (wheels["front_x"], wheels["rear_x"]):
@@ -109,7 +128,7 @@ class Body:
             top, bottom, np.fmax(np.where(np.isnan(floor), sill, floor), sill), len(front) + 1, len(rear) + 1
         )
 
-    def _side_x(self) -> Points:
+    def side_x(self) -> Points:
         """x of the side's columns, front to rear: features exactly, arches densely, the rest evenly."""
         plan, features, wheels = self.profile["plan"], self.profile["features"], self.profile["wheels"]
         half = features["gap"] / 2
@@ -155,7 +174,7 @@ class Body:
     def _top_row(self) -> Points:
         """Height of the wall's upper edge: the belt on the sides, the deck's end on nose and tail."""
         columns = self.columns
-        side = self._side_x()
+        side = self.side_x()
         belt = monotone_curve(self.deck_table["belt"], side)
         top = monotone_curve(self.deck_table["top"], side)
         shape = self.deck_table["flat_height"][1:]
@@ -170,7 +189,7 @@ class Body:
         front, rear = columns.front, columns.rear
         side = edge[front - 1 : len(edge) - rear + 1]
         nose, tail = edge[:front][::-1], edge[len(edge) - rear :]
-        x = self._side_x()
+        x = self.side_x()
         height = monotone_curve(table["top"], x) - side[:, 2]
         cabin = np.clip((height - table["cabin_height"][0]) / np.ptp(table["cabin_height"]), 0, 1)[:, None]
         width = (1 - cabin) * table["flat_width"] + cabin * table["roof_width"]
@@ -182,51 +201,3 @@ class Body:
         width = width + ahead * (nose[:, 1] / nose[0, 1] - width) + behind * (tail[:, 1] / tail[0, 1] - width)
         bow = ahead * (nose[:, 0] - nose[0, 0]) + behind * (tail[:, 0] - tail[0, 0])
         return np.stack([side[:, :1] + bow, width * side[:, 1:2], side[:, 2:] + height[:, None] * rise], axis=-1)
-
-    def _wall_materials(self, wall: Points) -> Names:
-        """(columns - 1, rows - 1) material of each cell of the wall."""
-        features, columns = self.profile["features"], self.columns
-        splits = np.array(self.profile["wall"]["splits"])
-        row = np.repeat(np.arange(len(splits)), splits)[None, :]
-        top = wall[:, -1]
-        x = 0.5 * (columns.top[1:] + columns.top[:-1])[:, None]
-        count = len(columns.top) - 1
-        index = np.arange(count)[:, None]
-        nose, tail = index < columns.front - 1, index >= count - (columns.rear - 1)
-        place = self.place_of_x(np.array([features["headlamp_to_x"], features["taillamp_to_x"]]))
-        y = 0.5 * (top[1:, 1] + top[:-1, 1])[:, None]
-        names = np.full((count, row.shape[1]), "paint", dtype="U32")
-        names[np.broadcast_to(row == 0, names.shape)] = "trim"
-        names[(row == 1) & nose & (y < 0.58)] = "trim"
-        names[(row == 3) & tail] = "gap"
-        names[(row >= 4) & (row <= 5) & nose & (y < 0.44)] = "trim"
-        names[(row == 5) & (x < place[0]) & ~(nose & (y < 0.46))] = "headlamp"
-        names[(row == 5) & (x > place[1]) & ~(tail & (y < 0.40))] = "taillamp"
-        names[(row > 0) & self._is_gap(columns.top, features["door_gaps"])[:, None]] = "gap"
-        return names
-
-    def _is_gap(self, places: Points, gaps: list[float]) -> NDArray[np.bool_]:
-        """(columns - 1,) True between the two columns that border a shut line."""
-        middle = 0.5 * (places[1:] + places[:-1])
-        return (np.abs(middle[:, None] - self.place_of_x(np.array(gaps))) < 0.002).any(axis=1)
-
-    def _deck_materials(self, deck: Points) -> Names:
-        """(stations - 1, lines - 1) material of each cell of the deck."""
-        features = self.profile["features"]
-        x = self._side_x()
-        middle = 0.5 * (x[1:] + x[:-1])[:, None]
-        line = np.arange(deck.shape[1] - 1)[None, :]
-
-        def between(pair: list[float]) -> NDArray[np.bool_]:
-            return (middle < pair[0]) & (middle > pair[1])
-
-        names = np.full((len(x) - 1, deck.shape[1] - 1), "paint", dtype="U32")
-        names[between(features["side_glass"]) & (line >= 2) & (line <= 4)] = "glass"
-        for pair in features["pillars"]:
-            names[between(pair) & (line >= 2) & (line <= 4)] = "trim"
-        for pair in (features["windscreen"], features["rear_window"]):
-            names[between(pair) & (line >= 7)] = "glass"
-        names[between([features["bonnet_gap"], features["windscreen"][0]]) & (line >= 7)] = "trim"
-        for gap in (features["bonnet_gap"], features["boot_gap"]):
-            names[(np.abs(middle - gap) < 0.002) & (line >= 4)] = "gap"
-        return names

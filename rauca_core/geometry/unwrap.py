@@ -8,14 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError, Vehicle
+from .atlas import chart_of_faces, density_spread, signed_uv_area
+from .mesh import face_normals
+from .pack import pack_charts
 from .raster import covered
 
 ATLAS_SIZE = 1024
 PADDING_TEXELS = 4
+MAX_COSTS = (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # of xatlas: large charts first, smaller ones where they stretch too much
+SPREAD_LIMIT = 0.05  # of the texel density within a chart, see `atlas.density_spread`
 MASK_DILATION = 1  # texels; bilinear reads on a chart's border then meet paint only
 
 
-def unwrap(vehicle: Vehicle, size: int = ATLAS_SIZE, padding: int = PADDING_TEXELS) -> Vehicle:
+def unwrap(
+    vehicle: Vehicle,
+    size: int = ATLAS_SIZE,
+    padding: int = PADDING_TEXELS,
+    groups: NDArray[np.int64] | None = None,
+) -> Vehicle:
     """Give the paint faces a UV atlas of their own, and the paint mask that goes with it.
 
     Charts do not overlap, share one texel density and lie at least ``padding`` empty texels apart (the mask spreads
@@ -23,6 +33,7 @@ def unwrap(vehicle: Vehicle, size: int = ATLAS_SIZE, padding: int = PADDING_TEXE
 
     Args:
         size: of the square atlas, texels.
+        groups: (F,) faces of different groups never share a chart, e.g. body panels; None leaves the cuts to xatlas.
 
     Returns:
         A copy of the vehicle with new ``uvs``, ``paint_mask`` and ``padding_texels``, without base texture.
@@ -34,7 +45,13 @@ def unwrap(vehicle: Vehicle, size: int = ATLAS_SIZE, padding: int = PADDING_TEXE
     if not paint.any():
         raise RaucaError(f"vehicle {vehicle.name}: no face has a paint material, nothing to unwrap")
     uvs = np.zeros_like(vehicle.uvs)
-    uvs[paint] = _atlas(vehicle.positions, vehicle.triangles[paint], size, padding)
+    faces = vehicle.triangles[paint]
+    parts = np.zeros(len(faces), np.int64) if groups is None else groups[paint]
+    for max_cost in MAX_COSTS:
+        flat, chart = _charts(vehicle.positions, faces, parts, max_cost)
+        if density_spread(flat, vehicle.positions, faces, chart).max() <= SPREAD_LIMIT:
+            break
+    uvs[paint] = pack_charts(flat, chart, size, padding)
     return replace(vehicle, uvs=uvs, paint_mask=chart_mask(uvs[paint], size), padding_texels=padding, base_texture=None)
 
 
@@ -53,32 +70,30 @@ def chart_mask(uvs: NDArray[np.float32], size: int) -> NDArray[np.uint8]:
     return np.where(mask, 255, 0).astype(np.uint8)
 
 
-def _atlas(positions: NDArray[np.float32], faces: NDArray[np.int32], size: int, padding: int) -> NDArray[np.float32]:
-    """UVs (F, 3, 2) of faces, packed as densely as fits one page of ``size`` texels."""
+def _charts(
+    positions: NDArray[np.float32], faces: NDArray[np.int32], groups: NDArray[np.int64], max_cost: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Charts of faces, in metres: UVs (F, 3, 2), each chart scaled to its true area, and the chart of each face."""
     import xatlas
 
-    used, compact = np.unique(faces, return_inverse=True)
-    mesh = (positions[used].astype(np.float32), compact.reshape(-1, 3).astype(np.uint32))
-    charts = xatlas.ChartOptions()
-    charts.max_cost, charts.normal_deviation_weight = 2.0, 2.0
-    charts.max_iterations = 4
-    pack = xatlas.PackOptions()
-    pack.padding, pack.resolution, pack.bilinear, pack.bruteForce = padding, size, True, False
-    area = (
-        np.linalg.norm(np.cross(*(mesh[0][mesh[1][:, i]] - mesh[0][mesh[1][:, 0]] for i in (1, 2))), axis=1).sum() / 2
-    )
-    low, high, best = 0.0, size / np.sqrt(area), None
-    for _ in range(6):
-        pack.texels_per_unit = (low + high) / 2
+    options = xatlas.ChartOptions()
+    options.max_cost = max_cost
+    uvs = np.zeros((len(faces), 3, 2))
+    charts = np.zeros(len(faces), np.int64)
+    total = 0
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        used, compact = np.unique(faces[members], return_inverse=True)
         atlas = xatlas.Atlas()
-        atlas.add_mesh(*mesh)
-        atlas.generate(charts, pack)
-        if atlas.atlas_count == 1 and max(atlas.width, atlas.height) <= size:
-            low, best = pack.texels_per_unit, atlas
-        else:
-            high = pack.texels_per_unit
-    if best is None:
-        raise RaucaError("the paint does not fit a UV atlas; simplify the mesh")
-    _, indices, uv = best[0]
-    scaled = uv * (np.array([best.width, best.height]) / size)
-    return scaled[indices].astype(np.float32)
+        atlas.add_mesh(positions[used].astype(np.float32), compact.reshape(-1, 3).astype(np.uint32))
+        atlas.generate(options)
+        if atlas.chart_count == 0:
+            raise RaucaError("xatlas finds no charts on the paint; remove degenerate faces")
+        _, indices, flat = atlas[0]
+        uvs[members] = (flat * np.array([atlas.width, atlas.height], np.float64))[indices]
+        chart = chart_of_faces(faces[members], (uvs[members] / 4096).astype(np.float32))
+        charts[members] = chart + total
+        total += int(chart.max()) + 1
+    _, area = face_normals(positions, faces)
+    ratio = np.bincount(charts, area) / np.maximum(np.bincount(charts, np.abs(signed_uv_area(uvs))), 1e-30)
+    return uvs * np.sqrt(ratio)[charts][:, None, None], charts

@@ -1,0 +1,147 @@
+"""Packs charts into one square page, tightly: every place is tried, in several rotations.
+
+xatlas packs the few large charts of a car to about 50 %; trying every place on a bitmap gains a fifth more texels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import RaucaError
+from .raster import covered
+
+Points = NDArray[np.float64]
+Habit = tuple[tuple[float, float, float], str]
+CELL_TEXELS = 4  # charts are placed on a lattice of this pitch
+ROTATIONS = 4
+# Ways to choose among free places: weights of the larger extent reached, of rows and of columns; then the order.
+HABITS = [
+    (weights, order)
+    for weights in ((0.0, 1.0, 0.01), (1.0, 0.2, 0.2), (0.0, 1.0, 0.6), (0.0, 0.5, 1.0))
+    for order in ("extent", "area")
+]
+SEARCH_STEPS = 7
+
+
+def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) -> Points:
+    """Place charts on a page at the largest common scale that fits.
+
+    Args:
+        uvs: (F, 3, 2) per corner, each chart in a plane of its own, all in one unit of length.
+        chart: (F,) chart of each face.
+        size, padding: page and least distance between charts and from the border, texels.
+
+    Returns:
+        (F, 3, 2) UVs in [0, 1].
+    """
+    members = [uvs[chart == k] for k in range(int(chart.max()) + 1)]
+    area = sum(_area(m) for m in members)
+    low, high = 0.2, 0.9  # of the page filled by charts
+    best = None
+    for _ in range(SEARCH_STEPS):
+        fraction = (low + high) / 2
+        scale = size * np.sqrt(fraction / area)
+        tries = (_place_all(members, scale, size, padding, habit) for habit in HABITS)
+        placed = next((t for t in tries if t is not None), None)
+        if placed is None:
+            high = fraction
+        else:
+            low, best = fraction, placed
+    if best is None:
+        raise RaucaError(
+            f"the paint's {len(members)} charts do not fit {size} texels; join parts or use a larger atlas"
+        )
+    result = np.empty_like(uvs)
+    for k, points in enumerate(best):
+        result[chart == k] = points / size
+    return result
+
+
+def _place_all(members: list[Points], scale: float, size: int, padding: int, habit: Habit) -> list[Points] | None:
+    """Texel positions of every chart at one scale, largest chart first; None when they do not fit."""
+    gap = -(-padding // CELL_TEXELS)
+    cells = size // CELL_TEXELS - 2 * gap
+    taken = np.zeros((cells, cells), np.bool_)
+    result: list[Points | None] = [None] * len(members)
+    weights, order = habit
+    big = [_area(m) if order == "area" else float(np.ptp(m, axis=(0, 1)).max()) for m in members]
+    for k in sorted(range(len(members)), key=lambda i: -round(big[i], 4)):
+        spot = _best_spot(members[k] * scale, taken, weights)
+        if spot is None:
+            return None
+        points, mask, row, column = spot
+        wide = _dilate(np.pad(mask, gap), gap)
+        top, left = max(row - gap, 0), max(column - gap, 0)
+        bottom, right = min(row + mask.shape[0] + gap, cells), min(column + mask.shape[1] + gap, cells)
+        taken[top:bottom, left:right] |= wide[
+            top - row + gap : bottom - row + gap, left - column + gap : right - column + gap
+        ]
+        result[k] = points + (np.array([column, row]) + gap) * CELL_TEXELS
+    return [np.asarray(points) for points in result]
+
+
+def _best_spot(
+    points: Points, taken: NDArray[np.bool_], weights: tuple[float, float, float]
+) -> tuple[Points, NDArray[np.bool_], int, int] | None:
+    """The rotation and free place that keep a chart closest to the page's first corner."""
+    cells = len(taken)
+    occupied = np.fft.rfft2(taken.astype(np.float64))
+    best, spot = np.inf, None
+    lean = _lean(points)
+    for turn in range(ROTATIONS):
+        angle = turn * 2 * np.pi / ROTATIONS - lean
+        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        turned = points @ rotation.T
+        turned += 0.02 - turned.min(axis=(0, 1))  # a little inside its cells: touching counts as covering
+        height, width = (int(np.ceil(turned[..., i].max() / CELL_TEXELS + 0.02)) for i in (1, 0))
+        if max(height, width) > cells:
+            continue
+        mask = _bitmap(turned, height, width)
+        page = np.zeros((cells, cells))
+        page[:height, :width] = mask
+        hits = np.fft.irfft2(occupied * np.conj(np.fft.rfft2(page)), s=(cells, cells))
+        free = hits[: cells - height + 1, : cells - width + 1] < 0.5
+        rows, columns = np.nonzero(free)
+        if len(rows) == 0:
+            continue
+        down, right = rows + height, columns + width
+        reach = weights[0] * np.maximum(down, right) + weights[1] * down + weights[2] * right
+        first = int(np.argmin(reach))
+        if reach[first] < best - 1e-6:
+            best, spot = reach[first], (turned, mask, int(rows[first]), int(columns[first]))
+    return spot
+
+
+def _bitmap(points: Points, height: int, width: int) -> NDArray[np.bool_]:
+    """(height, width) lattice cells that a chart touches, row 0 at y = 0."""
+    side = max(height, width)
+    unit = points / (side * CELL_TEXELS)
+    cells, _ = covered(np.stack([unit[..., 0], 1 - unit[..., 1]], axis=-1), side, conservative=True)
+    mask = np.zeros(side * side, np.bool_)
+    mask[cells] = True
+    return mask.reshape(side, side)[:height, :width]
+
+
+def _dilate(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    for axis in (0, 1):
+        wide = mask.copy()
+        for shift in range(1, steps + 1):
+            for sign in (-1, 1):
+                wide |= np.roll(mask, sign * shift, axis)
+        mask = wide
+    return mask
+
+
+def _lean(points: Points) -> float:
+    """Angle of the box of least area around a chart, radians."""
+    flat = points.reshape(-1, 2)
+    angles = np.linspace(0, np.pi / 2, 90, endpoint=False)
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    x, y = flat[:, 0] * c + flat[:, 1] * s, flat[:, 1] * c - flat[:, 0] * s
+    return float(angles[np.argmin(np.round(np.ptp(x, axis=1) * np.ptp(y, axis=1), 6))])
+
+
+def _area(uvs: Points) -> float:
+    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    return float(np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum() / 2)

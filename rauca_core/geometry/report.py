@@ -1,0 +1,111 @@
+"""How good a UV atlas is, in figures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Vehicle
+from .atlas import chart_of_faces, density_spread, signed_uv_area
+from .mesh import face_normals
+from .raster import covered
+
+PADDING_SEARCH = 16  # texels; a wider gap is reported as this
+
+
+@dataclass(frozen=True)
+class AtlasReport:
+    """Figures of the paint's UV atlas, at the size of the paint mask.
+
+    Attributes:
+        charts: connected pieces of the atlas.
+        overlap: texels whose centre lies inside more than one face, as a fraction of those inside any.
+        density_spread: (charts,) area-weighted coefficient of variation, over the faces of one chart, of the texel
+            density ``sqrt(uv area / surface area)``; 0 keeps every distance ratio of areas exactly.
+        density_of_charts: coefficient of variation of the charts' mean densities, weighted by area.
+        padding_texels: least number of untouched texels between two charts, up to ``PADDING_SEARCH``.
+        border_texels: least number of untouched texels between a chart and the border of the atlas.
+        utilisation: fraction of the atlas's texels whose centre lies inside a face.
+        out_of_range: corners outside [0, 1].
+        degenerate: faces of no UV area, or mirrored against the majority of their chart.
+    """
+
+    charts: int
+    overlap: float
+    density_spread: tuple[float, ...]
+    density_of_charts: float
+    padding_texels: int
+    border_texels: int
+    utilisation: float
+    out_of_range: int
+    degenerate: int
+
+    @property
+    def worst_spread(self) -> float:
+        """The largest density spread of any chart."""
+        return max(self.density_spread, default=0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def atlas_report(vehicle: Vehicle) -> AtlasReport:
+    """Measure the UV atlas of a vehicle's paint faces at the paint mask's size."""
+    paint = vehicle.paint_faces()
+    uvs = vehicle.uvs[paint].astype(np.float64)
+    faces, size = vehicle.triangles[paint], len(vehicle.paint_mask)
+    chart = chart_of_faces(faces, vehicle.uvs[paint])
+    charts = int(chart.max(initial=-1)) + 1
+    _, area = face_normals(vehicle.positions, faces)
+    uv_area = signed_uv_area(uvs)
+    density = np.sqrt(np.abs(uv_area) / np.maximum(area, 1e-30))
+    weight = np.bincount(chart, area, charts)
+    mean = np.bincount(chart, area * density, charts) / weight
+    spread = density_spread(uvs, vehicle.positions, faces, chart)
+    overall = np.average(mean, weights=weight)
+    majority = np.sign(np.bincount(chart, uv_area, charts))
+    texels, _ = covered(uvs, size, conservative=False)
+    unique = len(np.unique(texels))
+    padding, border = _clearances(uvs, chart, size)
+    return AtlasReport(
+        charts=charts,
+        overlap=(np.bincount(texels, minlength=1) > 1).sum() / max(unique, 1),
+        density_spread=tuple(np.round(spread, 5).tolist()),
+        density_of_charts=float(np.sqrt(np.average((mean - overall) ** 2, weights=weight)) / overall),
+        padding_texels=padding,
+        border_texels=border,
+        utilisation=unique / size**2,
+        out_of_range=int(((uvs < 0) | (uvs > 1)).any(axis=2).sum()),
+        degenerate=int((uv_area * majority[chart] <= 0).sum()),
+    )
+
+
+def _clearances(uvs: NDArray[np.float64], chart: NDArray[np.int64], size: int) -> tuple[int, int]:
+    """Least number of texels untouched by any face between two charts, and between a chart and the border."""
+    texels, faces = covered(uvs, size, conservative=True)
+    owner = np.full((size, size), -1, np.int64)
+    owner.ravel()[texels] = chart[faces]
+    if (owner.ravel()[texels] != chart[faces]).any():
+        padding = 0
+    else:
+        padding = next((d - 1 for d in range(1, PADDING_SEARCH + 1) if _touch(owner, d)), PADDING_SEARCH)
+    rows, columns = np.nonzero(owner >= 0)
+    edges = [rows.min(), columns.min(), size - 1 - rows.max(), size - 1 - columns.max()] if len(rows) else [size]
+    return padding, int(min(edges))
+
+
+def _touch(owner: NDArray[np.int64], distance: int) -> bool:
+    """True when texels of two charts lie ``distance`` apart (the larger of rows and columns)."""
+    size = len(owner)
+    ring = [(distance, k) for k in range(-distance, distance + 1)] + [(k, distance) for k in range(-distance, distance)]
+    for down, right in ring:
+        here = owner[: size - down if down >= 0 else size, max(0, -right) : size - max(0, right)]
+        there = owner[max(0, down) :, max(0, right) : size + min(0, right)]
+        if down < 0:
+            here, there = owner[-down:, : size - right], owner[: size + down, right:]
+        if ((here >= 0) & (there >= 0) & (here != there)).any():
+            return True
+    return False
