@@ -1,0 +1,67 @@
+"""The `rauca` command as users type it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from pipelines.blender_process import run_blender
+from rauca_core.contract import RaucaError
+
+
+def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from pipelines.cli import run; run()", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_every_command_is_listed():
+    listing = rauca("--help").stdout
+    for command in ("dataset", "optimize", "apply", "evaluate", "report", "demo", "weights", "bench", "doctor"):
+        assert command in listing
+
+
+def test_doctor_looks_at_everything():
+    report = rauca("doctor")
+    assert report.returncode in (0, 1)
+    for what in ("python", "torch", "bpy", "denoiser", "weights yolov3-tiny"):
+        assert what in report.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["report", "nowhere"], "nowhere: has no results.json"),
+        (["optimize", "nowhere", "--out", "x"], "nowhere: not a data set"),
+        (["optimize", "nowhere", "--out", "x", "--batch", "0"], "batch: input should be greater than"),
+        (["weights", "fetch", "yolov9"], "yolov9"),
+        (["evaluate", "nowhere", "--camouflage", "c.json", "--out", "x"], "nowhere: not a data set"),
+        (["apply", "c.json", "--out", "car.png"], "--out must end in .blend"),
+        (["dataset", "make", "--out", "x", "--vehicle", "no.obj"], "no.obj: no such vehicle"),
+        (["demo", "--blender", "/no/blender", "--out", "x"], "/no/blender: no such program"),
+    ],
+)
+def test_mistakes_are_one_line_with_exit_code_two(tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    refused = rauca(*arguments)
+    assert refused.returncode == 2
+    lines = [line for line in refused.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert "Traceback" not in refused.stderr
+
+
+def test_a_job_that_dies_is_told_with_its_reason(monkeypatch):
+    import pipelines.blender_process as process
+
+    def dies(code):
+        monkeypatch.setattr(process, "blender_command", lambda *_: [sys.executable, "-c", code])
+        run_blender("make_dataset", [], lambda _: None)
+
+    with pytest.raises(RaucaError, match="killed by SIGKILL"):
+        dies("import os; os.kill(os.getpid(), 9)")
+    with pytest.raises(RaucaError, match=r"stopped with code 3: RuntimeError: boom"):
+        dies("import sys; print('RuntimeError: boom', file=sys.stderr); sys.exit(3)")
+    with pytest.raises(RaucaError, match=r"^the disk is full$"):
+        dies("import sys; print('error: the disk is full', file=sys.stderr); sys.exit(2)")
