@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -42,5 +44,23 @@ def display(linear: Tensor) -> Tensor:
 
 def undisplay(srgb: Tensor) -> Tensor:
     """Decode sRGB values in [0, 1] to linear light; values beyond are clipped and have zero gradient."""
-    x = srgb.clamp(0.0, 1.0)
-    return torch.where(x <= _KNEE_SRGB, x / 12.92, ((x.clamp(min=_KNEE_SRGB) + 0.055) / 1.055).pow(2.4))
+    decoded: Tensor = _Decode.apply(srgb)
+    return decoded
+
+
+class _Decode(torch.autograd.Function):
+    """The whole UV map passes here at every step: one power serves the value and its slope."""
+
+    @staticmethod
+    def forward(ctx: Any, srgb: Tensor) -> Tensor:
+        base = (srgb.clamp(0.0, 1.0) + 0.055) / 1.055
+        power = base.pow(1.4)
+        low = srgb <= _KNEE_SRGB
+        inside = (srgb >= 0.0) & (srgb <= 1.0)
+        ctx.save_for_backward(torch.where(low, 1 / 12.92, power * (2.4 / 1.055)) * inside)
+        return torch.where(low, srgb.clamp(min=0.0) / 12.92, power * base)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> Tensor:
+        slope: Tensor = ctx.saved_tensors[0]
+        return slope * gradients[0]

@@ -64,7 +64,10 @@ def apply_many(operators: Sequence[SparseOperator], values: Tensor) -> Tensor:
     """Multiply ``values`` (columns, 3) by several operators and stack the results (sum of rows, 3).
 
     One call for a whole batch: the backward pass accumulates into a single buffer of texels.
+    Half precision is computed, and its gradient accumulated, in float32: fp16 would flush small sums to zero.
     """
+    if values.dtype in (torch.float16, torch.bfloat16):
+        values = values.float()
     function = _Numba if values.device.type == "cpu" else _Torch
     return function.apply(tuple(operators), values)
 

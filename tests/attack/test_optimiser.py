@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimiserSettings, make_settings, optimise, read_history
+from rauca_core.attack import OptimiserSettings, make_settings, optimise, optimiser, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimiser import CHECKPOINTS
 from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
@@ -150,6 +150,25 @@ def test_frames_without_a_box_are_skipped(
     first.write_text(json.dumps({**json.loads(first.read_text()), "box_xyxy": None}))
     with pytest.raises(RaucaError, match="no finished frame shows the vehicle"):
         optimise(dataset, small_detector, settings(steps=2), tmp_path / "none")
+
+
+def test_images_and_boxes_reach_the_detector_at_its_size(
+    dataset: Dataset, small_detector: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shapes, boxes = [], []
+    score = optimiser.detection_score
+
+    def listen(predictions: Any, truth: torch.Tensor, label: int) -> torch.Tensor:
+        boxes.append(truth)
+        return score(predictions, truth, label)
+
+    dense = small_detector.dense
+    monkeypatch.setattr(small_detector, "dense", lambda x: (shapes.append(tuple(x.shape)), dense(x))[1])
+    monkeypatch.setattr(optimiser, "detection_score", listen)
+    for number, size in enumerate((None, 128)):
+        optimise(dataset, small_detector, settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
+    assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
+    assert torch.equal(boxes[0] * 2, boxes[1])
 
 
 def test_wrong_conditions_are_refused(

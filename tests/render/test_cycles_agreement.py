@@ -15,7 +15,7 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.images import read_image
 from rauca_core.render import Pyramid, build_taps
 
-SIZE = 160
+SIZE = 256  # at half this, pixels at exactly half coverage decide the overlap
 MAP = 512
 
 
@@ -72,8 +72,9 @@ def test_taps_agree_with_cycles(
     x_bar = taps.to_image(taps.rows(pyramid(texels)), torch.zeros(3, SIZE, SIZE)).permute(1, 2, 0).numpy()
 
     seen, wanted = alpha >= 0.5, reference["coverage"] >= 0.5
-    assert (seen & wanted).sum() / (seen | wanted).sum() >= 0.995
-    assert psnr(alpha, reference["coverage"]) > 38
+    iou = (seen & wanted).sum() / (seen | wanted).sum()
+    assert iou >= 0.995
+    assert psnr(alpha, reference["coverage"]) > 45
     inside = reference["coverage"] > 0.999
     edge = (reference["coverage"] > 0.02) & ~inside
     premultiplied = alpha[..., None] * x_bar

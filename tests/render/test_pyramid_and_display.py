@@ -66,8 +66,12 @@ def test_display_is_the_contracts_transfer_function_with_finite_slopes() -> None
     srgb = torch.linspace(0, 1, 1001, requires_grad=True)
     assert np.allclose(undisplay(srgb).detach().numpy(), linear_from_srgb(srgb.detach().numpy()), atol=1e-6)
     assert torch.allclose(display(undisplay(srgb)), srgb, atol=1e-5)
-    undisplay(srgb).sum().backward()
-    assert torch.isfinite(srgb.grad).all()
+    outside = torch.tensor([-0.2, 0.01, 0.04045, 0.5, 1.0, 1.3], dtype=torch.float64, requires_grad=True)
+    undisplay(outside).sum().backward()
+    assert outside.grad.tolist() == pytest.approx(
+        [0, 1 / 12.92, 1 / 12.92, 2.4 / 1.055 * ((0.5 + 0.055) / 1.055) ** 1.4, 2.4 / 1.055, 0]
+    )
+    assert torch.autograd.gradcheck(undisplay, torch.rand(50, dtype=torch.float64).requires_grad_())
     assert display(torch.tensor(float("nan"))).isnan()  # not hidden: the optimiser stops on it
 
 

@@ -48,6 +48,18 @@ def test_torch_path_agrees_with_numba(box_vehicle: Vehicle, camera: Camera) -> N
     assert torch.allclose(results[0][1], results[1][1], atol=1e-12)
 
 
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_half_precision_gradients_accumulate_in_float32(
+    box_vehicle: Vehicle, camera: Camera, dtype: torch.dtype
+) -> None:
+    rows = build_taps(box_vehicle, camera, MAP).rows
+    x = torch.rand(rows.shape[1], 3).to(dtype).requires_grad_()
+    gradient = torch.full((rows.shape[0], 3), 1e-4)
+    (rows(x) * gradient).sum().backward()
+    assert x.grad.dtype == dtype
+    assert torch.allclose(x.grad.float(), rows.transpose(gradient), rtol=0.01, atol=1e-7)
+
+
 def test_constant_texture_gives_its_colour_times_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
     pyramid = Pyramid.of(box_vehicle, MAP)
     taps = build_taps(box_vehicle, camera, MAP, pyramid=pyramid)

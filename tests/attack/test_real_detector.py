@@ -1,0 +1,49 @@
+"""The whole chain against a published detector: what it takes for a car stops being one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+
+from rauca_core.attack import make_settings, optimise
+from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
+from rauca_core.contract import Dataset, RaucaError, load_camouflage, load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.detect import Detector, car_score, fetch, load_detector
+from rauca_core.images import read_image
+from rauca_core.render import undisplay
+
+
+@pytest.fixture(scope="module")
+def yolo() -> Detector:
+    try:
+        fetch("yolov3-tiny")
+    except RaucaError as error:
+        if os.environ.get("RAUCA_OFFLINE") == "1":
+            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
+        raise
+    return load_detector("yolov3-tiny", 256)
+
+
+def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_factory: Callable[..., Dataset]) -> None:
+    sedan = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
+    dataset = dataset_factory(tmp_path / "data", sedan, 256, (60.0, 300.0))
+    chosen = make_settings(steps=14, batch=4, map_size=256, samples=2, start="plain", roa=False, checkpoint_every=20)
+    path = optimise(dataset, yolo, chosen, tmp_path / "out")
+
+    # Judge the PNG as anyone would load it, not the texels the optimiser held.
+    store = FrameStore(dataset, chosen)
+    batch = [store.ready(i) for i in range(len(store))]
+
+    def score(uv_map: torch.Tensor) -> float:
+        texels = store.pyramid(undisplay(store.pyramid.from_map(uv_map)))
+        return float(car_score(yolo, render_batch(batch, texels), boxes_of(batch)).mean())
+
+    image = torch.tensor(read_image(load_camouflage(path)[1])).permute(2, 0, 1) / 255
+    before, after = score(torch.full((3, 256, 256), 0.5)), score(image)
+    assert before > 0.4
+    assert after < 0.5 * before
