@@ -25,14 +25,19 @@ def read_image_blender(path: Path) -> NDArray[np.uint8]:
     except RuntimeError as error:
         raise contract.RaucaError(f"{path}: not a readable image ({str(error).strip()})") from error
     try:
-        image.colorspace_settings.name = "Non-Color"  # the stored values, not light
-        width, height = image.size
-        if not width or not height:
+        if not image.size[0] or not image.size[1]:
             raise contract.RaucaError(f"{path}: not a readable image")
-        pixels = np.empty(width * height * 4, np.float32)
-        image.pixels.foreach_get(pixels)
-        is_grey = image.depth in (8, 16) or image.channels == 1
+        return image_pixels(image)
     finally:
         bpy.data.images.remove(image)
+
+
+def image_pixels(image: bpy.types.Image) -> NDArray[np.uint8]:
+    """The stored 8-bit values of an image data block, as :func:`read_image_blender` returns them."""
+    image.colorspace_settings.name = "Non-Color"  # the stored values, not light
+    width, height = image.size
+    pixels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(pixels)
     rgb = (pixels.reshape(height, width, 4)[::-1, :, :3] * 255 + 0.5).astype(np.uint8)
+    is_grey = image.depth in (8, 16) or image.channels == 1
     return np.ascontiguousarray(rgb[..., 0] if is_grey else rgb)

@@ -21,7 +21,8 @@ HABITS = [
     for weights in ((0.0, 1.0, 0.01), (1.0, 0.2, 0.2), (0.0, 1.0, 0.6), (0.0, 0.5, 1.0))
     for order in ("extent", "area")
 ]
-SEARCH_STEPS = 7
+SEARCH_STEPS = 8
+MANY_CHARTS = 80
 
 
 def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) -> Points:
@@ -37,12 +38,14 @@ def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) 
     """
     members = [uvs[chart == k] for k in range(int(chart.max()) + 1)]
     area = sum(_area(m) for m in members)
-    low, high = 0.2, 0.9  # of the page filled by charts
+    low, high = 0.0, 0.9  # of the page filled by charts
     best = None
+    # Hundreds of charts take one habit each time, or the search would take minutes.
+    habits = HABITS if len(members) <= MANY_CHARTS else HABITS[:1]
     for _ in range(SEARCH_STEPS):
         fraction = (low + high) / 2
         scale = size * np.sqrt(fraction / area)
-        tries = (_place_all(members, scale, size, padding, habit) for habit in HABITS)
+        tries = (_place_all(members, scale, size, padding, habit) for habit in habits)
         placed = next((t for t in tries if t is not None), None)
         if placed is None:
             high = fraction

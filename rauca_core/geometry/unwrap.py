@@ -15,21 +15,22 @@ from .raster import covered
 
 ATLAS_SIZE = 1024
 PADDING_TEXELS = 4
-MAX_COSTS = (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # of xatlas: large charts first, smaller ones where they stretch too much
-SPREAD_LIMIT = 0.05  # of the texel density within a chart, see `atlas.density_spread`
 MASK_DILATION = 1  # texels; bilinear reads on a chart's border then meet paint only
+SPREAD_LIMIT = 0.05  # of the texel density within a chart, see `atlas.density_spread`
+MAX_COSTS = (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # xatlas's: large charts first, smaller ones where they stretch too much
 
 
 def unwrap(
     vehicle: Vehicle,
     size: int = ATLAS_SIZE,
     padding: int = PADDING_TEXELS,
-    groups: NDArray[np.int64] | None = None,
+    groups: NDArray[np.integer] | None = None,
 ) -> Vehicle:
     """Give the paint faces a UV atlas of their own, and the paint mask that goes with it.
 
-    Charts do not overlap, share one texel density and lie at least ``padding`` empty texels apart (the mask spreads
-    ``MASK_DILATION`` texels into that gap). Faces that are not paint get UV 0.
+    Charts do not overlap, share one texel density (within a chart it spreads by at most ``SPREAD_LIMIT`` wherever
+    xatlas can cut that small) and lie at least ``padding`` empty texels apart and from the border; the mask spreads
+    ``MASK_DILATION`` texels into that gap. Faces that are not paint get UV 0.
 
     Args:
         size: of the square atlas, texels.
@@ -39,48 +40,66 @@ def unwrap(
         A copy of the vehicle with new ``uvs``, ``paint_mask`` and ``padding_texels``, without base texture.
 
     Raises:
-        RaucaError: no paint, or a mesh that xatlas cannot unwrap.
+        RaucaError: no paint, a mesh that xatlas cannot unwrap, or charts that do not fit.
+        ImportError: xatlas is not installed.
     """
     paint = vehicle.paint_faces()
     if not paint.any():
         raise RaucaError(f"vehicle {vehicle.name}: no face has a paint material, nothing to unwrap")
-    uvs = np.zeros_like(vehicle.uvs)
     faces = vehicle.triangles[paint]
-    parts = np.zeros(len(faces), np.int64) if groups is None else groups[paint]
+    parts = np.zeros(len(faces), np.int64) if groups is None else np.asarray(groups)[paint]
     for max_cost in MAX_COSTS:
-        flat, chart = _charts(vehicle.positions, faces, parts, max_cost)
-        if density_spread(flat, vehicle.positions, faces, chart).max() <= SPREAD_LIMIT:
+        flat = _flatten(vehicle.positions, faces, parts, max_cost)
+        spread = density_spread(flat, vehicle.positions, faces, _charts(faces, flat))
+        if spread.max() <= SPREAD_LIMIT:
             break
-    uvs[paint] = pack_charts(flat, chart, size, padding)
+    return repack(vehicle, flat, size, padding)
+
+
+def repack(
+    vehicle: Vehicle, flat: NDArray[np.float64], size: int = ATLAS_SIZE, padding: int = PADDING_TEXELS
+) -> Vehicle:
+    """Pack flattened paint faces (F_paint, 3, 2) into an atlas, each chart scaled to its area on the surface.
+
+    Returns and raises as :func:`unwrap`.
+    """
+    paint = vehicle.paint_faces()
+    faces = vehicle.triangles[paint]
+    chart = _charts(faces, flat)
+    _, area = face_normals(vehicle.positions, faces)
+    ratio = np.bincount(chart, area) / np.maximum(np.bincount(chart, np.abs(signed_uv_area(flat))), 1e-30)
+    uvs = np.zeros_like(vehicle.uvs)
+    uvs[paint] = pack_charts(flat * np.sqrt(ratio)[chart][:, None, None], chart, size, padding)
     return replace(vehicle, uvs=uvs, paint_mask=chart_mask(uvs[paint], size), padding_texels=padding, base_texture=None)
 
 
-def chart_mask(uvs: NDArray[np.float32], size: int) -> NDArray[np.uint8]:
+def chart_mask(uvs: NDArray[np.floating], size: int) -> NDArray[np.uint8]:
     """(size, size) mask: 255 on every texel that a face (F, 3, 2) touches and on those next to it, else 0."""
     texels, _ = covered(uvs, size, conservative=True)
-    mask = np.zeros((size, size), np.bool_)
-    mask.ravel()[texels] = True
-    for _ in range(MASK_DILATION):
-        wide = mask.copy()
-        for axis in (0, 1):
-            padded = np.pad(wide, [(1, 1) if a == axis else (0, 0) for a in (0, 1)])
-            n = padded.shape[axis]
-            wide = padded.take(range(n - 2), axis) | padded.take(range(1, n - 1), axis) | padded.take(range(2, n), axis)
-        mask = wide
-    return np.where(mask, 255, 0).astype(np.uint8)
+    mask = np.zeros((size + 2 * MASK_DILATION,) * 2, np.bool_)
+    inner = np.zeros(size * size, np.bool_)
+    inner[texels] = True
+    mask[MASK_DILATION:-MASK_DILATION, MASK_DILATION:-MASK_DILATION] = inner.reshape(size, size)
+    steps = range(2 * MASK_DILATION + 1)
+    wide = np.logical_or.reduce([mask[i : i + size, j : j + size] for i in steps for j in steps])
+    return np.where(wide, 255, 0).astype(np.uint8)
 
 
-def _charts(
-    positions: NDArray[np.float32], faces: NDArray[np.int32], groups: NDArray[np.int64], max_cost: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Charts of faces, in metres: UVs (F, 3, 2), each chart scaled to its true area, and the chart of each face."""
+def _charts(faces: NDArray[np.integer], flat: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Chart of each face; UVs of any scale."""
+    return chart_of_faces(faces, (flat / max(np.abs(flat).max(), 1e-30)).astype(np.float32))
+
+
+def _flatten(
+    positions: NDArray[np.float32], faces: NDArray[np.int32], groups: NDArray[np.integer], max_cost: float
+) -> NDArray[np.float64]:
+    """Flat charts of faces by xatlas: UVs (F, 3, 2), apart from each other."""
     import xatlas
 
     options = xatlas.ChartOptions()
     options.max_cost = max_cost
     uvs = np.zeros((len(faces), 3, 2))
-    charts = np.zeros(len(faces), np.int64)
-    total = 0
+    right = 0.0
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
         used, compact = np.unique(faces[members], return_inverse=True)
@@ -91,9 +110,6 @@ def _charts(
             raise RaucaError("xatlas finds no charts on the paint; remove degenerate faces")
         _, indices, flat = atlas[0]
         uvs[members] = (flat * np.array([atlas.width, atlas.height], np.float64))[indices]
-        chart = chart_of_faces(faces[members], (uvs[members] / 4096).astype(np.float32))
-        charts[members] = chart + total
-        total += int(chart.max()) + 1
-    _, area = face_normals(positions, faces)
-    ratio = np.bincount(charts, area) / np.maximum(np.bincount(charts, np.abs(signed_uv_area(uvs))), 1e-30)
-    return uvs * np.sqrt(ratio)[charts][:, None, None], charts
+        uvs[members, :, 0] += right  # groups side by side, so that charts of two groups never touch
+        right = uvs[members, :, 0].max() + 1.0
+    return uvs
