@@ -97,8 +97,8 @@ class SmallDetector:
         self._second = torch.randn(7, 8, 3, 3, generator=generator) * 0.2
 
     def dense(self, images: Tensor) -> DensePredictions:
-        hidden = torch.nn.functional.conv2d(images, self._first, stride=8).tanh()
-        out = torch.nn.functional.conv2d(hidden, self._second, padding=1)
+        hidden = torch.nn.functional.conv2d(images, self._first.to(images), stride=8).tanh()
+        out = torch.nn.functional.conv2d(hidden, self._second.to(images), padding=1)
         batch, _, rows, columns = out.shape
         y, x = torch.meshgrid(torch.arange(rows) * 8.0 + 4, torch.arange(columns) * 8.0 + 4, indexing="ij")
         centre = torch.stack([x, y]) + 4 * out[:, 0:2].tanh()

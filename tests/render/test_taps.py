@@ -11,6 +11,7 @@ import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, SparseOperator, Taps, apply_many, build_taps, tap_cache
+from rauca_core.render.merge import fill_fringe
 from rauca_core.render.sparse import _Torch
 
 MAP = 128
@@ -120,6 +121,26 @@ def test_fringe_reads_its_neighbours(box_vehicle: Vehicle, camera: Camera) -> No
         around = image[(slice(None), *window)][:, alpha[window] >= 1 / 16]
         assert (image[:, row, column] >= around.min(1) - 1e-5).all()
         assert (image[:, row, column] <= around.max(1) + 1e-5).all()
+
+
+def test_fringe_weighs_neighbours_by_coverage_over_distance() -> None:
+    # One line of pixels: solid with texel 0, faint with texel 1, bare, solid with texel 2.
+    rows = (
+        np.array([0, 1, 3], np.int32),
+        np.array([1.0, 0.01, 0.5], np.float32),
+        np.array([0, 1, 2, 3], np.int64),
+        np.array([0, 1, 2], np.int32),
+        np.ones(3),
+    )
+    pixels, alpha, indptr, columns, values = fill_fringe(rows, (6, 1), 1 / 16, 3)
+    assert pixels.tolist() == [0, 1, 2, 3, 4, 5]
+    assert np.allclose(alpha, [1, 0.01, 0, 0.5, 0, 0])
+    matrix = np.zeros((6, 3))
+    for row in range(6):
+        matrix[row, columns[indptr[row] : indptr[row + 1]]] = values[indptr[row] : indptr[row + 1]]
+    shares = {1: (1 / 2, 0.01, 0.5 / 5), 2: (1 / 5, 0.01 / 2, 0.5 / 2), 4: (0, 0, 1), 5: (0, 0, 1)}
+    wanted = {0: (1, 0, 0), 3: (0, 0, 1), **{k: np.divide(v, sum(v)) for k, v in shares.items()}}
+    assert np.allclose(matrix, [wanted[row] for row in range(6)])
 
 
 def test_error_falls_with_samples(box_vehicle: Vehicle) -> None:
