@@ -35,6 +35,7 @@ def prepare(scene: bpy.types.Scene) -> None:
     cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
     cycles.use_auto_tile = False
     scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
+    compat.march_volumes(scene)
     compat.use_single_layer_exr(render.image_settings)
 
 
@@ -57,8 +58,9 @@ def render_linear(scene: bpy.types.Scene, samples: int, seed: int, denoise: bool
     cycles.use_adaptive_sampling = False
     cycles.use_denoising = denoise
     if denoise:
+        # Filtering the guides fast costs 0.4 dB and saves a third of the time of a small frame.
         cycles.denoiser = "OPENIMAGEDENOISE"
-        cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "ACCURATE"
+        cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "FAST"
     folder = MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else Path(tempfile.gettempdir())
     with tempfile.TemporaryDirectory(prefix="rauca-", dir=folder) as temporary:
         scene.render.filepath = str(Path(temporary) / "render.exr")

@@ -105,7 +105,7 @@ def _painted(
     fault, wrapped = _uv_fault(uvs[paint])
     if fault and mask is not None:
         raise contract.RaucaError(
-            f"--paint-mask {paint_mask}: was drawn on UVs that cannot be used ({fault}); unwrap the vehicle or drop the mask"
+            f"--paint-mask {paint_mask}: its UVs cannot be used ({fault}); give --paint-material instead"
         )
     uvs = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
     uvs[paint] = wrapped

@@ -30,7 +30,7 @@ def choose_paint(names: list[str], wanted: str | None, has_mask: bool, path: Pat
     Raises:
         RaucaError: an unknown name, or nothing to decide by.
     """
-    shown = ", ".join(repr(n) for n in names)
+    shown = ", ".join(repr(n) if n else "(faces without a material)" for n in names)
     if wanted is not None:
         if wanted not in names:
             raise contract.RaucaError(f"--paint-material {wanted!r}: {path} has no such material; it has {shown}")
@@ -63,7 +63,7 @@ def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     height, width = mask.shape
     if base is not None and base.shape[0] == base.shape[1] and mask.shape != base.shape[:2]:
         raise contract.RaucaError(
-            f"--paint-mask {path}: is {width}x{height}, the vehicle's texture {base.shape[1]}x{base.shape[0]}; resize it"
+            f"--paint-mask {path}: is {width}x{height}, the texture {base.shape[1]}x{base.shape[0]}; resize it"
         )
     if height != width or height < 64:
         raise contract.RaucaError(f"--paint-mask {path}: is {width}x{height}; it must be square and at least 64x64")

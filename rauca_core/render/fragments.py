@@ -14,8 +14,8 @@ from .pyramid import Pyramid
 from .rasterise import Raster
 
 TEXELS = 4  # a bilinear lookup in one mip level
-# On the side of the footprint's square of equal area. Half a level up is as accurate as its longest side (against 24x24
-# unfiltered subsamples, white noise and a published texture) with a fifth fewer taps.
+# On the side of the footprint's square of equal area. Against 24x24 unfiltered subsamples (white noise, a published
+# texture) half a level up is as accurate as the footprint's longest side, with fewer taps where texels are small.
 LEVEL_BIAS = 0.5
 
 
