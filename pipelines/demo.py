@@ -30,7 +30,7 @@ RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and w
 COMMON = ["--weathers", "demo", "--size", "320", "--samples", "8", "--json-progress"]
 TRAIN = ["--locations", "2", "--azimuths", "8", "--elevations", "8,22", "--distances", "7"]
 TRAIN += ["--jitter-azimuth", "22", "--jitter-elevation", "6", "--jitter-distance", "0.3", "--jitter-aim", "0.3"]
-HELD_OUT = ["--locations", "1", "--azimuths", "8", "--elevations", "12", "--distances", "6,9", "--no-light"]
+HELD_OUT = ["--locations", "1", "--azimuths", "6", "--elevations", "6,20", "--distances", "6,9", "--no-light"]
 HELD_OUT += ["--jitter-azimuth", "10", "--jitter-elevation", "5", "--jitter-distance", "0.1", "--jitter-aim", "0.3"]
 
 
