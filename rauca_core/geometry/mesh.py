@@ -24,7 +24,7 @@ class MeshParts:
         self._names.append(np.broadcast_to(np.asarray(material, dtype="U32"), (len(corners),)))
 
     def grid(self, points: Points, material: str | NDArray[np.str_], flip: bool = False) -> None:
-        """Add a grid of points (N, M, 3); outside is where N to M turns counter-clockwise, or the other side with ``flip``.
+        """Add a grid of points (N, M, 3), seen counter-clockwise going from N to M, or from behind with ``flip``.
 
         ``material`` is one name, or one per cell (N - 1, M - 1). Each cell is cut along its shorter diagonal.
         """
@@ -49,7 +49,7 @@ class MeshParts:
     def welded(self) -> tuple[Points, NDArray[np.int32], NDArray[np.str_]]:
         """Vertices (V, 3), triangles (F, 3) and material names (F,); degenerate triangles are gone."""
         corners, names = np.concatenate(self._corners), np.concatenate(self._names)
-        keys, index, inverse = np.unique(
+        _, index, inverse = np.unique(
             np.round(corners.reshape(-1, 3) / WELD_M).astype(np.int64), axis=0, return_index=True, return_inverse=True
         )
         positions = corners.reshape(-1, 3)[index]
@@ -62,7 +62,7 @@ class MeshParts:
         return positions[used], compact.reshape(-1, 3).astype(np.int32), names[keep]
 
 
-def face_normals(positions: Points, triangles: NDArray[np.integer]) -> tuple[Points, Points]:
+def face_normals(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> tuple[Points, Points]:
     """Unit normals (F, 3) and areas (F,) of triangles; a degenerate triangle has the normal 0 and the area 0."""
     corners = np.asarray(positions, np.float64)[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -70,7 +70,9 @@ def face_normals(positions: Points, triangles: NDArray[np.integer]) -> tuple[Poi
     return cross / np.maximum(length, 1e-30)[:, None], length / 2
 
 
-def crease_normals(positions: Points, triangles: NDArray[np.integer], angle_deg: float) -> NDArray[np.float32]:
+def crease_normals(
+    positions: NDArray[np.floating], triangles: NDArray[np.integer], angle_deg: float
+) -> NDArray[np.float32]:
     """Unit shading normals (F, 3, 3) per corner: smooth, but split where faces meet at more than ``angle_deg``.
 
     A corner's normal is the mean of the face normals around its vertex that lie within the angle of its own face,

@@ -54,7 +54,7 @@ def _inside(
 ) -> NDArray[np.bool_]:
     """Whether the square of half-width ``half`` around (x, y) meets the triangle; for 0, strictly inside."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    area: NDArray[np.float64] = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     sign = np.sign(area)
     result = np.full(len(x), True) if half else sign != 0
     for p, q in ((a, b), (b, c), (c, a)):

@@ -58,11 +58,11 @@ class Body:
 
         parts = MeshParts()
         wall, deck = self._wall_points(), self._deck_points
-        parts.grid(wall, wall_materials(self, wall), flip=True)
+        parts.grid(wall, wall_materials(self, wall))
         points = deck(wall[:, -1])
-        parts.grid(points, deck_materials(self), flip=True)
+        parts.grid(points, deck_materials(self))
         edge = wall[:, 0]
-        parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody", flip=True)
+        parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody")
         return parts
 
     def skin(self, place: Points, z: Points) -> Points:
@@ -80,9 +80,9 @@ class Body:
     def ribbon(self, places: tuple[float, float], heights: tuple[float, float], lift: float) -> Points:
         """Vertices of a strip that stands ``lift`` metres proud of the wall, between two places and two heights."""
         count = max(2, int(abs(places[1] - places[0]) / 0.04))
-        place = np.linspace(*places, count + 1)[:, None] * np.ones(4)
+        place = np.repeat(np.linspace(*places, count + 1)[:, None], 4, axis=1)
         edge = min(0.3 * (heights[1] - heights[0]), lift)
-        z = np.array([heights[0], heights[0] + edge, heights[1] - edge, heights[1]]) * np.ones_like(place)
+        z = np.tile([heights[0], heights[0] + edge, heights[1] - edge, heights[1]], (count + 1, 1))
         normal = np.stack([np.interp(place, self._place, self._normal[:, i]) for i in (0, 1)], axis=-1)
         points = self.skin(place, z)
         points[..., :2] += normal * (np.array([-0.004, lift, lift, -0.004]))[:, None]

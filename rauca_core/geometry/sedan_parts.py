@@ -50,7 +50,7 @@ def add_box(
     points = np.empty((len(x), len(ring), 3))
     points[..., 0] = x[:, None]
     points[..., 1:] = ring * scale[:, None, None]
-    parts.grid(points + np.array(centre), material)
+    parts.grid(points + np.array(centre), material, flip=True)
 
 
 def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
@@ -73,7 +73,7 @@ def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
             [rim, width * 0.86],
         ]
     )
-    parts.grid(lathe(tyre, 48) + centre, "tyre", flip=False)
+    parts.grid(lathe(tyre, 48) + centre, "tyre", flip=True)
     lip = np.array(
         [
             [rim + 0.004, width * 0.84],
@@ -84,13 +84,13 @@ def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
             [rim - 0.03, -width * 0.3],
         ]
     )
-    parts.grid(lathe(lip, 48) + centre, "rim", flip=False)
+    parts.grid(lathe(lip, 48) + centre, "rim", flip=True)
     disc = np.array([[rim - 0.03, -width * 0.3], [0.16, -width * 0.28], [0.0, -width * 0.25]])
-    parts.grid(lathe(disc, 48) + centre, "dark", flip=False)
+    parts.grid(lathe(disc, 48) + centre, "dark", flip=True)
     brake = np.array([[0.155, width * 0.0], [0.15, width * 0.05], [0.085, width * 0.05]])
-    parts.grid(lathe(brake, 32) + centre, "disc", flip=False)
+    parts.grid(lathe(brake, 32) + centre, "disc", flip=True)
     hub = np.array([[0.075, 0.0], [0.072, width * 0.66], [0.045, width * 0.78], [0.0, width * 0.80]])
-    parts.grid(lathe(hub, 24) + centre, "rim", flip=False)
+    parts.grid(lathe(hub, 24) + centre, "rim", flip=True)
     for k in range(5):
         for lean in (-1, 1):
             _add_spoke(parts, centre, 2 * np.pi * k / 5 + np.pi / 2, lean, rim, width)
@@ -138,7 +138,7 @@ def add_mirror(parts: MeshParts) -> None:
     ) + np.array([0.80, 1.0, 0.985])
     names = np.full((6, 24), "mirror", dtype="U32")
     names[0] = "glass"
-    parts.grid(points, names)
+    parts.grid(points, names, flip=True)
     add_box(parts, (0.81, 0.90, 0.935), (0.06, 0.12, 0.03), "trim", 0.008)
 
 

@@ -27,11 +27,11 @@ EXHAUST_Y = 0.52
 def add_trim(parts: MeshParts, body: Body) -> None:
     """Add the left half of the strips."""
     for material, start, stop, low, high, lift in NOSE:
-        parts.grid(body.ribbon((start, stop), (low, high), lift), material, flip=True)
+        parts.grid(body.ribbon((start, stop), (low, high), lift), material)
         _close(parts, body.ribbon((start, stop), (low, high), lift), material)
     for material, start, stop, low, high, lift in TAIL:
         strip = body.ribbon((body.tail_place - stop, body.tail_place - start), (low, high), lift)
-        parts.grid(strip, material, flip=True)
+        parts.grid(strip, material)
         _close(parts, strip[::-1], material, flip=True)
     pipe = lathe(np.array([[0.0, 0.03], [0.030, 0.03], [0.034, 0.0], [0.038, 0.0], [0.038, 0.10]]), 24)
     x = body.skin(np.array([body.tail_place - EXHAUST_Y]), np.array([0.30]))[0, 0]
