@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,9 +12,14 @@ import addon_utils
 import bpy
 
 from ..core import contract
+from .gltf_check import bad_vertices
 from .render import silenced
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
+# What importers raise on files that are not what their name says.
+DAMAGE = (
+    RuntimeError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, struct.error
+)  # fmt: skip
 NOT_FINITE = re.compile(rb"^v[ \t][^\n]*?(nan|inf)", re.IGNORECASE | re.MULTILINE)
 
 
@@ -30,22 +36,32 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
         raise contract.RaucaError(f"{path}: not found")
     if path.suffix.lower() not in SUFFIXES:
         raise contract.RaucaError(f"{path}: format {path.suffix!r} is not read; use {', '.join(SUFFIXES)}")
-    if path.suffix.lower() == ".obj" and (bad := len(NOT_FINITE.findall(path.read_bytes()))):
-        # Blender's importer would turn them into zeros without a word.
-        raise contract.RaucaError(f"{path}: {bad} vertices are NaN or infinite; repair the mesh")
     before = {block.as_pointer() for block in _blocks()}
     known = {o.as_pointer() for o in bpy.data.objects}
     try:
         try:
+            _require_finite(path)
             with silenced():
                 _import(path)
-        except (RuntimeError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError) as error:
+        except DAMAGE as error:
             reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
             raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); export it again") from error
         bpy.context.view_layer.update()
         yield [o for o in bpy.data.objects if o.as_pointer() not in known]
     finally:
         bpy.data.batch_remove([block for block in _blocks() if block.as_pointer() not in before])
+
+
+def _require_finite(path: Path) -> None:
+    """Raise :class:`RaucaError` on NaN: Blender's importers turn it into zeros without a word."""
+    suffix = path.suffix.lower()
+    bad = 0
+    if suffix == ".obj":
+        bad = len(NOT_FINITE.findall(path.read_bytes()))
+    elif suffix in (".glb", ".gltf"):
+        bad = bad_vertices(path)
+    if bad:
+        raise contract.RaucaError(f"{path}: {bad} vertices are NaN or infinite; repair the mesh")
 
 
 def _import(path: Path) -> None:
@@ -56,11 +72,11 @@ def _import(path: Path) -> None:
         _append(path)
     else:
         addon_utils.enable("io_scene_gltf2")
-        bpy.ops.import_scene.gltf(filepath=str(path))
+        bpy.ops.import_scene.gltf(filepath=str(path), loglevel=50)
 
 
 def _append(path: Path) -> None:
-    """Append what the file's first scene shows, or all its objects when it has no scene.
+    """Append all objects of a .blend.
 
     Text blocks are never run, and drivers only as far as the user's own preferences trust scripts.
     """

@@ -156,7 +156,9 @@ def _uv_fault(uvs: NDArray[np.float32]) -> tuple[str, NDArray[np.float32]]:
         return f"{crossing:.1%} of the painted faces reach beyond the texture", moved
     texels, _ = geometry.covered(moved, CHECK_ATLAS, conservative=False)
     hits = np.bincount(texels, minlength=1)
-    overlap = (hits > 1).sum() / max((hits > 0).sum(), 1)
+    if not hits.any():
+        return "they cover no texel", moved
+    overlap = (hits > 1).sum() / (hits > 0).sum()
     if overlap > OVERLAP_LIMIT:
         return f"{overlap:.0%} of the texels are used twice", moved
     return "", moved

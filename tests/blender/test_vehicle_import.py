@@ -1,0 +1,265 @@
+"""Vehicles from files: what is read, what is told, and that a bad file leaves one sentence and no trace."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.files import png_bytes
+from rauca_core.geometry import atlas_report
+
+bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+from blender_addon.scene.images import read_image_blender  # noqa: E402
+from blender_addon.scene.smart_project import smart_project  # noqa: E402
+from blender_addon.scene.vehicle_import import import_vehicle  # noqa: E402
+
+CORNERS = np.array([(x, y, z) for z in (0, 1.5) for y in (-1, 1) for x in (-2, 2)], float)
+QUADS = [(0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6), (4, 5, 7, 6)]
+CHARTS = [(0.05, 0.05), (0.55, 0.05), (0.05, 0.55), (0.55, 0.55), (0.30, 0.30)]
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    yield
+    kept = {n: len(getattr(bpy.data, n)) for n in ("objects", "meshes", "materials", "images", "collections", "texts")}
+    assert not any(kept.values()), kept
+    assert len(bpy.data.scenes) == 1
+
+
+def obj_text(points=CORNERS, chart=0.4, shift=0.0, with_uv=True, names=("car_paint", "window glass")) -> str:
+    """A box: four painted sides, each with a chart of its own, and a roof of another material."""
+    lines = [f"v {x} {y} {z}" for x, y, z in points]
+    for u, v in CHARTS:
+        lines += [f"vt {u + a * chart + shift} {v + b * chart}" for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    for i, quad in enumerate(QUADS):
+        lines += [f"usemtl {names[i == 4]}"] if i in (0, 4) else []
+        lines.append("f " + " ".join(f"{c + 1}/{4 * i + k + 1}" if with_uv else f"{c + 1}" for k, c in enumerate(quad)))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def box_obj(tmp_path) -> Path:
+    path = tmp_path / "box.obj"
+    path.write_text(obj_text())
+    return path
+
+
+def write_glb(path: Path, points=CORNERS, name="body paint") -> Path:
+    """The box's sides as glTF (y up, front +z) with one material and no UVs."""
+    gltf_points = np.stack([points[:, 1], points[:, 2], points[:, 0]], axis=1).astype("<f4")
+    faces = np.array([t for q in QUADS for t in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))], "<u2")
+    data = gltf_points.tobytes() + faces.tobytes()
+    low, high = np.nan_to_num(gltf_points).min(axis=0), np.nan_to_num(gltf_points).max(axis=0)
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+        "materials": [{"name": name}, {"name": "unused"}],
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": gltf_points.nbytes},
+            {"buffer": 0, "byteOffset": gltf_points.nbytes, "byteLength": faces.nbytes},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3", "min": low.tolist(),
+             "max": high.tolist()},
+            {"bufferView": 1, "componentType": 5123, "count": faces.size, "type": "SCALAR"},
+        ],
+    }  # fmt: skip
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
+    path.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks)
+    return path
+
+
+def refused(match: str, *arguments) -> None:
+    with pytest.raises(RaucaError, match=match) as caught:
+        import_vehicle(*arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_obj_keeps_its_uvs_and_finds_paint_by_name(box_obj):
+    vehicle = import_vehicle(box_obj, None, None)
+    assert vehicle.size().tolist() == [4.0, 2.0, 1.5]
+    assert vehicle.positions[:, 2].min() == 0
+    assert [(m.name, m.kind) for m in vehicle.materials] == [("car_paint", "paint"), ("window glass", "glass")]
+    assert vehicle.paint_faces().sum() == 8
+    painted = vehicle.uvs[vehicle.paint_faces()]
+    assert np.allclose([painted.min(), painted.max()], [0.05, 0.95], atol=1e-6)
+    assert "material 'car_paint', by its name" in " ".join(vehicle.notes)
+    face = vehicle.triangles[0]
+    edges = vehicle.positions[face[1:]] - vehicle.positions[face[0]]
+    assert np.dot(np.cross(*edges), vehicle.normals[0, 0]) > 0
+
+
+def test_y_up_obj_along_z_is_turned(tmp_path):
+    path = tmp_path / "car.obj"
+    path.write_text(obj_text(np.stack([CORNERS[:, 1], CORNERS[:, 2], CORNERS[:, 0]], axis=1)))
+    vehicle = import_vehicle(path, None, None)
+    assert np.allclose(vehicle.size(), [4.0, 2.0, 1.5])
+    assert "y taken as up" in vehicle.notes[0]
+    assert "front is taken at -y" in vehicle.notes[1]
+    original = CORNERS - [0, 0, 0]
+    assert np.allclose(sorted(map(tuple, vehicle.positions.tolist())), sorted(map(tuple, original.tolist())), atol=1e-6)
+
+
+def test_mask_decides_which_faces_are_paint(box_obj, tmp_path):
+    mask = np.zeros((128, 128), np.uint8)
+    mask[64:, :64] = 255  # the lower left quarter: the first chart, and half a corner of the roof's
+    (tmp_path / "mask.png").write_bytes(png_bytes(np.repeat(mask[..., None], 3, axis=2)))
+    vehicle = import_vehicle(box_obj, tmp_path / "mask.png", "car_paint")
+    assert vehicle.paint_faces().tolist() == [True, True] + [False] * 8
+    assert np.array_equal(vehicle.paint_mask, mask)
+    assert [m.name for m in vehicle.materials] == ["car_paint", "car_paint (unpainted)", "window glass"]
+
+
+def test_texture_beside_an_obj_is_read(box_obj, tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
+    (tmp_path / "box.png").write_bytes(png_bytes(pixels))
+    vehicle = import_vehicle(box_obj, None, "car_paint")
+    assert np.array_equal(vehicle.base_texture, pixels)
+    assert vehicle.paint_mask.shape == (64, 64)
+    assert vehicle.materials[0].textured
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"with_uv": False}, "they are missing"),
+        ({"chart": 0.0, "shift": 0.0}, "cover no texel"),
+        ({"chart": 0.9}, "beyond the texture|used twice"),
+    ],
+)
+def test_unusable_uvs_are_unwrapped_and_told(tmp_path, changes, said):
+    path = tmp_path / "box.obj"
+    path.write_text(obj_text(**changes))
+    vehicle = import_vehicle(path, None, "car_paint")
+    note = next(n for n in vehicle.notes if n.startswith("UVs:"))
+    assert re.search(said + r".*unwrapped anew", note)
+    report = atlas_report(vehicle)
+    assert (report.overlap, report.out_of_range) == (0.0, 0)
+    assert report.utilisation > 0.4
+
+
+def test_uvs_in_another_tile_are_wrapped(tmp_path, box_obj):
+    (tmp_path / "far.obj").write_text(obj_text(shift=3.0))
+    far, near = import_vehicle(tmp_path / "far.obj", None, None), import_vehicle(box_obj, None, None)
+    assert np.allclose(far.uvs[far.paint_faces()], near.uvs[near.paint_faces()], atol=1e-5)
+
+
+def test_glb_is_read_z_up_with_its_front_ahead(tmp_path):
+    vehicle = import_vehicle(write_glb(tmp_path / "car.glb"), None, "body paint")
+    assert np.allclose(vehicle.size(), [4.0, 2.0, 1.5])
+    assert any("unwrapped anew" in note for note in vehicle.notes)
+
+
+def test_blend_with_a_script_is_read_and_never_run(tmp_path):
+    mark = tmp_path / "ran"
+    mesh = bpy.data.meshes.new("car")
+    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
+    mesh.materials.append(bpy.data.materials.new("car paint"))
+    item = bpy.data.objects.new("car", mesh)
+    item.scale = (1, -1, 1)  # mirrored: faces must come out the right way round
+    driver = item.driver_add("location", 2).driver
+    driver.type, driver.expression = "SCRIPTED", f"__import__('pathlib').Path({str(mark)!r}).touch() or 0.0"
+    bpy.data.libraries.write(str(tmp_path / "car.blend"), {item})
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    vehicle = import_vehicle(tmp_path / "car.blend", None, "car paint")
+    assert not mark.exists()
+    assert np.allclose(vehicle.size(), [4.0, 2.0, 1.5])
+    corners = vehicle.positions[vehicle.triangles].astype(float)
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((corners.mean(axis=1) - [0, 0, 0.75]) * outward).sum(axis=1).min() > 0
+
+
+def test_smart_project_serves_where_xatlas_is_missing(box_obj, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "xatlas", None)
+    box_obj.write_text(obj_text(with_uv=False))
+    vehicle = import_vehicle(box_obj, None, "car_paint")
+    assert any("Smart UV Project" in note for note in vehicle.notes)
+    assert atlas_report(vehicle).overlap == 0.0
+    assert smart_project(vehicle).shape == (8, 3, 2)
+
+
+def test_shipped_folder_is_read_as_it_is():
+    folder = assets_folder() / "vehicles" / "sedan"
+    vehicle = import_vehicle(folder, None, None)
+    assert vehicle.name == "sedan"
+    refused("brings its own paint", folder, None, "paint")
+
+
+def test_the_real_car(shared_folder):
+    folder = shared_folder / "vehicles" / "etron"
+    if not folder.is_dir():
+        pytest.skip("the shared car is not on this machine")
+    vehicle = import_vehicle(folder / "etron.obj", folder / "paint_mask.png", None)
+    assert len(vehicle.triangles) == 23_145
+    assert vehicle.paint_faces().sum() == 3_104
+    assert vehicle.size()[0] == pytest.approx(4.856, abs=1e-3)
+    assert vehicle.base_texture is not None
+    assert np.array_equal(vehicle.base_texture, read_image_blender(folder / "etron.png"))
+    assert not any(note.startswith("UVs:") for note in vehicle.notes)
+    assert atlas_report(vehicle).overlap < 0.02
+    refused("cannot tell which faces are paint", folder / "etron.obj", None, None)
+
+
+def test_bad_files(tmp_path, box_obj):
+    refused("not found", tmp_path / "none.obj", None, None)
+    (tmp_path / "car.fbx").write_bytes(b"x")
+    refused("'.fbx' is not read; use .obj", tmp_path / "car.fbx", None, None)
+    for suffix in (".obj", ".glb", ".gltf", ".blend"):
+        path = tmp_path / ("garbage" + suffix)
+        path.write_bytes(bytes(range(256)) * 40)
+        refused("cannot be read|no faces", path, None, None)
+        path.write_bytes(b"")
+        refused("cannot be read|no faces", path, None, None)
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    refused("no faces", tmp_path / "points.obj", None, None)
+    (tmp_path / "nan.obj").write_text(obj_text().replace("v 2 ", "v nan ").replace("v 2.0 ", "v nan "))
+    refused("vertices are NaN", tmp_path / "nan.obj", None, None)
+    broken = CORNERS.copy()
+    broken[3] = np.nan
+    refused("NaN", write_glb(tmp_path / "nan.glb", broken), None, "body paint")
+    for scale in (100.0, 0.01):
+        (tmp_path / "size.obj").write_text(obj_text(CORNERS * scale))
+        refused("metres are expected; scale it", tmp_path / "size.obj", None, None)
+
+
+def test_bad_paint(tmp_path, box_obj):
+    refused("it has 'car_paint', 'window glass'", box_obj, None, "chrome")
+    (tmp_path / "plain.obj").write_text(obj_text(names=("a", "b")))
+    refused("cannot tell which faces are paint", tmp_path / "plain.obj", None, None)
+    mask = tmp_path / "mask.png"
+
+    def with_mask(pixels: np.ndarray, match: str, path: Path = box_obj) -> None:
+        mask.write_bytes(png_bytes(pixels.astype(np.uint8)))
+        refused(match, path, mask, None)
+
+    with_mask(np.zeros((64, 64)), "is black")
+    with_mask(np.full((64, 128), 255), "must be square")
+    with_mask(np.full((32, 32), 255), "at least 64x64")
+    with_mask(np.full((64, 64, 3), (255, 0, 0)), "has colours")
+    corner = np.zeros((64, 64))
+    corner[0, 0] = 255
+    with_mask(corner, "white nowhere on the vehicle's UVs")
+    refused("not found", box_obj, tmp_path / "none.png", None)
+    mask.write_bytes(b"no image")
+    refused("not a readable image", box_obj, mask, None)
+    bare = tmp_path / "bare.obj"
+    bare.write_text(obj_text(with_uv=False))
+    with_mask(np.full((64, 64), 255), "its UVs cannot be used", bare)
+    (tmp_path / "box.png").write_bytes(png_bytes(np.zeros((128, 128, 3), np.uint8)))
+    with_mask(np.full((64, 64), 255), "is 64x64, the texture 128x128")
