@@ -121,11 +121,16 @@ def evaluate(
 
 
 @app.command()
-def report(run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder laid out as the demo's")]) -> None:
+def report(
+    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder laid out as the demo's")],
+    pictures: Annotated[Path | None, typer.Option(help="save the main figures to this folder too")] = None,
+) -> None:
     """Write RUN/report.html again from what RUN holds."""
-    from .report import report_run
+    from .report import picture_run, report_run
 
     console.print(f"report: {report_run(run_folder)}")
+    for path in picture_run(run_folder, pictures) if pictures else ():
+        console.print(f"picture: {path}")
 
 
 @app.command()

@@ -48,10 +48,9 @@ def run_demo(choice: DemoChoice) -> Path:
     out, stages = choice.out, Stages(choice.out)
     train, held_out, renders = out / "train", out / "held-out", out / "renders"
     random, rauca = out / "random" / "camouflage.json", out / "rauca" / "camouflage.json"
-    vehicle = list(choice.vehicle)
     detectors = (WHITE_BOX, *BLACK_BOX)
 
-    def dataset(folder: Path, title: str, options: list[str], seed: int) -> None:
+    def dataset(folder: Path, title: str, vehicle: Sequence[str], options: list[str], seed: int) -> None:
         arguments = ["--out", str(folder), *vehicle, *options, "--seed", str(seed), *COMMON]
 
         def work() -> None:
@@ -70,8 +69,8 @@ def run_demo(choice: DemoChoice) -> Path:
         random_camouflage(random, loaded, seed=SEED, cell=RANDOM_CELL)
 
     stages.run("fetching weights", detectors, lambda: [fetch(name) for name in detectors], out)
-    dataset(train, "rendering training set", TRAIN, SEED)
-    dataset(held_out, "rendering held-out views", HELD_OUT, SEED + 1)
+    dataset(train, "rendering training set", choice.vehicle, TRAIN, SEED)
+    dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], HELD_OUT, SEED + 1)
     stages.run("optimising", [STEPS, BATCH, LEARNING_RATE, SEED], optimise, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]

@@ -10,7 +10,7 @@ from pipelines.stages import Stages
 from rauca_core.attack import read_history
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.schema import read_json
-from rauca_core.evaluate import ReportNotes, write_report
+from rauca_core.evaluate import ReportNotes, save_showcase, write_report
 
 
 def report_run(run: Path) -> Path:
@@ -22,12 +22,21 @@ def report_run(run: Path) -> Path:
     results = run / "results.json"
     if not results.is_file():
         raise RaucaError(f"{run}: has no results.json; run `rauca demo` or `rauca evaluate` first")
-    camouflages = [path for name in ("rauca", "random") if (path := run / name / "camouflage.json").is_file()]
-    dataset = Dataset(run / "held-out")
+    dataset, camouflages = Dataset(run / "held-out"), _camouflages(run)
     made = read_json(run / "rauca" / "camouflage.json").raw("made")
     out = run / "report.html"
     write_report(results, dataset, camouflages, out, _notes(run, dataset, made))
     return out
+
+
+def picture_run(run: Path, folder: Path) -> list[Path]:
+    """Save the report's main figures to ``folder``; returns their paths."""
+    white_box = read_json(run / "rauca" / "camouflage.json").raw("made")["detector"]
+    return save_showcase(run / "results.json", Dataset(run / "held-out"), _camouflages(run), white_box, folder)
+
+
+def _camouflages(run: Path) -> list[Path]:
+    return [path for name in ("rauca", "random") if (path := run / name / "camouflage.json").is_file()]
 
 
 def _notes(run: Path, dataset: Dataset, made: dict[str, Any]) -> ReportNotes:

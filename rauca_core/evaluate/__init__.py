@@ -6,6 +6,7 @@ from .evaluate import evaluate
 from .images_of import reference_images, rendered_in
 from .report import ReportNotes, write_report
 from .results import Results, load_results
+from .showcase import save_showcase
 
 __all__ = [
     "DetectionSettings",
@@ -17,5 +18,6 @@ __all__ = [
     "load_results",
     "reference_images",
     "rendered_in",
+    "save_showcase",
     "write_report",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -11,16 +10,12 @@ from pathlib import Path
 from .. import __version__
 from ..contract import Dataset, RaucaError, load_camouflage
 from ..contract.files import write_bytes
-from ..detect.weights_file import sha256_of
 from ..images import read_image
 from . import pages, plots
 from .bootstrap import CONFIDENCE
-from .detection_cache import DetectionCache
-from .frame_choice import chosen_frames
-from .pictures import frame_picture, map_picture
-from .results import AXES, MEAN, FrameRow, Results, load_results
-
-PICTURE_THRESHOLD = 0.25
+from .grid import PICTURE_THRESHOLD, picture_grid
+from .pictures import map_picture
+from .results import AXES, MEAN, Results, load_results
 
 
 @dataclass(frozen=True)
@@ -122,28 +117,20 @@ def _grids(results: Results, folder: Path, notes: ReportNotes) -> list[str]:
 
 
 def _grid(results: Results, folder: Path, detector: str) -> str:
-    settings = results.settings
-    cache = DetectionCache(folder / "detections", detector, results.detectors[detector], settings)
-    chosen = chosen_frames(results.frames)
-    rows: dict[str, list[str]] = {paint: [] for paint in results.paints}
-    for paint, index in itertools.product(results.paints, chosen):
-        row, shown = results.frames[index], results.images[paint][index]
-        path = folder / shown.path
-        if not path.is_file() or sha256_of(path) != shown.sha256 or shown.sha256 not in cache:
-            raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
-        data = frame_picture(path, row.box_xyxy, cache[shown.sha256], settings.category, PICTURE_THRESHOLD)
-        rows[paint].append(pages.image(data, "image/jpeg", f"{paint}, {_caption(row)}, {detector}"))
+    grid = picture_grid(results, folder, detector)
+    rows = {
+        paint: [
+            pages.image(tile, "image/jpeg", f"{paint}, {title}, {detector}")
+            for title, tile in zip(grid.titles, tiles, strict=True)
+        ]
+        for paint, tiles in grid.rows.items()
+    }
     note = (
         f"Cut out around the vehicle; detections that score {PICTURE_THRESHOLD} or more. White dashes: ground truth. "
-        f"Green: the {settings.category} found. Red: a {settings.category} reported elsewhere. "
+        f"Green: the {results.settings.category} found. Red: a {results.settings.category} reported elsewhere. "
         "Amber: taken for something else."
     )
-    titles = [_caption(results.frames[index]) for index in chosen]
-    return pages.section(f"What {detector} sees", pages.picture_grid(titles, rows), note)
-
-
-def _caption(row: FrameRow) -> str:
-    return f"{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:.0f} m"
+    return pages.section(f"What {detector} sees", pages.picture_grid(grid.titles, rows), note)
 
 
 def _curves(results: Results) -> str:
