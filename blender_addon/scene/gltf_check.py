@@ -49,5 +49,6 @@ def _bad(document: dict[str, Any], accessor: dict[str, Any], binary: bytes, path
     else:
         buffer = (path.parent / unquote(uri)).read_bytes()
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    points = np.ndarray((accessor["count"], 3), "<f4", buffer, start, (view.get("byteStride", 12), 4))
+    strides = (view.get("byteStride", 12), 4)
+    points: np.ndarray = np.ndarray((accessor["count"], 3), "<f4", buffer, start, strides)
     return int((~np.isfinite(points)).any(axis=1).sum())

@@ -103,6 +103,6 @@ def _joined(pieces: list[Soup], names: list[str]) -> Soup:
 
 
 def _get(collection: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], kind: type) -> NDArray:
-    values = np.empty(shape, kind)
+    values: NDArray = np.empty(shape, kind)
     collection.foreach_get(name, values.ravel())
     return values

@@ -9,17 +9,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract
+from ..core import contract, geometry
 from . import vehicle_paint
 from .images import read_image_blender
 from .smart_project import smart_project
 from .vehicle_arrays import Soup, read_objects
 from .vehicle_files import opened
-
-try:
-    from ..rauca_core import geometry  # type: ignore[import-untyped,import-not-found,unused-ignore]
-except ImportError:
-    from rauca_core import geometry
 
 LENGTH_M = (0.5, 50.0)
 OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and one texel would paint two places

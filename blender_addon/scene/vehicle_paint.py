@@ -91,16 +91,17 @@ def describe(
     """The contract's material; ``base`` is its texture, of which it keeps the mean colour."""
     kind = "paint" if paint else next((k for k, words in KINDS if re.search(words, name, re.IGNORECASE)), "other")
     shader = _principled(material)
-    rgb, roughness, metallic, coat = (0.5, 0.5, 0.5), 0.4, 0.0, 0.0
+    rgb, roughness, metallic, coat = np.full(3, 0.5), 0.4, 0.0, 0.0
     if shader is not None:
-        rgb = tuple(np.clip(shader.inputs["Base Color"].default_value[:3], 0, 1).tolist())
+        rgb = np.clip(shader.inputs["Base Color"].default_value[:3], 0, 1)
         roughness, metallic, coat = (
             float(np.clip(shader.inputs[key].default_value, 0, 1)) for key in ("Roughness", "Metallic", "Coat Weight")
         )
     if base is not None:
         linear = colour.linear_from_srgb(base[:: max(1, len(base) // 256), :: max(1, len(base) // 256)] / 255.0)
-        rgb = tuple(float(c) for c in linear.reshape(-1, 3).mean(axis=0))
-    return contract.Material(name or "unnamed", kind, rgb, roughness, 0.0 if paint else metallic, coat)
+        rgb = linear.reshape(-1, 3).mean(axis=0)
+    red, green, blue = (float(c) for c in rgb)
+    return contract.Material(name or "unnamed", kind, (red, green, blue), roughness, 0.0 if paint else metallic, coat)
 
 
 def same_image(one: bpy.types.Material | None, two: bpy.types.Material | None) -> bool:
