@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipelines.blender_process import run_blender
@@ -24,14 +24,28 @@ from rauca_core.images import read_image
 WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
 SEED = 1
-STEPS, BATCH, LEARNING_RATE = 600, 4, 0.02
 RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
 
-COMMON = ["--weathers", "demo", "--size", "320", "--samples", "8", "--json-progress"]
-TRAIN = ["--locations", "2", "--azimuths", "8", "--elevations", "8,22", "--distances", "7"]
-TRAIN += ["--jitter-azimuth", "22", "--jitter-elevation", "6", "--jitter-distance", "0.3", "--jitter-aim", "0.3"]
-HELD_OUT = ["--locations", "1", "--azimuths", "6", "--elevations", "6,20", "--distances", "6,9", "--no-light"]
-HELD_OUT += ["--jitter-azimuth", "10", "--jitter-elevation", "5", "--jitter-distance", "0.1", "--jitter-aim", "0.3"]
+
+@dataclass(frozen=True)
+class DemoScale:
+    """How much the demo renders and optimises; the default fits two cores and a quarter of an hour.
+
+    The strings are arguments of ``rauca dataset make``. The held-out views are in another street, from other cameras.
+    """
+
+    frames: str = "--weathers demo --size 320 --samples 8"
+    train: str = (
+        "--locations 2 --azimuths 8 --elevations 8,22 --distances 7 "
+        "--jitter-azimuth 22 --jitter-elevation 6 --jitter-distance 0.3 --jitter-aim 0.3"
+    )
+    held_out: str = (
+        "--locations 1 --azimuths 6 --elevations 6,20 --distances 6,9 "
+        "--jitter-azimuth 10 --jitter-elevation 5 --jitter-distance 0.1 --jitter-aim 0.3"
+    )
+    steps: int = 600
+    batch: int = 4
+    lr: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -41,17 +55,19 @@ class DemoChoice:
     out: Path
     vehicle: Sequence[str]
     blender: Path | None = None
+    scale: DemoScale = field(default_factory=DemoScale)
 
 
 def run_demo(choice: DemoChoice) -> Path:
     """Run or resume the demo; returns the report's path."""
-    out, stages = choice.out, Stages(choice.out)
+    out, scale, stages = choice.out, choice.scale, Stages(choice.out)
     train, held_out, renders = out / "train", out / "held-out", out / "renders"
     random, rauca = out / "random" / "camouflage.json", out / "rauca" / "camouflage.json"
-    detectors = (WHITE_BOX, *BLACK_BOX)
+    detectors, held_out_views = (WHITE_BOX, *BLACK_BOX), f"{scale.held_out} --no-light"
 
-    def dataset(folder: Path, title: str, vehicle: Sequence[str], options: list[str], seed: int) -> None:
-        arguments = ["--out", str(folder), *vehicle, *options, "--seed", str(seed), *COMMON]
+    def dataset(folder: Path, title: str, vehicle: Sequence[str], options: str, seed: int) -> None:
+        chosen = f"{scale.frames} {options} --seed {seed} --json-progress".split()
+        arguments = ["--out", str(folder), *vehicle, *chosen]
 
         def work() -> None:
             with progress_bar(title) as move:
@@ -60,7 +76,7 @@ def run_demo(choice: DemoChoice) -> Path:
         stages.run(title, arguments, work, folder / "dataset.json")
 
     def optimise() -> None:
-        settings = make_settings(steps=STEPS, batch=BATCH, lr=LEARNING_RATE, seed=SEED, checkpoint_every=50)
+        settings = make_settings(steps=scale.steps, batch=scale.batch, lr=scale.lr, seed=SEED, checkpoint_every=50)
         started = (rauca.parent / "checkpoints").is_dir()
         optimize_camouflage(train, WHITE_BOX, settings, rauca.parent, resume=started)
 
@@ -69,9 +85,9 @@ def run_demo(choice: DemoChoice) -> Path:
         random_camouflage(random, loaded, seed=SEED, cell=RANDOM_CELL)
 
     stages.run("fetching weights", detectors, lambda: [fetch(name) for name in detectors], out)
-    dataset(train, "rendering training set", choice.vehicle, TRAIN, SEED)
-    dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], HELD_OUT, SEED + 1)
-    stages.run("optimising", [STEPS, BATCH, LEARNING_RATE, SEED], optimise, rauca)
+    dataset(train, "rendering training set", choice.vehicle, scale.train, SEED)
+    dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], held_out_views, SEED + 1)
+    stages.run("optimising", [scale.steps, scale.batch, scale.lr, SEED], optimise, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
     stages.run("re-rendering", [], lambda: render_camouflages(held_out, both, renders, choice.blender), renders)

@@ -16,7 +16,7 @@ from PIL import Image
 from rauca_core.contract import Camouflage, RaucaError, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
-from rauca_core.evaluate import ReportNotes, evaluate, reference_images, write_report
+from rauca_core.evaluate import ReportNotes, evaluate, reference_images, save_showcase, write_report
 from rauca_core.evaluate.frame_choice import chosen_frames
 from rauca_core.evaluate.results import FrameRow
 
@@ -146,3 +146,15 @@ def test_chosen_frames_show_views_and_weathers(weathers: int, views: int) -> Non
     assert len({frame.id for frame in chosen}) == len(chosen) <= 6
     assert len({frame.weather for frame in chosen}) == min(weathers, 4)
     assert len({frame.azimuth_deg for frame in chosen if frame.weather == "w0"}) == min(views, 7 - min(weathers, 4))
+
+
+def test_the_main_figures_are_files_too(scene, detectors: list[Detector], results_path: Path, tmp_path: Path) -> None:
+    written = save_showcase(results_path, scene.dataset, [], detectors[0].name, tmp_path / "pictures")
+    assert [path.name for path in written[:2]] == ["grid.jpg", "table.md"]
+    with Image.open(written[0]) as sheet:
+        assert sheet.height > 2 * 320  # a row per paint
+        assert np.asarray(sheet).std() > 20
+    table = written[1].read_text().splitlines()
+    assert len(table) == 2 + 2
+    assert table[2].startswith("| normal | ")
+    assert all(line.count("|") == table[0].count("|") for line in table)
