@@ -36,11 +36,11 @@ class DemoScale:
 
     frames: str = "--weathers demo --size 320 --samples 8"
     train: str = (
-        "--locations 2 --azimuths 8 --elevations 8,22 --distances 7 "
+        "--locations 2 --azimuths 8 --elevations 6,20 --distances 7 "
         "--jitter-azimuth 22 --jitter-elevation 6 --jitter-distance 0.3 --jitter-aim 0.3"
     )
     held_out: str = (
-        "--locations 1 --azimuths 6 --elevations 6,20 --distances 6,9 "
+        "--locations 1 --azimuths 6 --elevations 6,20 --distances 6,8 "
         "--jitter-azimuth 10 --jitter-elevation 5 --jitter-distance 0.1 --jitter-aim 0.3"
     )
     steps: int = 600
