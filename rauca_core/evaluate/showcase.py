@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
+
+from PIL import Image
 
 from ..contract import Dataset, load_camouflage
 from ..contract.files import write_bytes
@@ -17,7 +20,7 @@ from .results import AXES, Results, load_results
 def save_showcase(
     results_path: Path, dataset: Dataset, camouflages: Sequence[Path], detector: str, folder: Path
 ) -> list[Path]:
-    """Write ``grid.jpg``, ``table.md``, a ``map-<name>.png`` each and, per axis varied, ``ap-<axis>.svg``."""
+    """Write ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per axis varied, ``ap-<axis>.svg``."""
     results = load_results(results_path)
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "grid.jpg"]
@@ -27,8 +30,8 @@ def save_showcase(
     mask = read_image(dataset.vehicle_folder / "paint_mask.png")
     for path in camouflages:
         record, uv_map = load_camouflage(path)
-        written.append(folder / f"map-{record.name}.png")
-        write_bytes(written[-1], map_picture(uv_map, mask))
+        written.append(folder / f"map-{record.name}.jpg")
+        Image.open(io.BytesIO(map_picture(uv_map, mask))).convert("RGB").save(written[-1], quality=85)
     for axis in AXES:
         if len(results.groups[axis]) > 1:
             written.append(folder / f"ap-{axis.partition('_')[0]}.svg")
