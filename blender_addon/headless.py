@@ -55,7 +55,7 @@ def blender_arguments() -> list[str]:
 
 
 def _make_dataset(options: argparse.Namespace) -> None:
-    from .scene.dataset import render_dataset
+    from .scene.dataset import render_dataset, require_space
     from .scene.session import Session
 
     weathers = contract.find_preset(options.weathers, assets.assets_folder() / "weathers")
@@ -87,6 +87,7 @@ def _make_dataset(options: argparse.Namespace) -> None:
         blender=bpy.app.version_string,
     )
     plan.check("options")
+    require_space(plan, options.out)
     session = Session(plan, vehicle, denoise=options.denoise)
     contract.claim_folder(options.out, plan)
     if not (options.out / "vehicle" / "vehicle.json").is_file():

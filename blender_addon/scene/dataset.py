@@ -31,7 +31,6 @@ def render_dataset(session: Session, folder: Path, progress: Progress) -> None:
         progress: called with (frames done, frames planned, last frame's id).
     """
     plan = session.plan
-    files.require_space(folder, plan.size**2 * BYTES_PER_PIXEL * len(plan.frame_ids()))
     files.sweep_partials(folder / "frames")
     finished = _finished(folder)
     todo: dict[int, dict[contract.Weather, list[tuple[str, int]]]] = defaultdict(lambda: defaultdict(list))
@@ -59,6 +58,12 @@ def render_dataset(session: Session, folder: Path, progress: Progress) -> None:
                 files.append_line(folder / "ledger.jsonl", json.dumps(entry))
                 done += 1
                 progress(done, total, frame_id)
+
+
+def require_space(plan: contract.Plan, folder: Path) -> None:
+    """Raise :class:`RaucaError` before anything is written if the frames that ``folder`` lacks would fill the disk."""
+    missing = len(plan.frame_ids()) - len(_finished(folder))
+    files.require_space(folder, plan.size**2 * BYTES_PER_PIXEL * missing)
 
 
 def _render_frame(

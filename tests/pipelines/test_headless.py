@@ -170,3 +170,11 @@ def test_a_camouflage_of_another_vehicle_is_refused(dataset, tmp_path):
     assert refused.returncode == 2
     assert "made for the UV atlas ffffffffffffffff of truck" in refused.stderr
     assert not (tmp_path / "renders").exists()
+
+
+def test_a_disk_too_small_is_told_before_anything_is_written(tmp_path):
+    enormous = ["--size", "8192", "--azimuths", "360", "--elevations", ",".join(map(str, range(60)))]
+    refused = run(MAKE, "--out", tmp_path / "set", *enormous)
+    assert refused.returncode == 2
+    assert "MiB free" in refused.stderr
+    assert not (tmp_path / "set").exists()
