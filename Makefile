@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint pictures clean
+.PHONY: demo test lint pictures extension clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -19,6 +19,10 @@ lint: $(READY)
 # The README's pictures, from the demo's own results.
 pictures: demo
 	$(VENV)/bin/rauca report runs/demo --pictures docs/pictures
+
+# The add-on as a zip that Blender installs from disk.
+extension: $(READY)
+	$(VENV)/bin/python pipelines/build_extension.py dist
 
 # torch comes first and pinned: asked for later, by another package, it would bring gigabytes of CUDA libraries.
 $(READY): pyproject.toml

@@ -1,0 +1,57 @@
+"""Build the Blender extension: the add-on with the rooms it needs inside, packed and checked by Blender's own tool.
+
+``python pipelines/build_extension.py [FOLDER]`` or ``make extension``; needs the bpy wheel for the tool.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+CARRIED = ("__init__.py", "contract", "geometry")  # of rauca_core; the rest needs torch
+
+
+def build_extension(out: Path) -> Path:
+    """Write ``rauca-<version>.zip`` into ``out``; returns its path.
+
+    Raises:
+        RaucaError: Blender's tool refused the add-on; the message is the tool's.
+    """
+    import bpy
+
+    from rauca_core.contract import RaucaError
+
+    scripts = Path(bpy.utils.system_resource("SCRIPTS"))
+    tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="rauca-extension-") as temporary:
+        source = Path(temporary) / "rauca"
+        gather(source)
+        command = [sys.executable, str(tool), "build", "--source-dir", str(source), "--output-dir", str(out)]
+        built = subprocess.run(command, capture_output=True, text=True, check=False)
+    if built.returncode:
+        raise RaucaError(f"{ROOT / 'blender_addon'}: {' '.join((built.stdout + built.stderr).split())}")
+    return max(out.glob("rauca-*.zip"), key=lambda path: path.stat().st_mtime)
+
+
+def gather(source: Path) -> None:
+    """Lay out the extension's folder: the add-on, the contract and geometry rooms, the assets."""
+    skip = shutil.ignore_patterns("__pycache__", "*.pyc", "detectors")
+    shutil.copytree(ROOT / "blender_addon", source, ignore=skip)
+    shutil.copytree(ROOT / "assets", source / "assets", ignore=skip)
+    for name in CARRIED:
+        origin, target = ROOT / "rauca_core" / name, source / "rauca_core" / name
+        target.parent.mkdir(exist_ok=True)
+        if origin.is_dir():
+            shutil.copytree(origin, target, ignore=skip)
+        else:
+            shutil.copy(origin, target)
+    shutil.copy(ROOT / "LICENSE", source / "LICENSE")
+
+
+if __name__ == "__main__":
+    print(build_extension(Path(sys.argv[1] if len(sys.argv) > 1 else "dist")))
