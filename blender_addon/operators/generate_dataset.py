@@ -57,7 +57,8 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
             *("--out", bpy.path.abspath(settings.folder), "--vehicle", settings.vehicle),
             *("--weathers", settings.weathers, "--locations", str(settings.locations)),
             *("--azimuths", str(settings.azimuths), "--size", str(settings.size)),
-            *("--samples", str(settings.samples), "--json-progress"),
+            *("--samples", str(settings.samples), "--denoise" if settings.denoise else "--no-denoise"),
+            "--json-progress",
         ]
         package = __package__.rpartition(".")[0]
         roots = [str(Path(__file__).resolve().parents[2])]

@@ -20,7 +20,7 @@ class RAUCA_PT_dataset(_RaucaPanel, bpy.types.Panel):  # noqa: N801 - Blender wa
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.rauca, self.layout
         layout.use_property_split = True
-        for name in ("vehicle", "weathers", "locations", "azimuths", "size", "samples", "folder"):
+        for name in ("vehicle", "weathers", "locations", "azimuths", "size", "samples", "denoise", "folder"):
             layout.prop(settings, name)
         if settings.job:
             layout.progress(factor=settings.done, text=settings.job)

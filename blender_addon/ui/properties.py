@@ -33,6 +33,9 @@ class RaucaProperties(bpy.types.PropertyGroup):
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Samples", default=8, min=1, max=4096, description="Cycles samples per pixel, before denoising"
     )
+    denoise: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Denoise", default=True, description="Use Open Image Denoise; without it take 64 samples or more"
+    )
     folder: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Folder", subtype="DIR_PATH", description="The data set is written here and nowhere else"
     )
