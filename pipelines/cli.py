@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated
 
 import typer
@@ -111,7 +113,7 @@ def evaluate(
     """Measure AP@0.5 on the reference paint and on camouflages, re-rendered by Cycles."""
     from .evaluate import measure, render_camouflages
 
-    detectors = detector or [entry.source.name for entry in status() if entry.ready]
+    detectors = detector or _fetched()
     render_camouflages(dataset, camouflage, out / "renders", blender)
     results = measure(dataset, camouflage, out / "renders", detectors, out)
     table = Table("paint", *results.table[results.paints[0]], title="AP@0.5 of class car [95 % interval]")
@@ -144,10 +146,7 @@ def demo(
     """The main job: data set, camouflage, re-rendered views, AP@0.5, report. Under 20 minutes on two cores."""
     from .demo import DemoChoice, run_demo
 
-    chosen = ["--vehicle", vehicle]
-    chosen += ["--paint-mask", str(paint_mask)] if paint_mask else []
-    chosen += ["--paint-material", paint_material] if paint_material else []
-    run_demo(DemoChoice(out, chosen, blender))
+    run_demo(DemoChoice(out, _vehicle_arguments(vehicle, paint_mask, paint_material), blender))
 
 
 @bench_app.command("render")
@@ -157,12 +156,42 @@ def bench_render_command(
     json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/render.json"),
 ) -> None:
     """The neural renderer's speed against its distance from Cycles."""
+    _benchmark("render").bench_render(dataset, camouflage, json)
+
+
+@bench_app.command("vehicle")
+def bench_vehicle_command(
+    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or an .obj, .glb or .blend")] = "sedan",
+    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
+    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
+    detector: Annotated[list[str] | None, typer.Option(help="repeat for more; all fetched ones by default")] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/vehicle.json"),
+) -> None:
+    """Do detectors take the plain vehicle for a car, from every side?"""
+    chosen = _vehicle_arguments(vehicle, paint_mask, paint_material)
+    _benchmark("vehicle").bench_vehicle(chosen, detector or _fetched(), json)
+
+
+def _benchmark(name: str) -> ModuleType:
     try:
-        from benchmarks.render import bench_render
+        return importlib.import_module(f"benchmarks.{name}")
     except ImportError as error:
         raise RaucaError("benchmarks are part of a checkout, not of an installed rauca; run this in one") from error
 
-    bench_render(dataset, camouflage, json)
+
+def _vehicle_arguments(vehicle: str, paint_mask: Path | None, paint_material: str | None) -> list[str]:
+    """The arguments of ``rauca dataset make`` that choose a vehicle."""
+    chosen = ["--vehicle", vehicle]
+    chosen += ["--paint-mask", str(paint_mask)] if paint_mask else []
+    return chosen + (["--paint-material", paint_material] if paint_material else [])
+
+
+def _fetched() -> list[str]:
+    """Detectors whose weights are here."""
+    names = [entry.source.name for entry in status() if entry.ready]
+    if not names:
+        raise RaucaError("no detector weights are here; get some with `rauca weights fetch yolov3-tiny`")
+    return names
 
 
 @app.command()

@@ -147,7 +147,7 @@ def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
     ("arguments", "message"),
     [
         (["--vehicle", "nowhere.obj"], "nowhere.obj: no such vehicle"),
-        (["--weathers", "sunny"], "'sunny' is unknown; choose one of base, demo, enhanced"),
+        (["--weathers", "sunny"], "'sunny' is unknown; choose one of base, demo, enhanced, single"),
         (["--fov", "500"], "fov_deg must be between 1 and 170"),
         (["--vehicle", "sedan", "--paint-mask", "x.png"], "brings its own paint"),
     ],
