@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from pipelines.evaluate import render_camouflages
+from pipelines.renderers import REFERENCE
 from rauca_core.contract import Dataset, load_camouflage
 from rauca_core.contract.files import write_json
 from rauca_core.evaluate.agreement import Agreement, measure_agreement
@@ -20,13 +21,11 @@ from rauca_core.evaluate.agreement import Agreement, measure_agreement
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-SHARE = 12  # one frame in so many is rendered by Cycles for comparison
-
 
 def bench_render(dataset: Path, camouflage: Path, out: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> None:
     """Measure each sample count on the same frames, in one process; writes ``out`` (.json) and a plot beside it."""
     renders = out.parent / f"{out.stem}-cycles"
-    render_camouflages(dataset, [camouflage], renders, every=SHARE)
+    render_camouflages(dataset, [camouflage], renders, options=REFERENCE)
     folder = renders / load_camouflage(camouflage)[0].name
     opened = Dataset(dataset)
     measure_agreement(opened, camouflage, folder, samples=1)  # compiles the kernels, which is not what is measured

@@ -46,6 +46,7 @@ def render_parser() -> argparse.ArgumentParser:
     add("--dataset", type=Path, required=True, help="data set whose views are rendered")
     add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
     add("--every", type=_whole, default=1, help="render only every n-th frame")
+    add("--samples", type=_whole, help="Cycles samples per pixel; the data set's own by default")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
     add("camouflages", type=Path, nargs="+", help="camouflage .json files")

@@ -10,6 +10,7 @@ import argparse
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -107,7 +108,8 @@ def _render_camouflages(options: argparse.Namespace) -> None:
     if len(set(names)) != len(names):
         raise contract.RaucaError(f"two camouflages share a name ({', '.join(names)}); give each JSON its own")
     vehicle = contract.load_vehicle(dataset.vehicle_folder, read_image_blender)
-    session = Session(dataset.plan, vehicle, denoise=options.denoise)
+    plan = dataset.plan if options.samples is None else replace(dataset.plan, samples=options.samples)
+    session = Session(plan, vehicle, denoise=options.denoise)
     render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress), options.every)
 
 

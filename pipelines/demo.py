@@ -36,8 +36,8 @@ class DemoScale:
 
     frames: str = "--weathers demo --size 320 --samples 8"
     train: str = (
-        "--locations 2 --azimuths 8 --elevations 6,20 --distances 7 "
-        "--jitter-azimuth 22 --jitter-elevation 6 --jitter-distance 0.3 --jitter-aim 0.3"
+        "--locations 4 --azimuths 4 --elevations 6,20 --distances 7 "
+        "--jitter-azimuth 45 --jitter-elevation 6 --jitter-distance 0.3 --jitter-aim 0.3"
     )
     held_out: str = (
         "--locations 1 --azimuths 6 --elevations 6,20 --distances 6,8 "

@@ -19,11 +19,14 @@ NORMAL = "normal"  # the data set's own reference paint
 
 
 def render_camouflages(
-    dataset: Path, camouflages: Sequence[Path], out: Path, blender: Path | None = None, every: int = 1
+    dataset: Path, camouflages: Sequence[Path], out: Path, blender: Path | None = None, options: Sequence[str] = ()
 ) -> None:
-    """Render the data set's views in each camouflage to ``out/<name>``, with Cycles, never with the neural renderer."""
-    options = ["--dataset", str(dataset), "--out", str(out), "--every", str(every), "--json-progress"]
-    arguments = [*options, *map(str, camouflages)]
+    """Render the data set's views in each camouflage to ``out/<name>``, with Cycles, never with the neural renderer.
+
+    Args:
+        options: more of ``pipelines/render_camouflage.py``, such as ``--every 12``.
+    """
+    arguments = ["--dataset", str(dataset), "--out", str(out), "--json-progress", *options, *map(str, camouflages)]
     with progress_bar("re-rendering in camouflage") as move:
         run_blender("render_camouflages", arguments, move, blender)
 

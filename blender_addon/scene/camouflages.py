@@ -50,14 +50,14 @@ def render_camouflages(
 ) -> None:
     """Render each ``every``-th frame of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
 
-    Frames already there are kept if they were rendered from the same UV map, and rendered again otherwise.
+    Frames already there are kept if they come from the same UV map and sample count, and are rendered again otherwise.
     """
     frames = dataset.frames()[::every]
     total, done = len(frames) * len(paintworks), 0
     files.require_space(out, total * dataset.plan.size**2 * 4)
     for paintwork in paintworks:
         folder = out / paintwork.name
-        _claim(folder, paintwork)
+        _claim(folder, paintwork, session.plan.samples)
         missing = [frame for frame in frames if not (folder / f"{frame.id}.png").is_file()]
         done += len(frames) - len(missing)
         progress(done, total, paintwork.name)
@@ -76,11 +76,12 @@ def render_camouflages(
             progress(done, total, f"{paintwork.name}/{frame.id}")
 
 
-def _claim(folder: Path, paintwork: Paintwork) -> None:
-    """Bind ``folder`` to a UV map; renders of another map are removed, they would be mistaken for this one's."""
+def _claim(folder: Path, paintwork: Paintwork, samples: int) -> None:
+    """Bind ``folder`` to a UV map and sample count; other renders are removed, they would be mistaken for these."""
     note = folder / "camouflage.json"
-    if note.is_file() and json.loads(note.read_text()).get("uv_map") == paintwork.digest:
+    bound = {"name": paintwork.name, "uv_map": paintwork.digest, "samples": samples}
+    if note.is_file() and json.loads(note.read_text()) == bound:
         return
     for stale in folder.glob("*.png"):
         stale.unlink()
-    files.write_json(note, {"name": paintwork.name, "uv_map": paintwork.digest})
+    files.write_json(note, bound)
