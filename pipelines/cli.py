@@ -48,9 +48,6 @@ def run(*command: str) -> None:
     except RaucaError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted: what was finished is kept; run the same command to go on", file=sys.stderr)
-        sys.exit(2)
 
 
 @dataset_app.command("make", context_settings=PASS_ON)

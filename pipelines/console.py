@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from rauca_core.contract import Progress
+from rauca_core.contract import Progress, RaucaError
 
 console = Console(stderr=True)
 
@@ -19,6 +19,9 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
     """A progress bar with an estimate of the time left; yields the function that moves it.
 
     Without a terminal (logs, CI) a line is printed at the start and at the end only.
+
+    Raises:
+        RaucaError: in place of a KeyboardInterrupt inside.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -39,6 +42,10 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
 
         if not console.is_terminal:
             console.print(f"{title} ...")
-        yield move
+        try:
+            yield move
+        except KeyboardInterrupt:
+            # Here, since typer would end the program without a word.
+            raise RaucaError("interrupted; what was finished is kept, run the same command to go on") from None
         if not console.is_terminal and seen:
             console.print(f"{title}: {seen[0].done} of {seen[0].total}")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +18,15 @@ from rauca_core.contract import RaucaError
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from pipelines.cli import run; run()", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def command_lines() -> list[str]:
+    """Of every process that runs, where the system tells (Linux)."""
+    lines = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            lines.append(path.read_text(errors="replace"))
+    return lines
 
 
 def test_every_command_is_listed():
@@ -65,3 +78,18 @@ def test_a_job_that_dies_is_told_with_its_reason(monkeypatch):
         dies("import sys; print('RuntimeError: boom', file=sys.stderr); sys.exit(3)")
     with pytest.raises(RaucaError, match=r"^the disk is full$"):
         dies("import sys; print('error: the disk is full', file=sys.stderr); sys.exit(2)")
+
+
+def test_ctrl_c_is_one_line_and_stops_blender_too(tmp_path):
+    arguments = ["dataset", "make", "--out", str(tmp_path / "set"), "--size", "512", "--samples", "64"]
+    command = [sys.executable, "-c", "from pipelines.cli import run; run()", *arguments]
+    job = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "set" / "dataset.json").is_file() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    job.send_signal(signal.SIGINT)
+    _, complaint = job.communicate(timeout=90)
+    assert job.returncode == 2
+    assert complaint.strip().splitlines()[-1].startswith("error: interrupted; what was finished is kept")
+    assert not list((tmp_path / "set").rglob(".partial-*"))
+    assert not [line for line in command_lines() if str(tmp_path) in line]
