@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import colour
 from . import nodes
 from .render import render_linear
 from .vehicle import SceneVehicle
@@ -48,7 +49,9 @@ def annotate(scene: bpy.types.Scene, seed: int) -> Annotation:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
     return Annotation(
-        vehicle=_bytes(pixels[..., 0]), paint=_bytes(pixels[..., 1]), distance=distance.astype(np.float16)
+        vehicle=colour.to_bytes(pixels[..., 0]),
+        paint=colour.to_bytes(pixels[..., 1]),
+        distance=distance.astype(np.float16),
     )
 
 
@@ -96,7 +99,3 @@ def _emitter(name: str, vehicle: float, paint: SceneVehicle | None) -> bpy.types
         tree.links.new(paint.paint.mask_socket(tree), channels.inputs["Y"])
     nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission", Color=channels.outputs[0]).outputs[0])
     return material
-
-
-def _bytes(coverage: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return (np.clip(coverage, 0, 1) * 255 + 0.5).astype(np.uint8)

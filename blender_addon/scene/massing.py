@@ -32,9 +32,7 @@ class MeshParts:
 
     def box(self, material: str, low: Point, high: Point) -> None:
         """An axis-aligned box from corner ``low`` to corner ``high``."""
-        corners = [(x, y, z) for z in (low[2], high[2]) for y in (low[1], high[1]) for x in (low[0], high[0])]
-        faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-        self._add(material, corners, faces)
+        self._add(material, *box_solid(low, high))
 
     def gable(self, material: str, low: Point, high: Point) -> None:
         """A gabled roof over the rectangle, its ridge along x."""
@@ -89,6 +87,12 @@ class MeshParts:
         mesh.uv_layers.new(name="metres").uv.foreach_set("vector", np.array(self._uvs, np.float32).ravel())
         mesh.update()
         return mesh
+
+
+def box_solid(low: Point, high: Point) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
+    """Corners and outward faces of an axis-aligned box."""
+    corners = [(x, y, z) for z in (low[2], high[2]) for y in (low[1], high[1]) for x in (low[0], high[0])]
+    return corners, [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
 
 
 def _metric_uvs(points: NDArray[np.float64]) -> list[tuple[float, float]]:

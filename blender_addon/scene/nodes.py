@@ -7,12 +7,12 @@ from typing import Any
 import bpy
 
 
-def fresh_tree(material: bpy.types.Material) -> bpy.types.NodeTree:
-    """The material's node tree, emptied."""
-    if material.node_tree is None:  # from 5.0 materials are born with one
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    return material.node_tree
+def fresh_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """The node tree of a material or world, emptied."""
+    if owner.node_tree is None:  # from 5.0 they are born with one
+        owner.use_nodes = True
+    owner.node_tree.nodes.clear()
+    return owner.node_tree
 
 
 def add(tree: bpy.types.NodeTree, kind: str, **inputs: Any) -> bpy.types.Node:

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from ..core import contract
 from . import nodes
-from .paint import Paint, paint_material
+from .paint import UV_LAYER, Paint, paint_material
 
-UV_LAYER = "rauca"
 LAMP_RADIANCE = {"headlamp": 12.0, "taillamp": 2.5}  # lit at night, relative to a sunlit white surface
 
 

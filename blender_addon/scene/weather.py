@@ -10,6 +10,7 @@ import numpy as np
 from .. import compat
 from ..core import contract
 from . import nodes
+from .massing import box_solid
 
 FOG_TOP_M = 12.0
 FOG_HALF_WIDTH_M = 300.0
@@ -18,7 +19,7 @@ NIGHT_SKY = (0.012, 0.016, 0.028)  # linear radiance after exposure: dark, not b
 NIGHT_EXPOSURE = 2.5
 
 # Film exposure per sun altitude (degrees) in powers of two: brings an 18 % grey card lying flat under this sky, without
-# fog, to 0.2-0.3 of display white by day and 0.13 at sunset. `tests/blender/test_weather.py` measures it again.
+# fog, to 0.2-0.3 of display white by day and 0.13 at sunset. `tests/blender/test_scene.py` measures it again.
 EXPOSURE_STOPS = (
     *((0.0, 1.0), (2.0, 0.3), (5.0, -1.0), (10.0, -2.2), (20.0, -3.35)),
     *((30.0, -3.95), (45.0, -4.45), (60.0, -4.65), (90.0, -4.8)),
@@ -37,8 +38,7 @@ class SceneWeather:
 
     def apply(self, weather: contract.Weather) -> None:
         """Set sun, sky, exposure, fog and lamps."""
-        tree = self._world.node_tree or _with_nodes(self._world)
-        tree.nodes.clear()
+        tree = nodes.fresh_tree(self._world)
         if weather.is_night:
             background = nodes.add(tree, "ShaderNodeBackground", Color=(*NIGHT_SKY, 1.0), Strength=1.0)
             self._scene.cycles.film_exposure = NIGHT_EXPOSURE
@@ -65,16 +65,10 @@ def exposure_stops(sun_altitude_deg: float) -> float:
     return float(np.interp(sun_altitude_deg, altitudes, stops))
 
 
-def _with_nodes(world: bpy.types.World) -> bpy.types.NodeTree:
-    world.use_nodes = True
-    return world.node_tree
-
-
 def _fog_box(scene: bpy.types.Scene) -> bpy.types.Object:
     """A box of homogeneous scattering medium over the ground; not the World's volume, which would hide the sky."""
-    half, top, bottom = FOG_HALF_WIDTH_M, FOG_TOP_M, -0.5
-    corners = [(x, y, z) for z in (bottom, top) for y in (-half, half) for x in (-half, half)]
-    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    half = FOG_HALF_WIDTH_M
+    corners, faces = box_solid((-half, -half, -0.5), (half, half, FOG_TOP_M))
     mesh = bpy.data.meshes.new("rauca fog")
     mesh.from_pydata(corners, [], faces)
     material = bpy.data.materials.new("rauca fog")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, RaucaError, Vehicle, load_camouflage, load_vehicle
 from ..contract.files import write_json
-from ..environment import load_exact
+from ..environment import Light, load_exact
 from ..images import read_image
 from ..render import Pyramid, Taps, build_taps, composite, display, undisplay
 
@@ -70,7 +70,7 @@ def measure_agreement(
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if not frames:
         raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
-    rows = [_compare(dataset, frame, vehicle, pyramid.size, texels, renders, samples) for frame in frames]
+    rows = [_compare(dataset, frame, vehicle, pyramid, texels, renders, samples) for frame in frames]
     return Agreement(
         mean_iou=mean(row.iou for row in rows),
         worst_iou=min(row.iou for row in rows),
@@ -89,13 +89,19 @@ def save_agreement(path: Path, agreement: Agreement) -> None:
 
 
 def _compare(
-    dataset: Dataset, frame: Frame, vehicle: Vehicle, size: int, texels: torch.Tensor, renders: Path, samples: int
+    dataset: Dataset,
+    frame: Frame,
+    vehicle: Vehicle,
+    pyramid: Pyramid,
+    texels: torch.Tensor,
+    renders: Path,
+    samples: int,
 ) -> FrameAgreement:
-    folder = dataset.frame_folder(frame.id)
+    folder, light = dataset.frame_folder(frame.id), load_exact(dataset, frame.id)
     started = time.perf_counter()
-    taps = build_taps(vehicle, frame.camera_in_vehicle, size, samples)
+    taps = build_taps(vehicle, frame.camera_in_vehicle, pyramid.size, samples, pyramid=pyramid)
     built = time.perf_counter()
-    predicted = _predict(dataset, frame, taps, texels)
+    predicted = _predict(light, taps, texels)
     applied = time.perf_counter()
     coverage = read_image(folder / "paint.png") / np.float32(255)
     ours, theirs = taps.coverage() >= 0.5, coverage >= 0.5
@@ -108,9 +114,8 @@ def _compare(
     return FrameAgreement(frame.id, iou, inside, edge, 1e3 * (built - started), 1e3 * (applied - built))
 
 
-def _predict(dataset: Dataset, frame: Frame, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
+def _predict(light: Light, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
     """The frame in the texture, (H, W, 3) sRGB."""
-    light = load_exact(dataset, frame.id)
     A, B = (torch.from_numpy(m.reshape(-1, 3)) for m in (light.A, light.B))
     flat = display(B)
     pixels = torch.from_numpy(taps.pixels.astype(np.int64))
