@@ -11,19 +11,19 @@ Array = NDArray[np.float64]
 MAX_CORNERS = 9  # a triangle gains at most one corner per plane: 3 + 5, and one to spare
 
 
-def clip_planes(columns: int, rows: int, guard: float) -> Array:
-    """Planes (5, 3) on homogeneous sample coordinates (X, Y, w); ``plane @ point >= 0`` is kept.
+def clip_planes(width: int, height: int, guard: float) -> Array:
+    """Planes (5, 3) on homogeneous pixel coordinates (X, Y, w); ``plane @ point >= 0`` is kept.
 
     The first is the near plane, at w = 0 until :func:`clip_face` moves it. The others are a guard band ``guard``
-    samples outside the grid, so that vertices at any distance fit the rasteriser's fixed-point numbers.
+    pixels outside the image, so that vertices at any distance fit the rasteriser's fixed-point numbers.
     """
     return np.array(
         [
             [0.0, 0.0, 1.0],
             [1.0, 0.0, guard],
-            [-1.0, 0.0, columns + guard],
+            [-1.0, 0.0, width + guard],
             [0.0, 1.0, guard],
-            [0.0, -1.0, rows + guard],
+            [0.0, -1.0, height + guard],
         ]
     )
 

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..contract import Camera, Vehicle
+from .pattern import pattern
 from .rasterise import rasterize
 
-SUBSAMPLES = 2  # per texel and axis; partly covered texels only need a rough weight
+SUBSAMPLES = 2  # squared, per texel; partly covered texels only need a rough weight
 
 
 def texel_coverage(vehicle: Vehicle, size: int) -> NDArray[np.float32]:
@@ -22,10 +23,11 @@ def texel_coverage(vehicle: Vehicle, size: int) -> NDArray[np.float32]:
     flat = np.stack([corners[:, 0] * size, (1 - corners[:, 1]) * size, np.ones(len(corners))], 1)
     faces = np.arange(len(flat), dtype=np.int32).reshape(-1, 3)
     camera = Camera(np.eye(3), np.eye(3), np.zeros(3), size, size)
-    raster = rasterize(flat, faces, camera, SUBSAMPLES)
-    hit = np.zeros((size * SUBSAMPLES, size * SUBSAMPLES), np.float32)
+    subsamples = pattern(SUBSAMPLES)
+    raster = rasterize(flat, faces, camera, pattern=subsamples)
+    hit = np.zeros((size * subsamples.rows, size * subsamples.columns), np.float32)
     height, width = raster.face_ids.shape
     hit[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids >= 0
-    charts = hit.reshape(size, SUBSAMPLES, size, SUBSAMPLES).mean((1, 3))
+    charts = hit.reshape(size, subsamples.rows, size, subsamples.columns).mean((1, 3))
     mask = Image.fromarray(vehicle.paint_mask).resize((size, size), Image.Resampling.BOX)
     return charts * (np.asarray(mask, np.float32) / np.float32(255))

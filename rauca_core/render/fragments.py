@@ -60,6 +60,9 @@ def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
         raster.face_ids,
         raster.x0,
         raster.y0,
+        raster.margin,
+        raster.pattern.columns,
+        raster.pattern.shifts,
         raster.planes,
         vehicle.uvs.astype(np.float64),
         vehicle.paint_mask,
@@ -80,6 +83,9 @@ def _look_up(
     face_ids: Any,
     x0: int,
     y0: int,
+    margin: int,
+    columns: int,
+    shifts: Any,
     planes: Any,
     uvs: Any,
     mask: Any,
@@ -91,13 +97,18 @@ def _look_up(
     weights: Any,
     paint: Any,
 ) -> None:
+    rows = shifts.shape[0]
+    side_of_sample = np.sqrt(1.0 / (rows * columns))
     for row in range(index.shape[0]):
         for column in range(index.shape[1]):
             n = index[row, column]
             if n < 0:
                 continue
             face = face_ids[row, column]
-            u, v, footprint = _texture_coordinates(planes[face], uvs[face], x0 + column, y0 + row)
+            x = (x0 + column + shifts[(y0 + row) % rows]) / columns - margin
+            y = (y0 + row + 0.5) / rows - margin
+            u, v, footprint = _texture_coordinates(planes[face], uvs[face], x, y)
+            footprint *= side_of_sample
             paint[n] = _bilinear_mask(mask, u, v)
             blur = np.log2(max(footprint * sizes[0], 1e-9)) + LEVEL_BIAS
             level = min(max(int(np.rint(blur)), 0), len(sizes) - 1)
@@ -112,7 +123,7 @@ def _look_up(
 
 @njit(cache=True)
 def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float, float, float]:
-    """u, v in [0, 1] at a grid sample, and the side of its footprint in units of the map."""
+    """u, v in [0, 1] at pixel coordinates, and the side of a pixel's footprint in units of the map."""
     over_depth, total = np.empty(3), 0.0
     for k in range(3):
         over_depth[k] = max(plane[0, k] * x + plane[1, k] * y + plane[2, k], 0.0)

@@ -17,8 +17,8 @@ def merge_pixels(
     Args:
         index: (h, w) fragment of each sample in the window, or -1.
         texels, weights, paint: of the fragments, see `fragments.Fragments`.
-        place: x0, y0, samples, margin, width, height of the raster and the image.
-        table: (n, n) weights of the pixel filter.
+        place: x0, y0, columns, rows, margin, width, height of the raster, a pixel's pattern and the image.
+        table: ((2 * reach + 1) * rows, (2 * reach + 1) * columns) weights of the pixel filter.
         reach: pixels that the filter reaches beyond its own.
         count: texels in the pyramid.
 
@@ -26,11 +26,11 @@ def merge_pixels(
         pixels (R,) int32 ``row * width + column`` with any paint; alpha (R,) float32; indptr (R + 1,); columns (N,)
         int32; values (N,) float64, each row summing to 1.
     """
-    x0, y0, samples, margin, width, height = place
-    first = max(0, x0 // samples - margin - reach), max(0, y0 // samples - margin - reach)
+    x0, y0, across, down, margin, width, height = place
+    first = max(0, x0 // across - margin - reach), max(0, y0 // down - margin - reach)
     last = (
-        min(width, (x0 + index.shape[1]) // samples - margin + reach + 1),
-        min(height, (y0 + index.shape[0]) // samples - margin + reach + 1),
+        min(width, (x0 + index.shape[1]) // across - margin + reach + 1),
+        min(height, (y0 + index.shape[0]) // down - margin + reach + 1),
     )
     rows = max(0, last[0] - first[0]) * max(0, last[1] - first[1])
     pixels, alphas = np.empty(rows, np.int32), np.empty(rows, np.float32)
@@ -42,11 +42,11 @@ def merge_pixels(
         for x in range(first[0], last[0]):
             alpha, begin = 0.0, end
             for j in range(table.shape[0]):
-                sy = (y + margin - reach) * samples + j - y0
+                sy = (y + margin - reach) * down + j - y0
                 if sy < 0 or sy >= index.shape[0]:
                     continue
                 for i in range(table.shape[1]):
-                    sx = (x + margin - reach) * samples + i - x0
+                    sx = (x + margin - reach) * across + i - x0
                     if sx < 0 or sx >= index.shape[1]:
                         continue
                     n = index[sy, sx]

@@ -17,11 +17,12 @@ from ..contract.vehicle import load_arrays
 from .filters import filter_table
 from .fragments import find_fragments
 from .merge import fill_fringe, merge_pixels
+from .pattern import pattern as subsample_pattern
 from .pyramid import Pyramid
 from .rasterise import rasterize
 from .sparse import SparseOperator
 
-FORMAT = 1
+FORMAT = 2
 _ARRAYS = ("header", "pixels", "alpha", "indptr", "columns", "weights")
 
 
@@ -108,6 +109,7 @@ def build_taps(
     samples: int = 4,
     filter: str = "blackman-harris",
     pyramid: Pyramid | None = None,
+    pattern: str = "lattice",
 ) -> Taps:
     """Compute the taps of one view.
 
@@ -117,19 +119,21 @@ def build_taps(
         vehicle: with its paint mask.
         camera_in_vehicle: the camera in the vehicle's own frame, see ``Frame.camera_in_vehicle``.
         size: side of the UV map, texels.
-        samples: subsamples per pixel along each axis.
+        samples: a pixel has ``samples`` x ``samples`` subsamples.
         filter: the pixel filter of the renderer that made the frame, one of ``filters.FILTERS``.
         pyramid: the vehicle's at ``size``, when at hand; built otherwise.
+        pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
 
     Raises:
-        RaucaError: unknown filter, too many samples, nothing paintable at this size.
+        RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
     """
     pyramid = pyramid or Pyramid.of(vehicle, size)
-    table, reach = filter_table(filter, samples)
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, samples, reach)
+    subsamples = subsample_pattern(samples, pattern)
+    table, reach = filter_table(filter, subsamples)
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=subsamples)
     found = find_fragments(vehicle, raster, pyramid)
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
-    place = (raster.x0, raster.y0, samples, reach, width, height)
+    place = (raster.x0, raster.y0, subsamples.columns, subsamples.rows, reach, width, height)
     rows = merge_pixels(found.index, found.texels, found.weights, found.paint, place, table, reach, pyramid.count)
     pixels, alpha, indptr, columns, weights = fill_fringe(rows, (width, height), 1.0 / samples**2, pyramid.count)
     operator = SparseOperator(indptr, columns, weights.astype(np.float32), pyramid.count)

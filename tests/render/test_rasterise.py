@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, RaucaError
 from rauca_core.render import rasterize
+from rauca_core.render.pattern import pattern
 from rauca_core.render.rasterise import Raster
 
 
@@ -17,7 +20,7 @@ def flat(size: int) -> Camera:
 
 def full(raster: Raster, size: int) -> np.ndarray:
     """The window put back into the whole image."""
-    grid = np.full((size * raster.samples, size * raster.samples), -1)
+    grid = np.full((size * raster.pattern.rows, size * raster.pattern.columns), -1)
     height, width = raster.face_ids.shape
     grid[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
     return grid
@@ -32,14 +35,45 @@ def inside(points: np.ndarray, x: float, y: float) -> bool:
     return all(s > 0 for s in signs) or all(s < 0 for s in signs)
 
 
-def test_samples_agree_with_a_point_in_triangle_test() -> None:
+@pytest.mark.parametrize(("samples", "kind"), [(1, "grid"), (3, "grid"), (2, "lattice"), (3, "lattice")])
+def test_samples_agree_with_a_point_in_triangle_test(samples: int, kind: str) -> None:
     rng = np.random.default_rng(1)
-    for _ in range(20):
-        points = at_depth_one([tuple(p) for p in rng.uniform(-5, 37, (3, 2))])
-        ids = full(rasterize(points, np.array([[0, 1, 2]]), flat(32), 2), 32)
-        wanted = [[inside(points, (x + 0.5) / 2, (y + 0.5) / 2) for x in range(64)] for y in range(64)]
+    chosen = pattern(samples, kind)
+    for _ in range(10):
+        points = at_depth_one([tuple(p) for p in rng.uniform(-5, 25, (3, 2))])
+        ids = full(rasterize(points, np.array([[0, 1, 2]]), flat(20), pattern=chosen), 20)
+        rows = ids.reshape(20, chosen.rows, 20, chosen.columns).transpose(0, 2, 1, 3).reshape(400, -1)
+        corners = np.stack(np.divmod(np.arange(400), 20)[::-1], 1)
+        wanted = [[inside(points, *(corner + place)) for place in chosen.points()] for corner in corners]
         assert (ids >= 0).sum() > 0
-        assert ((ids >= 0) != np.array(wanted)).sum() <= 1  # snapping may move an edge over a sample
+        assert ((rows >= 0) != np.array(wanted)).sum() <= 1  # snapping may move an edge over a sample
+
+
+@pytest.mark.parametrize(("samples", "kind"), [(16, "lattice"), (3, "grid"), (2, "lattice")])
+def test_patterns_agree_with_one_sample_of_a_shifted_image(samples: int, kind: str) -> None:
+    rng = np.random.default_rng(3)
+    points = np.concatenate([rng.uniform(-2, 10, (30, 2)), np.ones((30, 1))], 1) * rng.uniform(1, 3, (30, 1))
+    faces, chosen = np.arange(30).reshape(10, 3), pattern(samples, kind)
+    ids = full(rasterize(points, faces, flat(8), pattern=chosen), 8)
+    assert (ids >= 0).any()
+    for n, (x, y) in list(enumerate(chosen.points()))[:: max(1, chosen.number // 9)]:
+        moved = np.array([[1, 0, 0.5 - x], [0, 1, 0.5 - y], [0, 0, 1]])
+        one = full(rasterize(points, faces, replace(flat(8), K=moved)), 8)
+        row, column = divmod(n, chosen.columns)
+        assert (ids[row :: chosen.rows, column :: chosen.columns] != one).sum() <= 1
+
+
+def test_window_is_a_crop_of_the_whole_image() -> None:
+    points = at_depth_one([(5.2, 6.1), (9.7, 6.9), (7.0, 11.3)])
+    raster = rasterize(points, np.array([[0, 1, 2]]), flat(16), 4)
+    rows, columns = np.nonzero(raster.face_ids >= 0)
+    assert raster.face_ids.shape[0] < 7 * 16
+    assert raster.face_ids.shape[1] < 8
+    seen = raster.points(rows, columns)
+    assert all(inside(points, x, y) for x, y in seen)
+    homogeneous = np.pad(seen, ((0, 0), (0, 1)), constant_values=1.0)
+    back = raster.barycentrics()[rows, columns] @ points
+    assert np.allclose(back, homogeneous, atol=1e-9)
 
 
 @pytest.mark.parametrize("diagonal", [[(0, 1, 2), (0, 2, 3)], [(0, 1, 3), (1, 2, 3)]])
@@ -99,8 +133,8 @@ def test_ground_plane_through_the_camera_fills_the_lower_half() -> None:
     ground = np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], float)
     raster = rasterize(ground, np.array([(0, 1, 2), (0, 2, 3)]), camera, 2)
     ids = full(raster, 64)
-    assert (ids[66:] >= 0).all()
-    assert (ids[:63] == -1).all()
+    assert (ids[33 * 4 :] >= 0).all()
+    assert (ids[: 31 * 4] == -1).all()
     rows, columns = np.nonzero(raster.face_ids >= 0)
     points = np.einsum(
         "nk,nkc->nc",
@@ -109,8 +143,7 @@ def test_ground_plane_through_the_camera_fills_the_lower_half() -> None:
     )
     pixels, _ = camera.project(points)
     near = points[:, 0] < 100
-    assert np.abs(pixels[near, 0] - (columns[near] + raster.x0 + 0.5) / 2).max() < 1e-6
-    assert np.abs(pixels[near, 1] - (rows[near] + raster.y0 + 0.5) / 2).max() < 1e-6
+    assert np.abs(pixels - raster.points(rows, columns))[near].max() < 1e-6
 
 
 def test_camera_inside_a_box_sees_it_everywhere() -> None:
@@ -141,10 +174,16 @@ def test_a_face_behind_the_camera_is_not_mirrored_into_view() -> None:
 def test_margin_shows_what_lies_just_outside() -> None:
     points = at_depth_one([(-3, -3), (3, -3), (-3, 3)])
     raster = rasterize(points, np.array([(0, 1, 2)]), flat(8), samples=2, margin=1)
-    assert (raster.x0, raster.y0) == (0, 0)  # one pixel, two samples, before the image begins
+    assert (raster.x0, raster.y0) == (0, 0)  # one pixel, one sample wide and four high, before the image begins
     assert raster.face_ids[0, 0] == 0
+    assert np.allclose(raster.points(np.array([0]), np.array([0])), (-0.625, -0.875))
 
 
-def test_absurd_sample_count_is_refused() -> None:
+def test_absurd_sizes_are_refused() -> None:
+    corner = at_depth_one([(0, 0), (1, 0), (0, 1)]), np.array([(0, 1, 2)])
     with pytest.raises(RaucaError, match="samples"):
-        rasterize(at_depth_one([(0, 0), (1, 0), (0, 1)]), np.array([(0, 1, 2)]), flat(16384), 16)
+        rasterize(*corner, flat(8), 17)
+    with pytest.raises(RaucaError, match="16386"):
+        rasterize(*corner, flat(16384), margin=1)
+    wanted = (pattern(16).points().sum(1) < 1).sum()
+    assert (rasterize(*corner, flat(16384), 16).face_ids == 0).sum() == wanted
