@@ -7,10 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from rauca_core.contract import Material, Vehicle
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+settings.register_profile("rauca", deadline=None)  # a kernel's first call compiles it
+settings.load_profile("rauca")
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from ..contract import Dataset, Frame, RaucaError, load_vehicle
 from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
 from ..environment import load_exact
 from ..images import read_image
-from ..render import TapCache, Taps, apply_many, composite, display
+from ..render import TapCache, Taps, TapSettings, apply_many, composite, display
 from .settings import OptimiserSettings
 
 
@@ -78,7 +78,7 @@ class FrameStore:
     def _prepare(self, frame: Frame) -> ReadyFrame:
         chosen = self._settings
         camera = frame.camera_in_vehicle
-        taps = self._taps.get(self.vehicle, camera, chosen.map_size, chosen.samples, chosen.pixel_filter)
+        taps = self._taps.get(self.vehicle, camera, TapSettings(chosen.map_size, chosen.samples, chosen.pixel_filter))
         light = load_exact(self._dataset, frame.id)
         A, B = light.A.reshape(-1, 3), light.B.reshape(-1, 3)
         background = to_bytes(srgb_from_linear(A * self._reference + B))

@@ -1,6 +1,6 @@
 """The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
 
-from .cache import TapCache, tap_cache
+from .cache import TapCache, TapSettings, tap_cache
 from .composite import composite, display, undisplay
 from .pyramid import Pyramid
 from .rasterise import Raster, rasterize
@@ -12,6 +12,7 @@ __all__ = [
     "Raster",
     "SparseOperator",
     "TapCache",
+    "TapSettings",
     "Taps",
     "apply_many",
     "build_taps",

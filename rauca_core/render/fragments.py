@@ -16,7 +16,7 @@ from .rasterise import Raster
 TEXELS = 4  # a bilinear lookup in one mip level
 # On the side of the footprint's square of equal area. Against 24x24 unfiltered subsamples (white noise, a published
 # texture) half a level up is as accurate as the footprint's longest side, with fewer taps where texels are small.
-LEVEL_BIAS = 0.5
+LEVEL_BIAS = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
     return fragments
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _look_up(
     index: Any,
     face_ids: Any,
@@ -121,7 +121,7 @@ def _look_up(
                 paint[n] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float, float, float]:
     """u, v in [0, 1] at pixel coordinates, and the side of a pixel's footprint in units of the map."""
     over_depth, total = np.empty(3), 0.0
@@ -145,7 +145,7 @@ def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float
     return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), footprint
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _bilinear_mask(mask: Any, u: float, v: float) -> float:
     height, width = mask.shape
     x = min(max(u * width - 0.5, 0.0), width - 1.0)
@@ -158,7 +158,7 @@ def _bilinear_mask(mask: Any, u: float, v: float) -> float:
     return (upper * (1 - fy) + lower * fy) / 255.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _bilinear(slots: Any, coverage: Any, start: int, side: int, u: float, v: float, texels: Any, weights: Any) -> bool:
     """Coverage-weighted bilinear lookup in one level; False when none of its texels is paintable."""
     x = min(max(u * side - 0.5, 0.0), side - 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def merge_pixels(
     index: Any, texels: Any, weights: Any, paint: Any, place: Any, table: Any, reach: int, count: int
 ) -> Any:
@@ -54,9 +54,9 @@ def merge_pixels(
                     if share <= 0.0:
                         continue
                     alpha += share
-                    if end + 4 > columns.shape[0]:
+                    if end + weights.shape[1] > columns.shape[0]:
                         columns, values = _grown(columns), _grown(values)
-                    for k in range(4):
+                    for k in range(weights.shape[1]):
                         value = share * weights[n, k]
                         if value <= 0.0:
                             continue
@@ -78,7 +78,7 @@ def merge_pixels(
     return pixels[:row].copy(), alphas[:row].copy(), indptr[: row + 1].copy(), columns[:end], values[:end]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fill_fringe(rows: Any, shape: Any, threshold: float, count: int) -> Any:
     """Give pixels of little or no coverage the texture of their painted neighbours.
 
@@ -128,7 +128,7 @@ def fill_fringe(rows: Any, shape: Any, threshold: float, count: int) -> Any:
     return new_pixels, new_alphas, new_indptr, new_columns[:end].copy(), new_values[:end].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _grown(array: Any) -> Any:
     larger = np.empty(array.shape[0] * 2, array.dtype)
     larger[: array.shape[0]] = array

@@ -7,8 +7,12 @@ not an image, and the pyramid a longer list (T, 3) that begins with it.
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import Any, NamedTuple
+
 import numpy as np
 import torch
+from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -17,6 +21,22 @@ from .coverage import texel_coverage
 from .sparse import SparseOperator
 
 DILATION_ROUNDS = 8  # texels around each chart that the renderer's bilinear filter and coarse mips may touch
+
+
+class Tree(NamedTuple):
+    """The pyramid as a forest over its list of T texels; parents come after all of their level.
+
+    Attributes:
+        parent: (T,) int32 place of the next coarser texel, -1 for the coarsest.
+        share: (T,) float32 of its parent; the shares of siblings sum to 1.
+        spread: (T,) float32 sum of the children's squared shares, 0 for the finest.
+        level: (T,) int8, 0 for the finest, ascending.
+    """
+
+    parent: NDArray[np.int32]
+    share: NDArray[np.float32]
+    spread: NDArray[np.float32]
+    level: NDArray[np.int8]
 
 
 class Pyramid:
@@ -29,6 +49,7 @@ class Pyramid:
         sizes: side of each level, texels.
         slots: per level (side, side) int32, the texel's place in the list of T, or -1.
         coverage: per level (side, side) float32 in [0, 1].
+        tree: which coarse texel each texel goes into, and with what share.
     """
 
     def __init__(self, coverage: NDArray[np.float32]) -> None:
@@ -49,33 +70,35 @@ class Pyramid:
         self.texels = np.flatnonzero(coverage > 0)
         if not len(self.texels):
             raise RaucaError("vehicle: no texel of the UV map is paintable at this size; choose a larger map")
-        self._reduce = [self._level(i) for i in range(1, len(self.sizes))]
+        self.tree = _grow_tree(self.slots, self.coverage)
 
     @staticmethod
     def of(vehicle: Vehicle, size: int) -> Pyramid:
         """The pyramid of a vehicle's atlas at ``size`` texels."""
         return Pyramid(texel_coverage(vehicle, size))
 
-    def _level(self, level: int) -> SparseOperator:
-        """Level - 1 to level, as an operator between their parts of the list."""
-        fine, side = self.coverage[level - 1], self.sizes[level]
-        blocks = fine.reshape(side, 2, side, 2).transpose(0, 2, 1, 3).reshape(-1, 4)
-        slots = self.slots[level - 1].reshape(side, 2, side, 2).transpose(0, 2, 1, 3).reshape(-1, 4)
-        inside = self.coverage[level].ravel() > 0
-        blocks, slots = blocks[inside], slots[inside]
-        weights = blocks / blocks.sum(1, keepdims=True)
-        used = slots >= 0
-        indptr = np.concatenate([[0], np.cumsum(used.sum(1))]).astype(np.int64)
-        first = self.slots[level - 1].max(initial=-1) + 1 - int((fine > 0).sum())
-        return SparseOperator(
-            indptr, (slots[used] - first).astype(np.int32), weights[used].astype(np.float32), int((fine > 0).sum())
-        )
+    @cached_property
+    def _levels(self) -> list[SparseOperator]:
+        """Level to the next coarser level, as operators between their parts of the list."""
+        starts = np.searchsorted(self.tree.level, np.arange(len(self.sizes) + 1))
+        steps = []
+        for fine, coarse, end in zip(starts, starts[1:], starts[2:], strict=False):
+            parent, share = self.tree.parent[fine:coarse] - coarse, self.tree.share[fine:coarse]
+            indptr = np.concatenate([[0], np.cumsum(np.bincount(parent, minlength=end - coarse))]).astype(np.int64)
+            order = np.argsort(parent, kind="stable").astype(np.int32)
+            steps.append(SparseOperator(indptr, order, share[order], int(coarse - fine)))
+        return steps
 
     def __call__(self, texels_linear: Tensor) -> Tensor:
         """Texels (P, 3) linear -> all levels (T, 3) linear."""
+        if texels_linear.dtype in (torch.float16, torch.bfloat16):
+            texels_linear = texels_linear.float()  # means of means, and gradients summed over texels, need the digits
+        if texels_linear.device.type == "cpu":
+            every: Tensor = _Climb.apply(texels_linear, self.tree)
+            return every
         levels = [texels_linear]
-        for reduce in self._reduce:
-            levels.append(reduce(levels[-1]))
+        for step in self._levels:
+            levels.append(step(levels[-1]))
         return torch.cat(levels)
 
     def from_map(self, uv_map: Tensor) -> Tensor:
@@ -117,3 +140,57 @@ def _dilate(colour: NDArray[np.float32], inside: NDArray[np.bool_]) -> None:
             return
         colour[new] = total[new] / number[new, None]
         known[1:-1, 1:-1] |= new
+
+
+def _grow_tree(slots: list[NDArray[np.int32]], coverage: list[NDArray[np.float32]]) -> Tree:
+    count = max(int(slot.max()) for slot in slots) + 1
+    tree = Tree(
+        np.full(count, -1, np.int32), np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.int8)
+    )
+    for level, slot in enumerate(slots):
+        inside = slot >= 0
+        tree.level[slot[inside]] = level
+        if level + 1 < len(slots):
+            above, total = (
+                np.kron(a, np.ones((2, 2), a.dtype))[inside] for a in (slots[level + 1], coverage[level + 1])
+            )
+            share = coverage[level][inside] / (4 * total)
+            tree.parent[slot[inside]], tree.share[slot[inside]] = above, share
+            tree.spread[:] += np.bincount(above, share**2, count).astype(np.float32)
+    return tree
+
+
+class _Climb(torch.autograd.Function):
+    """All coarser levels in one pass over the list, and their gradient in one pass back."""
+
+    @staticmethod
+    def forward(ctx: Any, texels: Tensor, tree: Tree) -> Tensor:
+        ctx.tree, ctx.finest = tree, len(texels)
+        every = texels.new_zeros((len(tree.parent), texels.shape[1]))
+        every[: len(texels)] = texels
+        _gather_children(every.numpy(), tree.parent, tree.share)
+        return every
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        every = gradients[0].clone(memory_format=torch.contiguous_format)
+        _hand_down(every.numpy(), ctx.tree.parent, ctx.tree.share)
+        return every[: ctx.finest], None
+
+
+@njit(cache=True, nogil=True)
+def _gather_children(every: Any, parent: Any, share: Any) -> None:
+    for t in range(every.shape[0]):
+        p = parent[t]
+        if p >= 0:
+            for c in range(every.shape[1]):
+                every[p, c] += share[t] * every[t, c]
+
+
+@njit(cache=True, nogil=True)
+def _hand_down(every: Any, parent: Any, share: Any) -> None:
+    for t in range(every.shape[0] - 1, -1, -1):
+        p = parent[t]
+        if p >= 0:
+            for c in range(every.shape[1]):
+                every[t, c] += share[t] * every[p, c]

@@ -107,7 +107,7 @@ class _Torch(torch.autograd.Function):
         return None, torch.stack([op.tensors(g.device, g.dtype)[1] @ g for op, g in pairs]).sum(0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -> None:
     for row in range(result.shape[0]):
         red = green = blue = 0.0
@@ -119,7 +119,7 @@ def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -
         result[row, 0], result[row, 1], result[row, 2] = red, green, blue
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _scatter(indptr: Any, columns: Any, weights: Any, gradient: Any, result: Any) -> None:
     for row in range(gradient.shape[0]):
         red, green, blue = gradient[row, 0], gradient[row, 1], gradient[row, 2]

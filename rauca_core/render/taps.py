@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import io
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as save_arrays
 from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
-from ..contract.vehicle import load_arrays
+from .encoding import decode, encode, from_fractions, quantise_rows, to_fractions
 from .filters import filter_table
 from .fragments import find_fragments
 from .merge import fill_fringe, merge_pixels
@@ -21,9 +24,10 @@ from .pattern import pattern as subsample_pattern
 from .pyramid import Pyramid
 from .rasterise import rasterize
 from .sparse import SparseOperator
+from .thin import thin_rows
 
-FORMAT = 2
-_ARRAYS = ("header", "pixels", "alpha", "indptr", "columns", "weights")
+FORMAT = 3
+THINNING = 1e-4
 
 
 @dataclass(eq=False)
@@ -69,37 +73,49 @@ class Taps:
         index = torch.from_numpy(self.pixels.astype(np.int64)).to(colours.device)
         return flat.index_copy(1, index, colours.T).reshape(3, self.height, self.width)
 
-    def save(self, path: Path) -> None:
-        """Write one .npz, atomically."""
-        stream = io.BytesIO()
-        header = np.array([FORMAT, self.width, self.height, self.rows.shape[1]], np.int64)
-        arrays = (header, self.pixels, self.alpha, self.rows.indptr, self.rows.columns, self.rows.weights)
-        np.savez_compressed(stream, **dict(zip(_ARRAYS, arrays, strict=True)))  # type: ignore[arg-type]
-        write_bytes(path, stream.getvalue())
+    def save(self, path: Path, key: str = "") -> None:
+        """Write one .safetensors file, atomically. ``key`` names what the taps were built from."""
+        rows = self.rows
+        arrays: dict[str, NDArray[Any]] = {
+            "places": encode(self.pixels, rows.indptr, rows.columns),
+            "weights": to_fractions(rows.weights),
+            "alpha": to_fractions(self.alpha),
+        }
+        shape = {"width": self.width, "height": self.height, "texels": rows.shape[1], "format": FORMAT}
+        metadata = {name: str(value) for name, value in shape.items()}
+        write_bytes(path, save_arrays(arrays, metadata | {"key": key, "checksum": _checksum(arrays)}))
 
     @staticmethod
-    def load(path: Path) -> Taps:
-        """Read what :meth:`save` wrote.
+    def load(path: Path, key: str = "") -> Taps:
+        """Read what :meth:`save` wrote, through a memory map.
 
         Raises:
-            RaucaError: missing, damaged, or of another format version.
+            RaucaError: missing, damaged, of another format version, or of another ``key``.
         """
-        arrays = load_arrays(path, _ARRAYS)
-        header, pixels, indptr, columns = (arrays[k] for k in ("header", "pixels", "indptr", "columns"))
-        if header.shape != (4,) or header[0] != FORMAT:
-            raise RaucaError(f"{path}: taps of another version of rauca; remove the file")
-        width, height, texels = (int(n) for n in header[1:])
-        sound = (
-            len(indptr) == len(pixels) + 1 == len(arrays["alpha"]) + 1
-            and indptr[0] == 0
-            and indptr[-1] == len(columns) == len(arrays["weights"])
-            and (np.diff(indptr) >= 0).all()
-            and _within(columns, texels)
-            and _within(pixels, width * height)
-        )
-        if not sound:  # numba reads without bounds checks: nothing may point outside
+        try:
+            with safe_open(path, framework="np") as archive:
+                metadata = archive.metadata() or {}
+                arrays = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118 (not a dict)
+        except (OSError, SafetensorError, ValueError) as error:
+            raise RaucaError(f"{path}: not readable as taps ({error}); remove the file") from None
+        if metadata.get("format") != str(FORMAT) or metadata.get("key") != key:
+            raise RaucaError(f"{path}: taps of another view or another version of rauca; remove the file")
+        if set(arrays) != {"places", "weights", "alpha"} or metadata.get("checksum") != _checksum(arrays):
             raise RaucaError(f"{path}: damaged taps; remove the file")
-        return Taps(width, height, pixels, arrays["alpha"], SparseOperator(indptr, columns, arrays["weights"], texels))
+        width, height, texels = (int(metadata[name]) for name in ("width", "height", "texels"))
+        places = decode(arrays["places"], len(arrays["alpha"]), len(arrays["weights"]), width * height, texels)
+        if places is None:
+            raise RaucaError(f"{path}: damaged taps; remove the file")
+        pixels, indptr, columns = places
+        operator = SparseOperator(indptr, columns, from_fractions(arrays["weights"]), texels)
+        return Taps(width, height, pixels, from_fractions(arrays["alpha"]), operator)
+
+
+def _checksum(arrays: dict[str, NDArray[Any]]) -> str:
+    total = 0
+    for name in sorted(arrays):
+        total = zlib.crc32(arrays[name].data, total)
+    return f"{total:08x}"
 
 
 def build_taps(
@@ -110,6 +126,7 @@ def build_taps(
     filter: str = "blackman-harris",
     pyramid: Pyramid | None = None,
     pattern: str = "lattice",
+    thinning: float = THINNING,
 ) -> Taps:
     """Compute the taps of one view.
 
@@ -119,10 +136,11 @@ def build_taps(
         vehicle: with its paint mask.
         camera_in_vehicle: the camera in the vehicle's own frame, see ``Frame.camera_in_vehicle``.
         size: side of the UV map, texels.
-        samples: a pixel has ``samples`` x ``samples`` subsamples.
+        samples: a pixel has about ``samples`` x ``samples`` subsamples.
         filter: the pixel filter of the renderer that made the frame, one of ``filters.FILTERS``.
         pyramid: the vehicle's at ``size``, when at hand; built otherwise.
         pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
+        thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap.
 
     Raises:
         RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
@@ -135,10 +153,9 @@ def build_taps(
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
     place = (raster.x0, raster.y0, subsamples.columns, subsamples.rows, reach, width, height)
     rows = merge_pixels(found.index, found.texels, found.weights, found.paint, place, table, reach, pyramid.count)
-    pixels, alpha, indptr, columns, weights = fill_fringe(rows, (width, height), 1.0 / samples**2, pyramid.count)
-    operator = SparseOperator(indptr, columns, weights.astype(np.float32), pyramid.count)
-    return Taps(width, height, pixels, alpha, operator)
-
-
-def _within(values: NDArray[np.int32], limit: int) -> bool:
-    return not len(values) or bool(values.min() >= 0 and values.max() < limit)
+    pixels, alpha, indptr, columns, values = fill_fringe(rows, (width, height), 1.0 / subsamples.number, pyramid.count)
+    indptr, columns, values = thin_rows(alpha, indptr, columns, values, pyramid.tree, len(pyramid.sizes), thinning)
+    # Rounded here as in a file, so that taps from the cache are the same to the bit.
+    weights = from_fractions(quantise_rows(indptr, values))
+    alpha = from_fractions(to_fractions(alpha))
+    return Taps(width, height, pixels, alpha, SparseOperator(indptr, columns, weights, pyramid.count))

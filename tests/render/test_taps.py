@@ -10,11 +10,12 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import Pyramid, SparseOperator, Taps, apply_many, build_taps, tap_cache
+from rauca_core.render import Pyramid, SparseOperator, Taps, TapSettings, apply_many, build_taps, tap_cache
 from rauca_core.render.merge import fill_fringe
 from rauca_core.render.sparse import _Torch
 
 MAP = 128
+SETTINGS = TapSettings(MAP, samples=4)
 
 
 @pytest.fixture
@@ -179,8 +180,8 @@ def test_view_without_paint_has_no_taps_and_no_gradient(box_vehicle: Vehicle) ->
 
 def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
     taps = build_taps(box_vehicle, camera, MAP)
-    taps.save(tmp_path / "taps.npz")
-    again = Taps.load(tmp_path / "taps.npz")
+    taps.save(tmp_path / "taps.safetensors")
+    again = Taps.load(tmp_path / "taps.safetensors")
     for name in ("pixels", "alpha"):
         assert (getattr(taps, name) == getattr(again, name)).all()
     for name in ("indptr", "columns", "weights"):
@@ -189,21 +190,21 @@ def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: P
 
 
 def test_cache_is_shared_and_rebuilds_what_is_damaged(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
-    first = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    first = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
     (file,) = tmp_path.iterdir()
     written = file.stat().st_mtime_ns
-    again = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    again = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
     assert (again.rows.weights == first.rows.weights).all()
     assert file.stat().st_mtime_ns == written
     file.write_bytes(file.read_bytes()[:1000])
-    rebuilt = tap_cache(tmp_path).get(box_vehicle, camera, MAP)
+    rebuilt = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
     assert (rebuilt.rows.columns == first.rows.columns).all()
-    assert len(Taps.load(file)) == len(first)
+    assert len(Taps.load(file, file.stem)) == len(first)
     cache = tap_cache(tmp_path)
-    assert cache.get(box_vehicle, camera, MAP) is cache.get(box_vehicle, camera, MAP)
+    assert cache.get(box_vehicle, camera, SETTINGS) is cache.get(box_vehicle, camera, SETTINGS)
     box_vehicle.positions[0, 0] += 0.1
-    cache.get(box_vehicle, camera, MAP)
-    cache.get(box_vehicle, camera, MAP, samples=2)
+    cache.get(box_vehicle, camera, SETTINGS)
+    cache.get(box_vehicle, camera, replace(SETTINGS, samples=2))
     assert len(list(tmp_path.iterdir())) == 3
 
 
@@ -213,9 +214,9 @@ def test_taps_that_point_outside_are_refused(box_vehicle: Vehicle, camera: Camer
     columns = rows.columns.copy()
     columns[5] = rows.shape[1]
     bad = replace(taps, rows=SparseOperator(rows.indptr, columns, rows.weights, rows.shape[1]))
-    bad.save(tmp_path / "taps.npz")
+    bad.save(tmp_path / "taps.safetensors")
     with pytest.raises(RaucaError, match="damaged"):
-        Taps.load(tmp_path / "taps.npz")
+        Taps.load(tmp_path / "taps.safetensors")
 
 
 def test_unknown_filter_is_named(box_vehicle: Vehicle, camera: Camera) -> None:

@@ -1,0 +1,95 @@
+"""Thinned rows: what they may lose, and what they may not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import Camera, Vehicle
+from rauca_core.render import Pyramid, build_taps
+from rauca_core.render.thin import thin_rows
+
+PRICE = 1e-4
+
+
+def dense(indptr: np.ndarray, columns: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    matrix = np.zeros((len(indptr) - 1, count))
+    np.add.at(matrix, (np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), columns), values)
+    return matrix
+
+
+def thin(pyramid: Pyramid, rows: list[dict[int, float]], price: float, alpha: float = 1.0) -> np.ndarray:
+    """Rows of {place in the pyramid: weight}, thinned; dense over all levels."""
+    indptr = np.cumsum([0] + [len(row) for row in rows])
+    columns = np.array([place for row in rows for place in row], np.int32)
+    values = np.array([weight for row in rows for weight in row.values()])
+    alphas = np.full(len(rows), alpha, np.float32)
+    done = thin_rows(alphas, indptr, columns, values, pyramid.tree, len(pyramid.sizes), price)
+    return dense(*done, pyramid.count)
+
+
+@pytest.fixture
+def pyramid() -> Pyramid:
+    return Pyramid(np.ones((8, 8), np.float32))
+
+
+def test_equal_siblings_become_their_parent(pyramid: Pyramid) -> None:
+    block = {int(pyramid.slots[0][y, x]): 1 / 16 for y in range(4) for x in range(4)}
+    (row,) = thin(pyramid, [block], PRICE)
+    assert np.flatnonzero(row).tolist() == [int(pyramid.slots[2][0, 0])]
+    assert row.max() == pytest.approx(1.0)
+
+
+def test_unequal_siblings_stay(pyramid: Pyramid) -> None:
+    a, b = (int(pyramid.slots[0][0, x]) for x in range(2))
+    (row,) = thin(pyramid, [{a: 0.7, b: 0.3}], PRICE)
+    assert row[a] == pytest.approx(0.7)
+    assert row[b] == pytest.approx(0.3)
+
+
+def test_small_taps_go_and_the_largest_never(pyramid: Pyramid) -> None:
+    a, b = int(pyramid.slots[0][0, 0]), int(pyramid.slots[0][7, 7])
+    (row,) = thin(pyramid, [{a: 0.995, b: 0.005}], PRICE)
+    assert row[a] == 1.0
+    assert row[b] == 0.0
+    (row,) = thin(pyramid, [{a: 0.6, b: 0.4}], 10.0)
+    assert row.sum() == pytest.approx(1.0)
+
+
+def test_faint_pixels_may_err_more(pyramid: Pyramid) -> None:
+    a, b = int(pyramid.slots[0][0, 0]), int(pyramid.slots[0][7, 7])
+    rows = [{a: 0.985, b: 0.015}]
+    assert np.count_nonzero(thin(pyramid, rows, PRICE, alpha=1.0)) == 2
+    assert np.count_nonzero(thin(pyramid, rows, PRICE, alpha=0.5)) == 1
+
+
+def test_price_zero_changes_nothing(pyramid: Pyramid) -> None:
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(10), 5)
+    places = [rng.choice(pyramid.count, 10, replace=False) for _ in weights]
+    rows = [dict(zip(p.tolist(), w.tolist(), strict=True)) for p, w in zip(places, weights, strict=True)]
+    before = np.zeros((5, pyramid.count))
+    for row, p, w in zip(before, places, weights, strict=True):
+        row[p] = w
+    assert np.allclose(thin(pyramid, rows, 0.0), before, atol=1e-12)
+
+
+def test_error_stays_within_what_was_paid(box_vehicle: Vehicle) -> None:
+    """Squared weight error on the finest texels <= price per tap saved, and rows still sum to 1."""
+    camera = Camera.look_at(np.array([9.0, 6.0, 3.0]), np.array([0.0, 0.0, 0.7]), 50, 40, 36)
+    size = 64
+    pyramid = Pyramid.of(box_vehicle, size)
+    identity = pyramid(torch.eye(len(pyramid.texels), dtype=torch.float64)).numpy()  # (T, P)
+    whole = build_taps(box_vehicle, camera, size, 6, pyramid=pyramid, thinning=0.0)
+    few = build_taps(box_vehicle, camera, size, 6, pyramid=pyramid, thinning=PRICE)
+    assert (whole.pixels == few.pixels).all()
+    assert len(few.rows.weights) < 0.5 * len(whole.rows.weights)
+    full, thinned = (dense(t.rows.indptr, t.rows.columns, t.rows.weights, pyramid.count) for t in (whole, few))
+    assert np.allclose(thinned.sum(1), 1, atol=1e-6)
+    error = (((full - thinned) @ identity) ** 2).sum(1)
+    saved = np.diff(whole.rows.indptr) - np.diff(few.rows.indptr)
+    paid = PRICE / np.maximum(whole.alpha, 0.25) ** 2 * saved
+    # Errors of nested merges add up as vectors, and normalising after a drop moves the rest a little.
+    assert (error <= 2 * paid + 1e-8).all()
+    assert error.mean() < 0.5 * paid.mean()
