@@ -16,12 +16,17 @@ from rauca_core.detect import load_detector
 def optimize_camouflage(dataset: Path, detector: str, settings: OptimiserSettings, out: Path, resume: bool) -> Path:
     """Optimise with a progress bar; returns the camouflage's JSON."""
     with progress_bar("optimising") as move:
+        views = ""
 
         def show(report: StepReport) -> None:
-            move(Progress(report.step, report.steps, f"loss {report.loss:.3f}  score {report.score:.2f}"))
+            move(Progress(report.step, report.steps, f"loss {report.loss:.3f}  score {report.score:.2f}{views}"))
+
+        def show_views(done: int, total: int) -> None:
+            nonlocal views
+            views = f"  views {done}/{total}" if done < total else ""
 
         size = settings.detector_size or 416
-        return optimise(Dataset(dataset), load_detector(detector, size), settings, out, show, resume)
+        return optimise(Dataset(dataset), load_detector(detector, size), settings, out, show, resume, show_views)
 
 
 if __name__ == "__main__":

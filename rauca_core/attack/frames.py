@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +47,7 @@ class FrameStore:
     """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts."""
 
     def __init__(self, dataset: Dataset, settings: OptimiserSettings) -> None:
-        self._dataset, self._settings = dataset, settings
+        self._dataset = dataset
         self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
         self.frames = [f for f in dataset.frames() if f.box_xyxy is not None]
         if not self.frames:
@@ -58,10 +60,11 @@ class FrameStore:
                     f"{frame.camera.height} pixels, the data set's frames are {size}x{size}; render the frame again"
                 )
         budget = settings.memory_mb * 2**20 // 2
-        self._taps = TapCache(settings.tap_folder or dataset.folder / "taps", budget)
+        chosen = TapSettings(settings.map_size, settings.samples, settings.pixel_filter)
+        self._taps = TapCache(settings.tap_folder or dataset.folder / "taps", self.vehicle, chosen, budget)
         self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
         self._budget = budget
-        self.pyramid = self._taps.pyramid(self.vehicle, settings.map_size)
+        self.pyramid = self._taps.pyramid
         self._reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
 
     def __len__(self) -> int:
@@ -75,10 +78,32 @@ class FrameStore:
             self._ready.popitem(last=False)
         return found
 
+    @contextlib.contextmanager
+    def warming(self, order: Sequence[int], on_view: Callable[[int, int], None] | None = None) -> Iterator[None]:
+        """Build the taps of all cameras in a thread of its own while the caller works; stops when the caller does.
+
+        Args:
+            order: frames, the first needed first.
+            on_view: called in that thread with cameras done and cameras in all.
+        """
+        cameras = [self.frames[i].camera_in_vehicle for i in order]
+        stop = threading.Event()
+
+        def work() -> None:
+            # What stops this thread, a full disk for one, stops `ready` too, which says so.
+            with contextlib.suppress(RaucaError):
+                self._taps.warm(cameras, on_view, stop)
+
+        thread = threading.Thread(target=work, name="taps", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+
     def _prepare(self, frame: Frame) -> ReadyFrame:
-        chosen = self._settings
-        camera = frame.camera_in_vehicle
-        taps = self._taps.get(self.vehicle, camera, TapSettings(chosen.map_size, chosen.samples, chosen.pixel_filter))
+        taps = self._taps.get(frame.camera_in_vehicle)
         light = load_exact(self._dataset, frame.id)
         A, B = light.A.reshape(-1, 3), light.B.reshape(-1, 3)
         background = to_bytes(srgb_from_linear(A * self._reference + B))

@@ -7,10 +7,13 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
@@ -18,6 +21,7 @@ from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng, named_seed
 from ..detect import Detector, class_index
 from ..render import undisplay
+from ..threads import threads
 from .augmentation import Augmentation
 from .checkpoint import POINTER, Checkpoint, check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore, ReadyFrame, boxes_of, render_batch
@@ -29,6 +33,7 @@ from .stopping import stop_request
 
 CHECKPOINTS = "checkpoints"
 OnStep = Callable[[StepReport], None]
+OnView = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ def optimise(
     out: Path,
     on_step: OnStep | None = None,
     resume: bool = False,
+    on_view: OnView | None = None,
 ) -> Path:
     """Optimise a camouflage on a data set against a detector.
 
@@ -58,6 +64,7 @@ def optimise(
         detector: its class names must hold ``settings.target``.
         on_step: called after every step; progress bars are the caller's business.
         resume: go on from the latest checkpoint in ``out``.
+        on_view: called, from another thread, with the cameras whose taps are built and how many there are.
 
     Returns:
         The path of ``camouflage.json``.
@@ -66,21 +73,18 @@ def optimise(
         RaucaError: unusable data set, detector or folder; a loss or gradient that is not finite (the frame is named);
             a stop by Ctrl-C or SIGTERM, after a checkpoint.
     """
-    out, threads = Path(out), torch.get_num_threads()
+    out = Path(out)
     started = (out / CHECKPOINTS / POINTER).is_file()
     if started != resume:
         hint = "resume it or choose another folder" if started else "start it without resuming"
         raise RaucaError(f"{out}: holds {'a' if started else 'no'} run with checkpoints; {hint}")
-    try:
-        if settings.threads is not None:
-            torch.set_num_threads(settings.threads)
+    with threads(settings.threads):
         run = Run(dataset, detector, settings)
         if resume:
             run.restore(out / CHECKPOINTS)
-        _loop(run, out, on_step)
+        with run.store.warming(run.upcoming(), on_view):
+            _loop(run, out, on_step)
         return write_result(out, run.store.vehicle, run.store.pyramid, run.limited(), settings, detector.name)
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:
@@ -131,31 +135,37 @@ class Run:
     def advance(self) -> StepReport:
         """Take one step of Eq. 8 on the step's own frames and augmentation."""
         begin, settings = time.perf_counter(), self.settings
-        batch = [self.store.ready(i) for i in self._draw()]
-        images = render_batch(batch, self.store.pyramid(undisplay(self.limited())))
+        with threads(1):
+            batch = [self.store.ready(i) for i in self._draw()]
+            images = render_batch(batch, self.store.pyramid(undisplay(self.limited())))
         # Two backward passes, cut at the images: the detector's share can be timed, and a bad frame named.
         before = time.perf_counter()
         detected = self._attack(images.detach(), batch)
         detector_seconds = time.perf_counter() - before
+        with threads(1):
+            smooth = self._descend(images, detected, batch)
+        self.step, self.last_image = self.step + 1, images[0].detach()
+        loss = settings.alpha * detected.attack + settings.beta * smooth
+        seconds = time.perf_counter() - begin
+        return StepReport(
+            self.step, settings.steps, loss, detected.attack, smooth, detected.score, seconds, detector_seconds
+        )
+
+    def _descend(self, images: Tensor, detected: _Detected, batch: list[ReadyFrame]) -> float:
+        """Carry the images' gradient to the UV map and step; returns the smoothness loss, Eq. 7."""
         smooth = self.smooth(self.limited())
         self.adam.zero_grad(set_to_none=True)
-        torch.autograd.backward([images, smooth * settings.beta], [detected.gradient, None])
+        torch.autograd.backward([images, smooth * self.settings.beta], [detected.gradient, None])
         if self.texels.grad is None or not torch.isfinite(self.texels.grad).all():
             names = ", ".join(f.frame.id for f in batch)
             raise RaucaError(
                 f"step {self.step + 1}: the UV map's gradient is not finite on frames {names}; remove them"
             )
         self.adam.step()
-        if settings.limit == "project":
+        if self.settings.limit == "project":
             with torch.no_grad():
                 self.texels.clamp_(0.0, 1.0)
-        self.step, self.last_image = self.step + 1, images[0].detach()
-        roughness = float(smooth.detach())
-        loss = settings.alpha * detected.attack + settings.beta * roughness
-        seconds = time.perf_counter() - begin
-        return StepReport(
-            self.step, settings.steps, loss, detected.attack, roughness, detected.score, seconds, detector_seconds
-        )
+        return float(smooth.detach())
 
     def limited(self) -> Tensor:
         """The texels (P, 3) sRGB as rendered, within [0, 1]; ``project`` keeps them there, ``clamp`` clips here."""
@@ -168,15 +178,20 @@ class Run:
         return flat.T.reshape(3, self.settings.map_size, self.settings.map_size)
 
     def _draw(self) -> list[int]:
-        """The frames of the next step: every epoch is a shuffle of its own, named by seed and epoch."""
-        count, orders = len(self.store), {}
-        chosen = []
-        for place in range(self.step * self.settings.batch, (self.step + 1) * self.settings.batch):
-            epoch = place // count
-            if epoch not in orders:
-                orders[epoch] = named_rng(self.settings.seed, "order", epoch).permutation(count)
-            chosen.append(int(orders[epoch][place % count]))
-        return chosen
+        """The frames of the next step."""
+        count, batch = len(self.store), self.settings.batch
+        places = range(self.step * batch, (self.step + 1) * batch)
+        return [int(self._epoch(place // count)[place % count]) for place in places]
+
+    def upcoming(self) -> list[int]:
+        """All frames, those first that the next steps draw."""
+        epoch, place = divmod(self.step * self.settings.batch, len(self.store))
+        return np.roll(self._epoch(epoch), -place).tolist()
+
+    @lru_cache(maxsize=2)  # noqa: B019 (a run lives as long as its process)
+    def _epoch(self, epoch: int) -> NDArray[np.int64]:
+        """The order of an epoch: a shuffle of its own, named by seed and epoch."""
+        return named_rng(self.settings.seed, "order", epoch).permutation(len(self.store))
 
     def _attack(self, images: Tensor, batch: list[ReadyFrame]) -> _Detected:
         """Eq. 6 on a batch of sRGB images (B, 3, H, W), with its gradient."""

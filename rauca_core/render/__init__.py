@@ -1,6 +1,6 @@
 """The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
 
-from .cache import TapCache, TapSettings, tap_cache
+from .cache import TapCache, TapSettings
 from .composite import composite, display, undisplay
 from .pyramid import Pyramid
 from .rasterise import Raster, rasterize
@@ -19,6 +19,5 @@ __all__ = [
     "composite",
     "display",
     "rasterize",
-    "tap_cache",
     "undisplay",
 ]

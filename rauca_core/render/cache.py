@@ -28,65 +28,59 @@ class TapSettings:
 
 
 class TapCache:
-    """Taps by what they depend on: geometry, camera, settings and the format's version.
+    """The taps of one vehicle's views.
 
-    A missing, damaged or outdated file is built again and replaced by one atomic rename, so any number of processes
-    and threads may share the folder. The most recently used taps stay in memory, up to ``memory_bytes``.
+    A missing, damaged or outdated file is built again and replaced by one atomic rename, so any number of processes,
+    threads, vehicles and settings may share the folder. The most recently used taps stay in memory.
+
+    Attributes:
+        pyramid: the vehicle's, at the settings' size.
     """
 
-    def __init__(self, folder: Path, memory_bytes: int = 2**30) -> None:
-        self.folder = Path(folder)
-        self._limit = memory_bytes
+    def __init__(self, folder: Path, vehicle: Vehicle, settings: TapSettings, memory_bytes: int = 2**30) -> None:
+        self.folder, self.settings = Path(folder), settings
+        self.pyramid = Pyramid.of(vehicle, settings.size)
+        self._vehicle, self._geometry = vehicle, vehicle.geometry_id  # a hash of the whole mesh: once, not per view
+        self._limit, self._held = memory_bytes, 0
         self._memory: OrderedDict[str, Taps] = OrderedDict()
-        self._held = 0
-        self._pyramids: dict[tuple[str, int], Pyramid] = {}
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
 
-    def get(self, vehicle: Vehicle, camera_in_vehicle: Camera, settings: TapSettings) -> Taps:
+    def get(self, camera_in_vehicle: Camera) -> Taps:
         """The taps that :func:`taps.build_taps` would return for the same arguments, to the bit."""
-        key = tap_key(vehicle, camera_in_vehicle, settings)
+        key = tap_key(self._geometry, camera_in_vehicle, self.settings)
         with self._lock:
-            taps = self._memory.get(key)
-            if taps is not None:
+            if key in self._memory:
                 self._memory.move_to_end(key)
-                return taps
-        taps = self._read(key) or self._build(key, vehicle, camera_in_vehicle, settings)
+                return self._memory[key]
+        taps = self._read(key) or self._build(key, camera_in_vehicle)
         self._remember(key, taps)
         return taps
 
     def warm(
         self,
-        vehicle: Vehicle,
         cameras: Sequence[Camera],
-        settings: TapSettings,
         on_view: Callable[[int, int], None] | None = None,
         stop: threading.Event | None = None,
     ) -> None:
-        """Put the taps of all cameras on disk; those in place are read, verified and left.
+        """Put the taps of all different cameras on disk; those in place are read, verified and left.
+
+        Meant for a thread beside the optimiser: the kernels leave Python's lock alone.
 
         Args:
             on_view: called with views done and views in all.
-            stop: end after the view in work once it is set.
+            stop: once set, end after the view in work.
         """
-        for done, camera in enumerate(cameras):
+        views = {tap_key(self._geometry, camera, self.settings): camera for camera in cameras}
+        for done, (key, camera) in enumerate(views.items(), 1):
             if stop is not None and stop.is_set():
                 return
-            key = tap_key(vehicle, camera, settings)
             if self._read(key) is None:
-                self._build(key, vehicle, camera, settings)
+                self._build(key, camera)
             if on_view is not None:
-                on_view(done + 1, len(cameras))
+                on_view(done, len(views))
 
-    def pyramid(self, vehicle: Vehicle, size: int) -> Pyramid:
-        """The vehicle's pyramid at ``size`` texels, built once."""
-        key = (vehicle.geometry_id, size)
-        with self._lock:
-            if key not in self._pyramids:
-                self._pyramids[key] = Pyramid.of(vehicle, size)
-            return self._pyramids[key]
-
-    def _build(self, key: str, vehicle: Vehicle, camera: Camera, settings: TapSettings) -> Taps:
-        taps = build_taps(vehicle, camera, pyramid=self.pyramid(vehicle, settings.size), **asdict(settings))
+    def _build(self, key: str, camera: Camera) -> Taps:
+        taps = build_taps(self._vehicle, camera, pyramid=self.pyramid, **asdict(self.settings))
         taps.save(self._path(key), key)
         return taps
 
@@ -110,14 +104,9 @@ class TapCache:
             return None  # a cache may be rebuilt without asking
 
 
-def tap_cache(folder: Path, memory_bytes: int = 2**30) -> TapCache:
-    """Open, and on first use create, a folder of taps."""
-    return TapCache(folder, memory_bytes)
-
-
-def tap_key(vehicle: Vehicle, camera: Camera, settings: TapSettings) -> str:
+def tap_key(geometry_id: str, camera: Camera, settings: TapSettings) -> str:
     """Name of a cache entry. Poses are rounded to a nanometre: frames of one camera differ by float noise only."""
-    digest = hashlib.sha256(f"{FORMAT} {vehicle.geometry_id} {asdict(settings)}".encode())
+    digest = hashlib.sha256(f"{FORMAT} {geometry_id} {asdict(settings)}".encode())
     digest.update(f" {camera.width} {camera.height}".encode())
     for array in (camera.K, camera.R, camera.t):
         digest.update((np.round(array, 9) + 0.0).tobytes())

@@ -26,7 +26,7 @@ from .rasterise import rasterize
 from .sparse import SparseOperator
 from .thin import thin_rows
 
-FORMAT = 3
+FORMAT = 3  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
 THINNING = 1e-4
 
 

@@ -10,12 +10,11 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import Pyramid, SparseOperator, Taps, TapSettings, apply_many, build_taps, tap_cache
+from rauca_core.render import Pyramid, SparseOperator, Taps, apply_many, build_taps
 from rauca_core.render.merge import fill_fringe
 from rauca_core.render.sparse import _Torch
 
 MAP = 128
-SETTINGS = TapSettings(MAP, samples=4)
 
 
 @pytest.fixture
@@ -187,25 +186,6 @@ def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: P
     for name in ("indptr", "columns", "weights"):
         assert (getattr(taps.rows, name) == getattr(again.rows, name)).all()
     assert (again.width, again.height, again.rows.shape) == (72, 64, taps.rows.shape)
-
-
-def test_cache_is_shared_and_rebuilds_what_is_damaged(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
-    first = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
-    (file,) = tmp_path.iterdir()
-    written = file.stat().st_mtime_ns
-    again = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
-    assert (again.rows.weights == first.rows.weights).all()
-    assert file.stat().st_mtime_ns == written
-    file.write_bytes(file.read_bytes()[:1000])
-    rebuilt = tap_cache(tmp_path).get(box_vehicle, camera, SETTINGS)
-    assert (rebuilt.rows.columns == first.rows.columns).all()
-    assert len(Taps.load(file, file.stem)) == len(first)
-    cache = tap_cache(tmp_path)
-    assert cache.get(box_vehicle, camera, SETTINGS) is cache.get(box_vehicle, camera, SETTINGS)
-    box_vehicle.positions[0, 0] += 0.1
-    cache.get(box_vehicle, camera, SETTINGS)
-    cache.get(box_vehicle, camera, replace(SETTINGS, samples=2))
-    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_taps_that_point_outside_are_refused(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
