@@ -1,42 +1,69 @@
-"""Clipping in homogeneous image space, before any division: a camera may stand inside the mesh."""
+"""Clipping in homogeneous pixel coordinates, before any division: a camera may stand inside the mesh."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .fixed_point import INSIDE, ONE, OUTSIDE
 
 MAX_CORNERS = 9  # a triangle gains at most one corner per plane: 3 + 5, and one to spare
 
 
-def clip_planes(width: int, height: int, guard: float) -> Array:
-    """Planes (5, 3) on homogeneous pixel coordinates (X, Y, w); ``plane @ point >= 0`` is kept.
+@njit(cache=True, error_model="numpy")
+def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, planes: Any, near: float) -> Any:
+    """Replace faces across the clip planes by fans of new corners; faces of broken vertices, by nothing.
 
-    The first is the near plane, at w = 0 until :func:`clip_face` moves it. The others are a guard band ``guard``
-    pixels outside the image, so that vertices at any distance fit the rasteriser's fixed-point numbers.
+    Args:
+        points, over, fixed, state: of the vertices, see `scanline.Corners`.
+        triangles: (F, 3) vertex indices.
+        planes, near: see `fixed_point.Screen`.
+
+    Returns:
+        corners (T, 3) int32 and owners (T,) int32 of the triangles to draw, by ascending face; over and fixed, with
+        the new corners appended.
     """
-    return np.array(
-        [
-            [0.0, 0.0, 1.0],
-            [1.0, 0.0, guard],
-            [-1.0, 0.0, width + guard],
-            [0.0, 1.0, guard],
-            [0.0, -1.0, height + guard],
-        ]
-    )
+    across = 0
+    for f in range(triangles.shape[0]):
+        across += (state[triangles[f, 0]] | state[triangles[f, 1]] | state[triangles[f, 2]]) == OUTSIDE
+    corners = np.empty((triangles.shape[0] + across * MAX_CORNERS, 3), np.int32)
+    owners = np.empty(len(corners), np.int32)
+    vertices = len(over)
+    over = np.concatenate((over, np.empty(across * MAX_CORNERS)))
+    fixed = np.concatenate((fixed, np.empty((across * MAX_CORNERS, 2), np.int32)))
+    polygon, spare = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
+    drawn = 0
+    for f in range(triangles.shape[0]):
+        i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        where = state[i] | state[j] | state[k]
+        if where == INSIDE:
+            corners[drawn, 0], corners[drawn, 1], corners[drawn, 2], owners[drawn] = i, j, k, f
+            drawn += 1
+        elif where == OUTSIDE:
+            polygon[0], polygon[1], polygon[2] = points[i], points[j], points[k]
+            count = _clip(planes, near, polygon, spare)
+            for n in range(count):
+                over[vertices + n] = 1.0 / polygon[n, 2]
+                for axis in range(2):
+                    fixed[vertices + n, axis] = np.int32(np.rint(polygon[n, axis] * over[vertices + n] * ONE))
+            for n in range(1, count - 1):
+                corners[drawn, 0], corners[drawn, 1], corners[drawn, 2] = vertices, vertices + n, vertices + n + 1
+                owners[drawn] = f
+                drawn += 1
+            vertices += count
+    return corners[:drawn], owners[:drawn], over[:vertices], fixed[:vertices]
 
 
-@njit(cache=True)
-def clip_face(corners: Array, planes: Array, near: float, polygon: Array, spare: Array) -> int:
-    """Sutherland-Hodgman: clip a triangle (3, 3) against ``planes`` into ``polygon``; returns the corner count.
+@njit(cache=True, error_model="numpy")
+def _clip(planes: Any, near: float, polygon: Any, spare: Any) -> int:
+    """Sutherland-Hodgman: clip the triangle in ``polygon`` in place; returns the corner count.
 
     An intersection is always computed from its inner end, so two faces that share an edge clip it to the same bits and
     stay watertight.
     """
     count = 3
-    polygon[:3] = corners
     for p in range(planes.shape[0]):
         offset = near if p == 0 else 0.0
         kept = 0

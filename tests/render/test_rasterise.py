@@ -67,8 +67,8 @@ def test_window_is_a_crop_of_the_whole_image() -> None:
     points = at_depth_one([(5.2, 6.1), (9.7, 6.9), (7.0, 11.3)])
     raster = rasterize(points, np.array([[0, 1, 2]]), flat(16), 4)
     rows, columns = np.nonzero(raster.face_ids >= 0)
-    assert raster.face_ids.shape[0] < 7 * 16
-    assert raster.face_ids.shape[1] < 8
+    assert raster.face_ids.shape[0] < 7 * raster.pattern.rows
+    assert raster.face_ids.shape[1] < 8 * raster.pattern.columns
     seen = raster.points(rows, columns)
     assert all(inside(points, x, y) for x, y in seen)
     homogeneous = np.pad(seen, ((0, 0), (0, 1)), constant_values=1.0)
@@ -133,8 +133,9 @@ def test_ground_plane_through_the_camera_fills_the_lower_half() -> None:
     ground = np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], float)
     raster = rasterize(ground, np.array([(0, 1, 2), (0, 2, 3)]), camera, 2)
     ids = full(raster, 64)
-    assert (ids[33 * 4 :] >= 0).all()
-    assert (ids[: 31 * 4] == -1).all()
+    horizon = 32 * raster.pattern.rows
+    assert (ids[horizon + 2 :] >= 0).all()
+    assert (ids[: horizon - 2] == -1).all()
     rows, columns = np.nonzero(raster.face_ids >= 0)
     points = np.einsum(
         "nk,nkc->nc",
@@ -174,9 +175,9 @@ def test_a_face_behind_the_camera_is_not_mirrored_into_view() -> None:
 def test_margin_shows_what_lies_just_outside() -> None:
     points = at_depth_one([(-3, -3), (3, -3), (-3, 3)])
     raster = rasterize(points, np.array([(0, 1, 2)]), flat(8), samples=2, margin=1)
-    assert (raster.x0, raster.y0) == (0, 0)  # one pixel, one sample wide and four high, before the image begins
+    assert (raster.x0, raster.y0) == (0, 0)  # a pixel before the image begins
     assert raster.face_ids[0, 0] == 0
-    assert np.allclose(raster.points(np.array([0]), np.array([0])), (-0.625, -0.875))
+    assert np.allclose(raster.points(np.array([0]), np.array([0])), raster.pattern.points()[0] - 1)
 
 
 def test_absurd_sizes_are_refused() -> None:
