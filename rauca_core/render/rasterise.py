@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import torch
 from numba import njit
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError
-from . import scanline
+from . import rasterise_torch, scanline
 from .fixed_point import LIMIT, MAX_SIDE, Screen
 from .pattern import Pattern
 from .pattern import pattern as pattern_of
@@ -88,6 +89,7 @@ def rasterize(
     near: float = NEAR_M,
     *,
     pattern: Pattern | None = None,
+    device: torch.device | str | None = None,
 ) -> Raster:
     """Find the nearest face behind every subsample. Both sides of a face are seen, as in Cycles.
 
@@ -100,6 +102,7 @@ def rasterize(
         margin: pixels around the image to rasterise as well (the pixel filter reaches beyond its edge).
         near: faces nearer than this, metres along z, are cut off.
         pattern: where the subsamples lie, in place of ``samples``.
+        device: where to run the path in plain torch. None runs the compiled one, on the CPU; both see the same faces.
 
     Raises:
         RaucaError: samples outside 1 to 16, or an image of more than 16384 pixels along a side, margin included.
@@ -110,7 +113,10 @@ def rasterize(
         raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterise; choose at most {MAX_SIDE} a side")
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles, np.int32)
     screen = Screen.of(camera, pattern, margin, near)
-    face_ids, window, broken = scanline.draw(positions, triangles, screen)
+    if device is None:
+        face_ids, window, broken = scanline.draw(positions, triangles, screen)
+    else:
+        face_ids, window, broken = rasterise_torch.draw(positions, triangles, screen, torch.device(device))
     if broken:
         warnings.warn(
             f"mesh: {broken} vertices are NaN, infinite or beyond {LIMIT:.0e} m; their faces are left out", stacklevel=2

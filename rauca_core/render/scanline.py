@@ -80,7 +80,7 @@ def _select(corners: Any, fixed: Any, columns: int, shifts: Any, limits: Any) ->
         number += hit
         x0, x1 = min(x0, begin if hit else x0), max(x1, end if hit else x1)
         y0, y1 = min(y0, first if hit else y0), max(y1, last if hit else y1)
-    return live[:number], (x0, y0, max(x0, x1 + 1), max(y0, y1 + 1))
+    return live[:number], (x0, y0, x1 + 1, y1 + 1) if number else (0, 0, 0, 0)
 
 
 @njit(cache=True)
