@@ -20,7 +20,7 @@ from .fragments import Fragments
 from .product import from_triplets
 from .pyramid import Pyramid
 from .sparse import SparseOperator
-from .surface import Array, Surface, mask_at, rasterize_atlas
+from .surface import Array, Surface, find_surface, mask_at, rasterize_atlas
 
 Float = type[np.floating]
 
@@ -112,11 +112,9 @@ def texel_owners(
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Array]:
     """Texels (N,) whose centres lie on a wanted face: flat places on the map, faces and barycentrics (N, 3)."""
     raster = rasterize_atlas(uvs, size)
-    rows, columns = np.nonzero(raster.face_ids >= 0)
-    kept = wanted[raster.face_ids[rows, columns]]
-    owner = raster.face_ids[rows[kept], columns[kept]]
-    texel = (rows[kept] + raster.y0) * size + columns[kept] + raster.x0
-    return texel, owner, raster.barycentrics()[rows[kept], columns[kept]]
+    surface = find_surface(raster, wanted)
+    rows, columns = np.nonzero(surface.index >= 0)
+    return (rows + raster.y0) * size + columns + raster.x0, surface.faces, surface.barycentrics
 
 
 def facet_fragments(vehicle: Vehicle, surface: Surface, ts: int, rank: NDArray[np.int64]) -> Fragments:

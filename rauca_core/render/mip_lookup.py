@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
@@ -71,35 +74,48 @@ def read_level(
     """
     slots = np.concatenate([s.ravel() for s in pyramid.slots])
     coverage = np.concatenate([c.ravel() for c in pyramid.coverage])
-    starts = np.concatenate([[0], np.cumsum([s.size for s in pyramid.slots])])[:-1]
-    uv = uv % 1.0 if wrap else np.clip(uv, 0.0, 1.0)
+    starts = np.concatenate([[0], np.cumsum([s.size for s in pyramid.slots])])
     texels, weights = np.zeros((len(uv), 4), np.int32), np.zeros((len(uv), 4))
-    todo, level = np.arange(len(uv)), level.copy()
-    while len(todo):
-        side = np.array(pyramid.sizes)[level[todo]][:, None]
-        cells, shares = _neighbours(uv[todo], side, wrap)
-        places = starts[level[todo]][:, None] + cells[..., 1] * side + cells[..., 0]
-        shares = shares * (coverage[places] if by_coverage else coverage[places] > 0)
-        total = shares.sum(1, keepdims=True)
-        texels[todo] = np.maximum(slots[places], 0)
-        weights[todo] = np.where(total > _NOTHING, shares / np.maximum(total, _NOTHING), 0.0)
-        todo = todo[total[:, 0] <= _NOTHING]
-        level[todo] += 1
-        todo, by_coverage = todo[level[todo] < len(pyramid.sizes)], True
+    _read(slots, coverage, starts, np.array(pyramid.sizes), level, uv, wrap, by_coverage, texels, weights)
     return texels, weights
 
 
-def _neighbours(uv: Array, side: Ints, wrap: bool) -> tuple[Ints, Array]:
-    """Columns and rows (N, 4, 2) of the four texels around each point, and their bilinear weights (N, 4)."""
-    point = np.stack([uv[:, 0], 1 - uv[:, 1]], 1) * side - 0.5
-    if not wrap:
-        point = np.clip(point, 0.0, side - 1.0)
-    low = np.floor(point).astype(np.int64)
-    offsets = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    cells = low[:, None, :] + offsets
-    cells = cells % side[..., None] if wrap else np.minimum(cells, side[..., None] - 1)
-    fraction = (point - low)[:, None, :]
-    return cells, np.where(offsets, fraction, 1 - fraction).prod(2)
+@njit(cache=True, nogil=True)
+def _read(
+    slots: Any,
+    coverage: Any,
+    starts: Any,
+    sizes: Any,
+    level: Any,
+    uv: Any,
+    wrap: bool,
+    by_coverage: bool,
+    texels: Any,
+    weights: Any,
+) -> None:
+    for n in range(uv.shape[0]):
+        for k in range(level[n], sizes.shape[0]):
+            side, total = sizes[k], 0.0
+            x, y = uv[n, 0] * side - 0.5, (1.0 - uv[n, 1]) * side - 0.5
+            if not wrap:
+                x, y = min(max(x, 0.0), side - 1.0), min(max(y, 0.0), side - 1.0)
+            left, top = int(np.floor(x)), int(np.floor(y))
+            for i in range(4):
+                column, row = left + i % 2, top + i // 2
+                weight = (x - left if i % 2 else 1.0 - (x - left)) * (y - top if i // 2 else 1.0 - (y - top))
+                column = column % side if wrap else min(column, side - 1)
+                row = row % side if wrap else min(row, side - 1)
+                place = starts[k] + row * side + column
+                if by_coverage or k > level[n]:
+                    weight *= coverage[place]
+                elif slots[place] < 0:
+                    weight = 0.0
+                texels[n, i], weights[n, i] = max(slots[place], 0), weight
+                total += weight
+            if total > _NOTHING:
+                weights[n] /= total
+                break
+            weights[n] = 0.0
 
 
 def _fragments(vehicle: Vehicle, surface: Surface, uv: Array, texels: NDArray[np.int32], weights: Array) -> Fragments:

@@ -1,14 +1,18 @@
 """World-aligned (triplanar) textures: one square pattern, repeated, projected along the vehicle's three axes.
 
-DTA and ACTIVE optimise such a pattern instead of a UV map, which needs no atlas and fits any vehicle; a game engine's
-"world-aligned texture" material repeats it over the body. A point p of the surface reads the pattern three times, at
-(y, z), (x, z) and (x, y) in tiles, and blends the three by |n_x|, |n_y|, |n_z| to a power, normalised. Coordinates are
-the vehicle's own, so the pattern moves with it. As in the engine, the pattern is mirrored on opposite sides.
+DTA and ACTIVE optimise such a pattern instead of a UV map: it needs no atlas and fits any vehicle, and is deployed as
+a game engine's world-aligned material. A point p of the surface reads the pattern three times, at (y, z), (x, z) and
+(x, y) in tiles, and blends the three by |n_x|, |n_y|, |n_z| to a power, normalised. Coordinates are the vehicle's own,
+so the pattern moves with it. No projection knows which side it falls on: the pattern is mirrored on opposite sides.
 
 Not here: the networks by which the two methods approximate this projection, where ours is exact.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +32,7 @@ from .surface import Array, Surface, find_surface, mask_at, rasterize_atlas
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
 SHARPNESS = 4.0
+BAND = 128  # rows of the atlas projected at once
 
 
 def pattern_pyramid(side: int) -> Pyramid:
@@ -73,10 +78,38 @@ def project_pattern(
     """
     paint = vehicle.paint_faces()
     uvs = np.where(paint[:, None, None], vehicle.uvs, np.float32(-9))  # other faces lie off the map
-    raster = rasterize_atlas(uvs, atlas.size, SUBSAMPLES)
-    surface = find_surface(raster, paint)
-    texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
-    return _mean_by_texel(raster, surface, texels, weights, atlas, tiles.count)
+    rule = pattern(SUBSAMPLES)
+    table, reach = filter_table("box", rule)
+    parts = []
+    for raster in _bands(rasterize_atlas(uvs, atlas.size, SUBSAMPLES), BAND * rule.rows):
+        surface = find_surface(raster, paint)
+        texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
+        place = (raster.x0, raster.y0, rule.columns, rule.rows, 0, atlas.size, atlas.size)
+        solid = np.ones(len(texels), np.float32)  # paint that the mask halves has its full colour
+        read = merge_pixels(surface.index, texels, weights.astype(np.float32), solid, place, table, reach, tiles.count)
+        parts.append(_paintable_rows(read, atlas))
+    if not parts or not np.array_equal(np.concatenate([part[0] for part in parts]), atlas.texels):
+        raise RaucaError("pattern: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")
+    rows, columns, values = (np.concatenate([part[k] for part in parts]) for k in (1, 2, 3))
+    return from_triplets(rows, columns, values, (len(atlas.texels), tiles.count))
+
+
+def _bands(raster: Raster, rows: int) -> Iterator[Raster]:
+    """A raster cut at multiples of ``rows`` sample rows: all samples of a large atlas at once take gigabytes."""
+    start, end = raster.y0, raster.y0 + len(raster.face_ids)
+    for first in range(start - start % rows, end, rows):
+        low = max(first, start)
+        yield replace(raster, face_ids=raster.face_ids[low - start : first + rows - start], y0=low)
+
+
+def _paintable_rows(read: Any, atlas: Pyramid) -> tuple[NDArray[Any], ...]:
+    """What `merge_pixels` returns, as entries: paintable texels covered; row, column and value of every tap on them."""
+    pixels, _, indptr, columns, values = read
+    place = np.minimum(np.searchsorted(atlas.texels, pixels), len(atlas.texels) - 1)
+    known = atlas.texels[place] == pixels
+    taps = np.diff(indptr)
+    kept = np.repeat(known, taps)
+    return pixels[known], np.repeat(place, taps)[kept], columns[kept], values[kept]
 
 
 def _read_tiles(
@@ -115,23 +148,3 @@ def blend_weights(normals: Array, sharpness: float) -> Array:
     # Relative to the largest component, so that no power underflows for all three.
     shares = np.where(largest > 0, size / np.maximum(largest, 1e-300), 1.0) ** sharpness
     return np.asarray(shares / shares.sum(1, keepdims=True))
-
-
-def _mean_by_texel(
-    raster: Raster, surface: Surface, texels: NDArray[np.int32], weights: Array, atlas: Pyramid, count: int
-) -> SparseOperator:
-    """Box-filter the samples of an atlas's raster into its texels, and keep the paintable ones."""
-    rule = pattern(SUBSAMPLES)
-    place = (raster.x0, raster.y0, rule.columns, rule.rows, 0, atlas.size, atlas.size)
-    table, reach = filter_table("box", rule)
-    solid = np.ones(len(texels), np.float32)
-    pixels, _, indptr, columns, values = merge_pixels(
-        surface.index, texels, weights.astype(np.float32), solid, place, table, reach, count
-    )
-    row = np.searchsorted(pixels, atlas.texels)
-    if not np.isin(atlas.texels, pixels).all():
-        raise RaucaError("pattern: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")
-    taps = np.diff(indptr)[row]
-    entries = np.repeat(indptr[row] - np.concatenate([[0], np.cumsum(taps)[:-1]]), taps) + np.arange(taps.sum())
-    rows = np.repeat(np.arange(len(row)), taps)
-    return from_triplets(rows, columns[entries], values[entries], (len(row), count))
