@@ -45,9 +45,12 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
             polygon[0], polygon[1], polygon[2] = points[i], points[j], points[k]
             count = _clip(planes, near, polygon, spare)
             for n in range(count):
-                over[vertices + n] = 1.0 / polygon[n, 2]
-                for axis in range(2):
-                    fixed[vertices + n, axis] = np.int32(np.rint(polygon[n, axis] * over[vertices + n] * ONE))
+                inverse = 1.0 / max(polygon[n, 2], near)
+                over[vertices + n] = inverse
+                for axis in range(2):  # rounding may leave a corner a little outside
+                    low, high = -planes[1 + 2 * axis, 2], planes[2 + 2 * axis, 2]
+                    place = min(max(polygon[n, axis] * inverse, low), high)
+                    fixed[vertices + n, axis] = np.int32(np.rint(place * ONE))
             for n in range(1, count - 1):
                 corners[drawn, 0], corners[drawn, 1], corners[drawn, 2] = vertices, vertices + n, vertices + n + 1
                 owners[drawn] = f
@@ -60,8 +63,8 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
 def _clip(planes: Any, near: float, polygon: Any, spare: Any) -> int:
     """Sutherland-Hodgman: clip the triangle in ``polygon`` in place; returns the corner count.
 
-    An intersection is always computed from its inner end, so two faces that share an edge clip it to the same bits and
-    stay watertight.
+    An intersection is always computed from the end nearer to the plane, so two faces that share an edge clip it to the
+    same bits and stay watertight, and one that ends a light year away still meets the plane.
     """
     count = 3
     for p in range(planes.shape[0]):
@@ -75,7 +78,7 @@ def _clip(planes: Any, near: float, polygon: Any, spare: Any) -> int:
                 spare[kept] = here
                 kept += 1
             if (d_here >= 0.0) != (d_there >= 0.0):
-                if d_here >= 0.0:
+                if abs(d_here) < abs(d_there) or (d_here >= 0.0 and d_here == -d_there):
                     spare[kept] = here + (d_here / (d_here - d_there)) * (there - here)
                 else:
                     spare[kept] = there + (d_there / (d_there - d_here)) * (here - there)

@@ -41,14 +41,15 @@ def clip_faces(points: Tensor, faces: Tensor, screen: Screen) -> tuple[Triangles
     """
     usable = (points.abs() <= LIMIT).all(0)
     inside = usable & (_distances(points, screen) >= 0).all(0)
-    drawn = Triangles(faces, torch.arange(faces.shape[1], device=faces.device), *_snap(points))
+    drawn = Triangles(faces, torch.arange(faces.shape[1], device=faces.device), *_snap(points, screen))
     if bool(inside.all()):
         return drawn, 0
     whole = inside[faces].all(0)
     across = torch.nonzero(usable[faces].all(0) & ~whole)[:, 0]
     drawn = drawn.take(torch.nonzero(whole)[:, 0])
     if len(across):
-        drawn = _with_fans(drawn, *_clip(points[:, faces[:, across]], screen), across)
+        polygons, number = _clip(points[:, faces[:, across]], screen)
+        drawn = _with_fans(drawn, *_snap(polygons.flatten(1), screen), number, across)
     return drawn, int((~usable).sum())
 
 
@@ -60,17 +61,18 @@ def _distances(points: Tensor, screen: Screen) -> Tensor:
     return torch.stack([p[0] * x + p[1] * y + p[2] * w - o for p, o in zip(planes, offsets, strict=True)])
 
 
-def _snap(points: Tensor) -> tuple[Tensor, Tensor]:
-    """Fixed point (2, N) and 1 / depth (N,) of points (3, N) inside the planes; anything at all of others."""
-    over = 1.0 / points[2]
-    place = torch.round(points[:2] * over * ONE)
-    return torch.nan_to_num(place, 0.0).clamp(-(2.0**31), 2.0**31).long(), over
+def _snap(points: Tensor, screen: Screen) -> tuple[Tensor, Tensor]:
+    """Fixed point (2, N) and 1 / depth (N,) of points (3, N) inside the planes, but for rounding."""
+    over = 1.0 / points[2].clamp(min=screen.near)
+    left, right, top, bottom = screen.planes[1:, 2].tolist()
+    place = [(points[0] * over).clamp(-left, right), (points[1] * over).clamp(-top, bottom)]
+    return torch.round(torch.stack(place) * ONE).nan_to_num(0.0).long(), over  # broken vertices may be NaN
 
 
 def _clip(corners: Tensor, screen: Screen) -> tuple[Tensor, Tensor]:
     """Sutherland-Hodgman on all triangles (3, 3, C) at once: polygons (3, MAX_CORNERS, C) and their corner counts.
 
-    The second axis runs over corners. An intersection is computed from its inner end, as in `clip`.
+    The second axis runs over corners. An intersection is computed from the end nearer to the plane, as in `clip`.
     """
     polygons = torch.nn.functional.pad(corners, (0, 0, 0, MAX_CORNERS - 3))
     number = torch.full((corners.shape[2],), 3, device=corners.device)
@@ -79,11 +81,11 @@ def _clip(corners: Tensor, screen: Screen) -> tuple[Tensor, Tensor]:
         valid, following = at < number, torch.where(at + 1 < number, at + 1, 0)
         there = polygons.gather(1, following.expand_as(polygons))
         d_here, d_there = (_distances(p, screen)[plane] for p in (polygons, there))
-        first = d_here >= 0
-        inner, outer = torch.where(first, polygons, there), torch.where(first, there, polygons)
-        d_inner, d_outer = torch.where(first, d_here, d_there), torch.where(first, d_there, d_here)
-        cuts = inner + d_inner / (d_inner - d_outer) * (outer - inner)
-        kept, crossed = valid & first, valid & (first != (d_there >= 0))
+        first = (d_here.abs() < d_there.abs()) | ((d_here >= 0) & (d_here == -d_there))
+        near, far = torch.where(first, polygons, there), torch.where(first, there, polygons)
+        d_near, d_far = torch.where(first, d_here, d_there), torch.where(first, d_there, d_here)
+        cuts = near + d_near / (d_near - d_far) * (far - near)
+        kept, crossed = valid & (d_here >= 0), valid & ((d_here >= 0) != (d_there >= 0))
         steps = kept.long() + crossed.long()
         place = torch.cumsum(steps, 0) - steps
         result, which = torch.zeros_like(polygons), torch.arange(len(number), device=at.device).expand_as(place)
@@ -94,9 +96,8 @@ def _clip(corners: Tensor, screen: Screen) -> tuple[Tensor, Tensor]:
     return polygons, number
 
 
-def _with_fans(drawn: Triangles, polygons: Tensor, number: Tensor, owners: Tensor) -> Triangles:
-    """Add triangles (0, n, n + 1) of polygons (3, MAX_CORNERS, C)."""
-    fixed, over = _snap(polygons.flatten(1))
+def _with_fans(drawn: Triangles, fixed: Tensor, over: Tensor, number: Tensor, owners: Tensor) -> Triangles:
+    """Add triangles (0, n, n + 1) of C polygons, whose MAX_CORNERS * C corners lie corner by corner."""
     n, which = torch.nonzero(torch.arange(MAX_CORNERS, device=number.device)[:, None] < number - 2, as_tuple=True)
     places = torch.stack([torch.zeros_like(n), n + 1, n + 2]) * len(number) + which + len(drawn.over)
     joined = Triangles(

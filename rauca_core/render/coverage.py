@@ -25,9 +25,7 @@ def texel_coverage(vehicle: Vehicle, size: int) -> NDArray[np.float32]:
     camera = Camera(np.eye(3), np.eye(3), np.zeros(3), size, size)
     subsamples = pattern(SUBSAMPLES)
     raster = rasterize(flat, faces, camera, pattern=subsamples)
-    hit = np.zeros((size * subsamples.rows, size * subsamples.columns), np.float32)
-    height, width = raster.face_ids.shape
-    hit[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids >= 0
-    charts = hit.reshape(size, subsamples.rows, size, subsamples.columns).mean((1, 3))
+    hit = raster.whole(size, size).reshape(size, subsamples.rows, size, subsamples.columns) >= 0
+    charts = hit.mean((1, 3), dtype=np.float32)
     mask = Image.fromarray(vehicle.paint_mask).resize((size, size), Image.Resampling.BOX)
     return charts * (np.asarray(mask, np.float32) / np.float32(255))

@@ -63,6 +63,14 @@ class Raster:
         _invert_seen(self.face_ids, self.positions, self.triangles, self.matrix, planes)
         return planes
 
+    def whole(self, width: int, height: int) -> NDArray[np.int32]:
+        """Face ids (height * rows, width * columns) of an image's own samples, -1 for none."""
+        rows, columns = self.pattern.rows, self.pattern.columns
+        down, across = self.margin * rows, self.margin * columns
+        grid = np.full((height * rows + 2 * down, width * columns + 2 * across), -1, np.int32)
+        grid[self.y0 : self.y0 + self.face_ids.shape[0], self.x0 : self.x0 + self.face_ids.shape[1]] = self.face_ids
+        return grid[down : down + height * rows, across : across + width * columns]
+
     def points(self, rows: NDArray[np.integer], columns: NDArray[np.integer]) -> Array:
         """Pixel coordinates (N, 2) of the samples at ``rows`` (N,) and ``columns`` (N,) of the window."""
         pattern, rows = self.pattern, rows + self.y0
@@ -105,9 +113,12 @@ def rasterize(
         device: where to run the path in plain torch. None runs the compiled one, on the CPU; both see the same faces.
 
     Raises:
-        RaucaError: samples outside 1 to 16, or an image of more than 16384 pixels along a side, margin included.
+        RaucaError: samples outside 1 to 16, an image of more than 16384 pixels along a side, margin included, or
+            a device without float64.
     """
     pattern = pattern or pattern_of(samples)
+    if device is not None and torch.device(device).type == "mps":
+        raise RaucaError("device: mps has no float64, which depth needs; choose cpu or cuda")
     width, height = camera.width + 2 * margin, camera.height + 2 * margin
     if max(width, height) > MAX_SIDE:
         raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterise; choose at most {MAX_SIDE} a side")
