@@ -151,6 +151,14 @@ def test_a_face_behind_the_camera_is_not_mirrored_into_view(render: Any) -> None
     assert render(behind, np.array([(0, 1, 2)]), camera).face_ids.size == 0
 
 
+def test_what_is_nearer_than_the_near_plane_is_cut_off(render: Any) -> None:
+    camera = Camera.look_at(np.zeros(3), np.array([1.0, 0, 0]), 90, 16, 16)
+    points = np.array([(0.01, -1, -1), (0.01, 1, -1), (0.01, 0, 2), (0.03, -1, -1), (0.03, 1, -1), (0.03, 0, 2)])
+    faces = np.array([(0, 1, 2), (3, 4, 5)])
+    assert (render(points, faces, camera).whole(16, 16) == 1).all()
+    assert (render(points, faces, camera, near=0.005).whole(16, 16) == 0).all()
+
+
 def test_the_lowest_of_coplanar_duplicates_wins(render: Any) -> None:
     camera = Camera.look_at(np.array([10.0, 0.3, 0.2]), np.zeros(3), 30, 32, 32)
     sheet = np.array([(0, -1, -1), (0, 1, -1), (0, 0, 1)], float)
