@@ -1,4 +1,7 @@
-"""The compiled path of the rasteriser, one core: project the vertices, then draw face after face into a z-buffer."""
+"""The compiled path of the rasteriser, one core: project the vertices, then draw face after face into a z-buffer.
+
+Places in arrays are unsigned where time counts: numba asks of every signed one whether it counts from the end.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +118,7 @@ def _draw(
     low_shift, high_shift = lines[1].min(), lines[1].max()
     nearest = np.zeros(face_ids.shape)
     for n in range(live.shape[0]):
-        t = live[n]
+        t = np.uint32(live[n])
         i, j, k = np.uint32(corners[t, 0]), np.uint32(corners[t, 1]), np.uint32(corners[t, 2])
         a = np.int64(fixed[i, 0]), np.int64(fixed[i, 1])
         b = np.int64(fixed[j, 0]), np.int64(fixed[j, 1])
@@ -129,7 +132,7 @@ def _draw(
         end = min(x1 - 1, _last(max(a[0], max(b[0], c[0])), columns, low_shift))
         first = max(y0, _first(min(a[1], min(b[1], c[1])), rows, HALF)) - y0
         last = min(y1 - 1, _last(max(a[1], max(b[1], c[1])), rows, HALF)) - y0
-        plane = _depth_plane(points, triangles, owners[t])
+        plane = _depth_plane(points, triangles, np.uint32(owners[t]))
         if not abs(plane[0]) + abs(plane[1]) + abs(plane[2]) <= LIMIT:
             continue  # seen edge-on
         low, high = min(over[i], min(over[j], over[k])), max(over[i], max(over[j], over[k]))
@@ -144,7 +147,7 @@ def _draw(
 @njit(cache=True, error_model="numpy")
 def _depth_plane(points: Any, triangles: Any, face: int) -> tuple[float, float, float]:
     """1 / depth of a face as a plane over the image: its slopes along x and y, and its value at the image's corner."""
-    i, j, k = triangles[face, 0], triangles[face, 1], triangles[face, 2]
+    i, j, k = np.uint32(triangles[face, 0]), np.uint32(triangles[face, 1]), np.uint32(triangles[face, 2])
     ax, ay, aw = points[i, 0], points[i, 1], points[i, 2]
     bx, by, bw = points[j, 0] - ax, points[j, 1] - ay, points[j, 2] - aw
     cx, cy, cw = points[k, 0] - ax, points[k, 1] - ay, points[k, 2] - aw
