@@ -113,8 +113,8 @@ def rasterize(
         device: where to run the path in plain torch. None runs the compiled one, on the CPU; both see the same faces.
 
     Raises:
-        RaucaError: samples outside 1 to 16, an image of more than 16384 pixels along a side, margin included, or
-            a device without float64.
+        RaucaError: samples outside 1 to 16, an image of more than 16384 pixels along a side, margin included,
+            triangles of vertices that do not exist, or a device without float64.
     """
     pattern = pattern or pattern_of(samples)
     if device is not None and torch.device(device).type == "mps":
@@ -123,6 +123,8 @@ def rasterize(
     if max(width, height) > MAX_SIDE:
         raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterise; choose at most {MAX_SIDE} a side")
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles, np.int32)
+    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(positions)):  # numba would read beyond
+        raise RaucaError(f"mesh: triangles name vertices outside 0 to {len(positions) - 1}; repair the mesh")
     screen = Screen.of(camera, pattern, margin, near)
     if device is None:
         face_ids, window, broken = scanline.draw(positions, triangles, screen)

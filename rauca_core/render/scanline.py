@@ -145,7 +145,7 @@ def _draw(
 
 
 @njit(cache=True, error_model="numpy")
-def _depth_plane(points: Any, triangles: Any, face: int) -> tuple[float, float, float]:
+def _depth_plane(points: Any, triangles: Any, face: Any) -> tuple[float, float, float]:
     """1 / depth of a face as a plane over the image: its slopes along x and y, and its value at the image's corner."""
     i, j, k = np.uint32(triangles[face, 0]), np.uint32(triangles[face, 1]), np.uint32(triangles[face, 2])
     ax, ay, aw = points[i, 0], points[i, 1], points[i, 2]

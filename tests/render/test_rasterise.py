@@ -88,3 +88,9 @@ def test_absurd_sizes_are_refused() -> None:
 def test_a_device_without_float64_is_refused() -> None:
     with pytest.raises(RaucaError, match="float64"):
         rasterize(at_depth_one([(0, 0), (1, 0), (0, 1)]), np.array([(0, 1, 2)]), flat(8), device="mps")
+
+
+@pytest.mark.parametrize("face", [(0, 1, 3), (0, 1, -1)])
+def test_a_vertex_that_does_not_exist_is_named(face: tuple[int, int, int]) -> None:
+    with pytest.raises(RaucaError, match="outside 0 to 2"):
+        rasterize(at_depth_one([(0, 0), (1, 0), (0, 1)]), np.array([face]), flat(8))
