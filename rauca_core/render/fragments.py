@@ -14,9 +14,7 @@ from .pyramid import Pyramid
 from .rasterise import Raster
 
 TEXELS = 4  # a bilinear lookup in one mip level
-# On the side of the footprint's square of equal area. Against 24x24 unfiltered subsamples (white noise, a published
-# texture) half a level up is as accurate as the footprint's longest side, with fewer taps where texels are small.
-LEVEL_BIAS = 0.0
+PLACES = 64  # that a pixel should read the texture at; patterns of fewer samples read 2 x 2 places per sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +23,8 @@ class Fragments:
 
     Attributes:
         index: (h, w) int32 over the raster's window, the fragment of a sample or -1.
-        texels: (N, 4) int32 places in the pyramid's list; unused ones have weight 0.
-        weights: (N, 4) float32, each row sums to 1.
+        texels: (N, K) int32 places in the pyramid's list; unused ones have weight 0.
+        weights: (N, K) float32, each row sums to 1.
         paint: (N,) float32 paint mask in [0, 1] at the fragment.
     """
 
@@ -39,8 +37,9 @@ class Fragments:
 def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragments:
     """Look up the texels of every visible subsample of a paint face.
 
-    The mip level is the one whose texels are about as large as the fragment's own footprint (a subsample's, not the
-    pixel's). UVs are clamped to the map; faces without area in the atlas read one texel at the finest level.
+    The mip level is the one whose texels are about as large as the footprint of one lookup. Visibility needs many
+    samples, texture many lookups: where samples are few, each looks at 2 x 2 places of its square, within its face. UVs
+    are clamped to the map; faces without area in the atlas read one texel at the finest level.
     """
     visible = raster.face_ids >= 0
     painted = np.zeros_like(visible)
@@ -48,57 +47,36 @@ def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
     index = np.full(raster.face_ids.shape, -1, np.int32)
     number = int(painted.sum())
     index[painted] = np.arange(number, dtype=np.int32)
+    pattern = raster.pattern
+    probes = 1 if pattern.number >= PLACES else 2
     fragments = Fragments(
         index,
-        np.zeros((number, TEXELS), np.int32),
-        np.zeros((number, TEXELS), np.float32),
+        np.zeros((number, TEXELS * probes**2), np.int32),
+        np.zeros((number, TEXELS * probes**2), np.float32),
         np.zeros(number, np.float32),
     )
     starts = np.concatenate([[0], np.cumsum([s.size for s in pyramid.slots])]).astype(np.int64)
+    slots = np.concatenate([s.ravel() for s in pyramid.slots])
+    coverage = np.concatenate([c.ravel() for c in pyramid.coverage])
     _look_up(
-        index,
-        raster.face_ids,
-        raster.x0,
-        raster.y0,
-        raster.margin,
-        raster.pattern.columns,
-        raster.pattern.shifts,
-        raster.planes,
-        vehicle.uvs.astype(np.float64),
-        vehicle.paint_mask,
-        np.concatenate([s.ravel() for s in pyramid.slots]),
-        np.concatenate([c.ravel() for c in pyramid.coverage]),
-        starts,
-        np.array(pyramid.sizes),
-        fragments.texels,
-        fragments.weights,
-        fragments.paint,
+        (index, raster.face_ids, raster.planes),
+        (raster.x0, raster.y0, raster.margin, pattern.columns, pattern.shifts),
+        (vehicle.uvs.astype(np.float64), vehicle.paint_mask),
+        (slots, coverage, starts, np.array(pyramid.sizes)),
+        probes,
+        (fragments.texels, fragments.weights, fragments.paint),
     )
     return fragments
 
 
 @njit(cache=True, nogil=True)
-def _look_up(
-    index: Any,
-    face_ids: Any,
-    x0: int,
-    y0: int,
-    margin: int,
-    columns: int,
-    shifts: Any,
-    planes: Any,
-    uvs: Any,
-    mask: Any,
-    slots: Any,
-    coverage: Any,
-    starts: Any,
-    sizes: Any,
-    texels: Any,
-    weights: Any,
-    paint: Any,
-) -> None:
+def _look_up(seen: Any, place: Any, surface: Any, levels: Any, probes: int, found: Any) -> None:
+    index, face_ids, planes = seen
+    x0, y0, margin, columns, shifts = place
+    uvs, mask = surface
+    texels, weights, paint = found
     rows = shifts.shape[0]
-    side_of_sample = np.sqrt(1.0 / (rows * columns))
+    side = np.sqrt(1.0 / (rows * columns)) / probes  # of the square that one lookup stands for, pixels
     for row in range(index.shape[0]):
         for column in range(index.shape[1]):
             n = index[row, column]
@@ -107,18 +85,28 @@ def _look_up(
             face = face_ids[row, column]
             x = (x0 + column + shifts[(y0 + row) % rows]) / columns - margin
             y = (y0 + row + 0.5) / rows - margin
-            u, v, footprint = _texture_coordinates(planes[face], uvs[face], x, y)
-            footprint *= side_of_sample
-            paint[n] = _bilinear_mask(mask, u, v)
-            blur = np.log2(max(footprint * sizes[0], 1e-9)) + LEVEL_BIAS
-            level = min(max(int(np.rint(blur)), 0), len(sizes) - 1)
-            while level < len(sizes):
-                side = sizes[level]
-                if _bilinear(slots, coverage, starts[level], side, u, v, texels[n], weights[n]):
-                    break
-                level += 1  # nothing paintable this near at this level: a coarser one reaches further
-            else:
+            met = 0
+            for k in range(probes * probes):
+                across, down = k % probes - 0.5 * (probes - 1), k // probes - 0.5 * (probes - 1)
+                u, v, footprint = _texture_coordinates(planes[face], uvs[face], x + across * side, y + down * side)
+                paint[n] += _bilinear_mask(mask, u, v) / (probes * probes)
+                taps = slice(TEXELS * k, TEXELS * (k + 1))
+                met += _read(levels, u, v, footprint * side, texels[n, taps], weights[n, taps])
+            if met == 0:
                 paint[n] = 0.0
+            weights[n] /= max(met, 1)
+
+
+@njit(cache=True, nogil=True)
+def _read(levels: Any, u: float, v: float, footprint: float, texels: Any, weights: Any) -> int:
+    """Read the level of a footprint; 1, or 0 when nothing paintable lies near."""
+    slots, coverage, starts, sizes = levels
+    level = min(max(int(np.rint(np.log2(max(footprint * sizes[0], 1e-9)))), 0), len(sizes) - 1)
+    while level < len(sizes):
+        if _bilinear(slots, coverage, starts[level], sizes[level], u, v, texels, weights):
+            return 1
+        level += 1  # nothing paintable this near at this level: a coarser one reaches further
+    return 0
 
 
 @njit(cache=True, nogil=True)
@@ -174,7 +162,7 @@ def _bilinear(slots: Any, coverage: Any, start: int, side: int, u: float, v: flo
         weights[k] = weight * coverage[place]
         total += weight * coverage[place]
     if total < 1e-6:
+        weights[:] = 0.0
         return False
-    for k in range(4):
-        weights[k] /= total
+    weights /= total
     return True

@@ -1,32 +1,59 @@
-"""Merging fragments into pixels: numba kernels that build the rows of a view's taps."""
+"""Merging fragments into pixels: the rows of a view's taps."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from ..contract import Camera
+from .fragments import Fragments
+from .rasterise import Raster
+from .thin import Thinning, thin_row
+
+
+class Rows(NamedTuple):
+    """A matrix in compressed rows, one per pixel.
+
+    Attributes:
+        pixels: (R,) int32 ``row * width + column``, ascending.
+        alpha: (R,) float32 paint coverage in [0, 1].
+        indptr: (R + 1,) int64.
+        columns: (N,) int32, ascending in each row.
+        values: (N,) float64; each row sums to 1.
+    """
+
+    pixels: NDArray[np.int32]
+    alpha: NDArray[np.float32]
+    indptr: NDArray[np.int64]
+    columns: NDArray[np.int32]
+    values: NDArray[np.float64]
+
+
+def merge_pixels(
+    found: Fragments, raster: Raster, camera: Camera, table: NDArray[np.float64], count: int, thinning: Thinning
+) -> Rows:
+    """Filter the fragments of a view into pixels, one row for each with any paint, and merge taps on the same texel.
+
+    Args:
+        found: the fragments of ``raster``.
+        raster: with a margin no smaller than the filter's reach.
+        camera: whose image it is.
+        table: weights of the pixel filter, see `filters.filter_table`.
+        count: how many columns the fragments' texels index.
+        thinning: of each row as it is done: whole rows of all pixels at once would take gigabytes.
+    """
+    pattern = raster.pattern
+    place = (raster.x0, raster.y0, pattern.columns, pattern.rows, raster.margin, camera.width, camera.height)
+    return Rows(*_merge(found.index, found.texels, found.weights, found.paint, place, table, count, thinning))
 
 
 @njit(cache=True, nogil=True)
-def merge_pixels(
-    index: Any, texels: Any, weights: Any, paint: Any, place: Any, table: Any, reach: int, count: int
-) -> Any:
-    """Filter fragments into pixels, merging taps on the same texel.
-
-    Args:
-        index: (h, w) fragment of each sample in the window, or -1.
-        texels, weights, paint: of the fragments, see `fragments.Fragments`.
-        place: x0, y0, columns, rows, margin, width, height of the raster, a pixel's pattern and the image.
-        table: ((2 * reach + 1) * rows, (2 * reach + 1) * columns) weights of the pixel filter.
-        reach: pixels that the filter reaches beyond its own.
-        count: texels in the pyramid.
-
-    Returns:
-        pixels (R,) int32 ``row * width + column`` with any paint; alpha (R,) float32; indptr (R + 1,); columns (N,)
-        int32; values (N,) float64, each row summing to 1.
-    """
+def _merge(index: Any, texels: Any, weights: Any, paint: Any, place: Any, table: Any, count: int, thinning: Any) -> Any:
     x0, y0, across, down, margin, width, height = place
+    reach = (table.shape[0] // down - 1) // 2
     first = max(0, x0 // across - margin - reach), max(0, y0 // down - margin - reach)
     last = (
         min(width, (x0 + index.shape[1]) // across - margin + reach + 1),
@@ -54,8 +81,7 @@ def merge_pixels(
                     if share <= 0.0:
                         continue
                     alpha += share
-                    if end + weights.shape[1] > columns.shape[0]:
-                        columns, values = _grown(columns), _grown(values)
+                    columns, values = _with_room(columns, values, end + weights.shape[1])
                     for k in range(weights.shape[1]):
                         value = share * weights[n, k]
                         if value <= 0.0:
@@ -72,20 +98,27 @@ def merge_pixels(
                 end = begin
                 continue
             values[begin:end] /= alpha
-            pixels[row], alphas[row] = y * width + x, min(alpha, 1.0)
+            alphas[row] = min(alpha, 1.0)
+            pixels[row] = y * width + x
+            columns, values = _with_room(columns, values, 2 * end - begin)
+            end = begin + thin_row(columns[begin:], values[begin:], end - begin, alphas[row], thinning)
             row += 1
             indptr[row] = end
     return pixels[:row].copy(), alphas[:row].copy(), indptr[: row + 1].copy(), columns[:end], values[:end]
 
 
-@njit(cache=True, nogil=True)
-def fill_fringe(rows: Any, shape: Any, threshold: float, count: int) -> Any:
+def fill_fringe(rows: Rows, camera: Camera, threshold: float, count: int, thinning: Thinning) -> Rows:
     """Give pixels of little or no coverage the texture of their painted neighbours.
 
     A pixel of alpha below ``threshold`` within two pixels of a painted one reads the mean of the rows in its 5x5
-    neighbourhood, weighted by ``alpha / (1 + distance^2)``. Other rows are copied. ``rows`` is what
-    :func:`merge_pixels` returns, and so is the result; alpha is 0 on pixels that had none.
+    neighbourhood, weighted by ``alpha / (1 + distance^2)``, thinned. Other rows are copied. Alpha is 0 on pixels that
+    had none.
     """
+    return Rows(*_fill(tuple(rows), (camera.width, camera.height), threshold, count, thinning))
+
+
+@njit(cache=True, nogil=True)
+def _fill(rows: Any, shape: Any, threshold: float, count: int, thinning: Any) -> Any:
     pixels, alphas, indptr, columns, values = rows
     width, height = shape
     row_of = np.full(width * height, -1, np.int32)
@@ -114,8 +147,7 @@ def fill_fringe(rows: Any, shape: Any, threshold: float, count: int) -> Any:
                     continue
                 share = alphas[r] / (1.0 + (ny - y) ** 2 + (nx - x) ** 2)
                 total += share
-                while end + indptr[r + 1] - indptr[r] > new_columns.shape[0]:
-                    new_columns, new_values = _grown(new_columns), _grown(new_values)
+                new_columns, new_values = _with_room(new_columns, new_values, end + indptr[r + 1] - indptr[r])
                 for k in range(indptr[r], indptr[r + 1]):
                     texel = columns[k]
                     if owner[texel] != n:
@@ -124,12 +156,19 @@ def fill_fringe(rows: Any, shape: Any, threshold: float, count: int) -> Any:
                         end += 1
                     new_values[slot[texel]] += share * values[k]
         new_values[begin:end] /= total
+        if span > 0:
+            new_columns, new_values = _with_room(new_columns, new_values, 2 * end - begin)
+            end = begin + thin_row(new_columns[begin:], new_values[begin:], end - begin, new_alphas[n], thinning)
         new_indptr[n + 1] = end
     return new_pixels, new_alphas, new_indptr, new_columns[:end].copy(), new_values[:end].copy()
 
 
 @njit(cache=True, nogil=True)
-def _grown(array: Any) -> Any:
-    larger = np.empty(array.shape[0] * 2, array.dtype)
-    larger[: array.shape[0]] = array
+def _with_room(columns: Any, values: Any, size: int) -> Any:
+    """The arrays, moved to larger ones when they hold fewer than ``size`` places."""
+    if size <= columns.shape[0]:
+        return columns, values
+    larger = np.empty(2 * size, columns.dtype), np.empty(2 * size, values.dtype)
+    larger[0][: columns.shape[0]] = columns
+    larger[1][: values.shape[0]] = values
     return larger

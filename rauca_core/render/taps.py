@@ -18,16 +18,17 @@ from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantise_rows, to_fractions
 from .filters import filter_table
-from .fragments import find_fragments
 from .merge import fill_fringe, merge_pixels
 from .pattern import pattern as subsample_pattern
+from .product import compose
 from .pyramid import Pyramid
 from .rasterise import rasterize
+from .sampler import Sampler, look_up
 from .sparse import SparseOperator
-from .thin import thin_rows
+from .thin import Thinning
 
 FORMAT = 3  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
-THINNING = 1e-4
+THINNING = 1e-5  # halves the taps at 8 x 8 subsamples; 50 dB against Cycles remain 50
 
 
 @dataclass(eq=False)
@@ -127,6 +128,7 @@ def build_taps(
     pyramid: Pyramid | None = None,
     pattern: str = "lattice",
     thinning: float = THINNING,
+    sampler: Sampler = Sampler.AREA,
 ) -> Taps:
     """Compute the taps of one view.
 
@@ -141,6 +143,7 @@ def build_taps(
         pyramid: the vehicle's at ``size``, when at hand; built otherwise.
         pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
         thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap.
+        sampler: how a subsample reads the map: ours, or a renderer of the literature, whose taps are not thinned.
 
     Raises:
         RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
@@ -149,13 +152,15 @@ def build_taps(
     subsamples = subsample_pattern(samples, pattern)
     table, reach = filter_table(filter, subsamples)
     raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=subsamples)
-    found = find_fragments(vehicle, raster, pyramid)
+    look = look_up(vehicle, raster, pyramid, sampler)
+    thin = Thinning.of(pyramid.tree, thinning if sampler == Sampler.AREA else 0.0)
+    rows = merge_pixels(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
+    rows = fill_fringe(rows, camera_in_vehicle, 1.0 / subsamples.number, look.columns, thin)
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
-    place = (raster.x0, raster.y0, subsamples.columns, subsamples.rows, reach, width, height)
-    rows = merge_pixels(found.index, found.texels, found.weights, found.paint, place, table, reach, pyramid.count)
-    pixels, alpha, indptr, columns, values = fill_fringe(rows, (width, height), 1.0 / subsamples.number, pyramid.count)
-    indptr, columns, values = thin_rows(alpha, indptr, columns, values, pyramid.tree, len(pyramid.sizes), thinning)
+    if look.inner is not None:  # rows that read black cells sum to less than 1: neither rounded nor cached
+        through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
+        return Taps(width, height, rows.pixels, rows.alpha, compose(through, look.inner))
     # Rounded here as in a file, so that taps from the cache are the same to the bit.
-    weights = from_fractions(quantise_rows(indptr, values))
-    alpha = from_fractions(to_fractions(alpha))
-    return Taps(width, height, pixels, alpha, SparseOperator(indptr, columns, weights, pyramid.count))
+    weights = from_fractions(quantise_rows(rows.indptr, rows.values))
+    alpha = from_fractions(to_fractions(rows.alpha))
+    return Taps(width, height, rows.pixels, alpha, SparseOperator(rows.indptr, rows.columns, weights, pyramid.count))

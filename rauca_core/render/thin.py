@@ -1,71 +1,79 @@
 """Thinning a view's taps: fewer taps for the least error, by rate against distortion.
 
 A pixel that spans many texels reads most of them with nearly equal weights. Where siblings of the mip pyramid carry
-nearly the weights that their parent would give them, one tap on the parent replaces them; a tap too small to matter is
-dropped and the row normalised again. Each step may add, per tap that it saves, a squared weight error of at most
-``price``: for texels of variance v the expected squared error of a pixel is v times the sum of those errors.
+nearly the weights that their parent would give them, one tap on the parent replaces them; a tap too small to matter
+hands its weight to a sibling, or is dropped and the row normalised. Each step may add, per tap that it saves, a squared
+weight error of about ``price``: for texels of variance v the expected squared error of a pixel is v times their sum.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from .pyramid import Tree
 
 _UNSEEN, _STAYS, _MERGES = 0, -1, -2  # of a parent; larger numbers count its listed children
 # The light of a pixel holds its paint coverage: a faint pixel may err more. Down to this coverage, not further.
 _FAINT = 0.25
 
 
+class Thinning(NamedTuple):
+    """How to thin the rows of a matrix on a pyramid's texels.
+
+    Attributes:
+        tree: the pyramid's.
+        price: squared weight error that one tap is worth at full coverage; 0 keeps all taps.
+        state, slot, sums: buffers, which :func:`thin_row` leaves as it found them.
+    """
+
+    tree: Tree
+    price: float
+    state: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    sums: NDArray[np.float64]
+
+    @staticmethod
+    def of(tree: Tree, price: float) -> Thinning:
+        count = len(tree.parent)
+        return Thinning(tree, float(price), np.zeros(count, np.int64), np.full(count, -1), np.zeros((count, 4)))
+
+
 @njit(cache=True, nogil=True)
-def thin_rows(alpha: Any, indptr: Any, columns: Any, values: Any, tree: Any, levels: int, price: float) -> Any:
-    """Thin every row of a matrix on the pyramid's texels.
+def thin_row(listed: Any, weights: Any, count: int, alpha: float, how: Any) -> int:
+    """Thin one row in place.
 
     Args:
-        alpha: (R,) coverage of the rows' pixels.
-        indptr, columns, values: the matrix in compressed rows; each row sums to 1, without repeated columns.
-        tree: parent (T,), share (T,), spread (T,), level (T,) of the pyramid's texels, see `pyramid.Pyramid.tree`.
-        levels: of the pyramid.
-        price: squared weight error that one tap is worth, per row of full coverage.
+        listed, weights: buffers of 2 * count places or more; the first ``count`` hold the row's texels, each once, and
+            weights that sum to 1.
+        alpha: coverage of the row's pixel.
+        how: see `Thinning`.
 
     Returns:
-        indptr, columns, values of the thinned matrix; columns of a row ascend and its values sum to 1.
+        The new count; texels ascend and weights sum to 1.
     """
-    rows = indptr.shape[0] - 1
-    longest = 1
-    for r in range(rows):
-        longest = max(longest, indptr[r + 1] - indptr[r])
-    listed, weights = np.empty(2 * longest, np.int32), np.empty(2 * longest)
-    state = np.zeros(tree[0].shape[0], np.int64)
-    slot = np.full(tree[0].shape[0], -1, np.int64)
-    sums = np.zeros((tree[0].shape[0], 3))
-    new_indptr = np.zeros(rows + 1, np.int64)
-    new_columns, new_values = np.empty(columns.shape[0], np.int32), np.empty(columns.shape[0])
-    end = 0
-    for r in range(rows):
-        count = indptr[r + 1] - indptr[r]
-        listed[:count] = columns[indptr[r] : indptr[r + 1]]
-        weights[:count] = values[indptr[r] : indptr[r + 1]]
-        worth = price / max(alpha[r], _FAINT) ** 2
-        for level in range(levels - 1):
-            count = _merge_siblings(listed, weights, count, level, tree, worth, state, slot, sums)
+    if how.price > 0.0:
+        worth = how.price / max(alpha, _FAINT) ** 2
+        for level in range(how.tree.level[-1]):
+            count = _merge_siblings(listed, weights, count, level, worth, how)
         count = _drop_small(listed, weights, count, worth)
-        order = np.argsort(listed[:count])
-        new_columns[end : end + count] = listed[:count][order]
-        new_values[end : end + count] = weights[:count][order]
-        end += count
-        new_indptr[r + 1] = end
-    return new_indptr, new_columns[:end].copy(), new_values[:end].copy()
+    order = np.argsort(listed[:count])
+    listed[:count], weights[:count] = listed[:count][order], weights[:count][order]
+    return count
 
 
 @njit(cache=True, nogil=True)
-def _merge_siblings(
-    listed: Any, weights: Any, count: int, level: int, tree: Any, worth: float, state: Any, slot: Any, sums: Any
-) -> int:
-    """Replace the listed texels of one level by their parents where that is worth it; returns the new count."""
-    parent, _, spread, level_of = tree
-    found = _sum_families(listed, weights, count, level, tree, state, slot, sums)
+def _merge_siblings(listed: Any, weights: Any, count: int, level: int, worth: float, how: Any) -> int:
+    """Replace the listed texels of one level by their parents where that is worth it; returns the new count.
+
+    In a family that stays, one too small to matter hands its weight to the largest, which reads about the same place.
+    """
+    parent, level_of = how.tree.parent, how.tree.level
+    state, slot, sums = how.state, how.slot, how.sums
+    found = _sum_families(listed, weights, count, level, how)
     before = count
     if found > 0:
         for k in range(before):
@@ -75,13 +83,17 @@ def _merge_siblings(
             if state[p] > 0:
                 saved = state[p] - (0 if slot[p] >= 0 else 1)
                 total, cross, square = sums[p, 0], sums[p, 1], sums[p, 2]
-                error = square - 2.0 * total * cross + total * total * spread[p]
-                state[p] = _MERGES if saved > 0 and error <= worth * saved else _STAYS
+                error = square - 2.0 * total * cross + total * total * how.tree.spread[p]
+                merges = saved > 0 and error <= worth * saved
+                state[p] = _MERGES if merges else _STAYS
                 if state[p] == _MERGES and slot[p] < 0:
                     slot[p], listed[count], weights[count] = count, p, 0.0
                     count += 1
             if state[p] == _MERGES:
                 weights[slot[p]] += weights[k]
+                weights[k] = -1.0
+            elif weights[k] * weights[k] <= worth:
+                weights[int(sums[p, 3])] += weights[k]
                 weights[k] = -1.0
     kept = 0
     for k in range(count):
@@ -96,11 +108,10 @@ def _merge_siblings(
 
 
 @njit(cache=True, nogil=True)
-def _sum_families(
-    listed: Any, weights: Any, count: int, level: int, tree: Any, state: Any, slot: Any, sums: Any
-) -> int:
-    """Per parent of the listed texels of one level: how many, and the sums of w, share * w and w^2."""
-    parent, share, _, level_of = tree
+def _sum_families(listed: Any, weights: Any, count: int, level: int, how: Any) -> int:
+    """Per parent of the listed texels of one level: how many, the sums of w, share * w and w^2, the largest's place."""
+    parent, share, level_of = how.tree.parent, how.tree.share, how.tree.level
+    state, slot, sums = how.state, how.slot, how.sums
     found = 0
     for k in range(count):
         texel = listed[k]
@@ -111,6 +122,9 @@ def _sum_families(
         p = parent[texel]
         if state[p] == _UNSEEN:
             sums[p] = 0.0
+            sums[p, 3] = k
+        elif weights[k] > weights[int(sums[p, 3])]:
+            sums[p, 3] = k
         state[p] += 1
         sums[p, 0] += weights[k]
         sums[p, 1] += share[texel] * weights[k]

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError, Vehicle
+from ..contract import Camera, RaucaError, Vehicle
 from .coverage import SUBSAMPLES
 from .filters import filter_table
-from .fragments import LEVEL_BIAS, Fragments
-from .merge import merge_pixels
+from .fragments import Fragments
+from .merge import Rows, merge_pixels
 from .mip_lookup import read_level
 from .pattern import pattern
 from .product import from_triplets
@@ -29,6 +29,7 @@ from .pyramid import Pyramid
 from .rasterise import Raster
 from .sparse import SparseOperator
 from .surface import Array, Surface, find_surface, mask_at, rasterize_atlas
+from .thin import Thinning
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
 SHARPNESS = 4.0
@@ -79,14 +80,16 @@ def project_pattern(
     paint = vehicle.paint_faces()
     uvs = np.where(paint[:, None, None], vehicle.uvs, np.float32(-9))  # other faces lie off the map
     rule = pattern(SUBSAMPLES)
-    table, reach = filter_table("box", rule)
+    table, _ = filter_table("box", rule)
+    texels_as_pixels = Camera(np.eye(3), np.eye(3), np.zeros(3), atlas.size, atlas.size)
+    thinning = Thinning.of(tiles.tree, 0.0)
     parts = []
     for raster in _bands(rasterize_atlas(uvs, atlas.size, SUBSAMPLES), BAND * rule.rows):
         surface = find_surface(raster, paint)
         texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
-        place = (raster.x0, raster.y0, rule.columns, rule.rows, 0, atlas.size, atlas.size)
         solid = np.ones(len(texels), np.float32)  # paint that the mask halves has its full colour
-        read = merge_pixels(surface.index, texels, weights.astype(np.float32), solid, place, table, reach, tiles.count)
+        found = Fragments(surface.index, texels, weights.astype(np.float32), solid)
+        read = merge_pixels(found, raster, texels_as_pixels, table, tiles.count, thinning)
         parts.append(_paintable_rows(read, atlas))
     if not parts or not np.array_equal(np.concatenate([part[0] for part in parts]), atlas.texels):
         raise RaucaError("pattern: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")
@@ -102,7 +105,7 @@ def _bands(raster: Raster, rows: int) -> Iterator[Raster]:
         yield replace(raster, face_ids=raster.face_ids[low - start : first + rows - start], y0=low)
 
 
-def _paintable_rows(read: Any, atlas: Pyramid) -> tuple[NDArray[Any], ...]:
+def _paintable_rows(read: Rows, atlas: Pyramid) -> tuple[NDArray[Any], ...]:
     """What `merge_pixels` returns, as entries: paintable texels covered; row, column and value of every tap on them."""
     pixels, _, indptr, columns, values = read
     place = np.minimum(np.searchsorted(atlas.texels, pixels), len(atlas.texels) - 1)
@@ -125,7 +128,7 @@ def _read_tiles(
     for axis, plane in enumerate(PLANES):
         across = slopes[:, :, plane]
         area = across[:, 0, 0] * across[:, 1, 1] - across[:, 0, 1] * across[:, 1, 0]
-        blur = 0.5 * np.log2(np.maximum(np.abs(area), 1e-18)) + np.log2(tiles.size) + LEVEL_BIAS
+        blur = 0.5 * np.log2(np.maximum(np.abs(area), 1e-18)) + np.log2(tiles.size)
         level = np.clip(np.rint(blur), 0, len(tiles.sizes) - 1).astype(np.int64)
         four = slice(4 * axis, 4 * axis + 4)
         texels[:, four], weights[:, four] = read_level(tiles, level, points[:, plane], wrap=True)

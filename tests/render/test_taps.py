@@ -11,8 +11,9 @@ import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, SparseOperator, Taps, apply_many, build_taps
-from rauca_core.render.merge import fill_fringe
+from rauca_core.render.merge import Rows, fill_fringe
 from rauca_core.render.sparse import _Torch
+from rauca_core.render.thin import Thinning
 
 MAP = 128
 
@@ -125,14 +126,16 @@ def test_fringe_reads_its_neighbours(box_vehicle: Vehicle, camera: Camera) -> No
 
 def test_fringe_weighs_neighbours_by_coverage_over_distance() -> None:
     # One line of pixels: solid with texel 0, faint with texel 1, bare, solid with texel 2.
-    rows = (
+    rows = Rows(
         np.array([0, 1, 3], np.int32),
         np.array([1.0, 0.01, 0.5], np.float32),
         np.array([0, 1, 2, 3], np.int64),
         np.array([0, 1, 2], np.int32),
         np.ones(3),
     )
-    pixels, alpha, indptr, columns, values = fill_fringe(rows, (6, 1), 1 / 16, 3)
+    line = Camera(np.eye(3), np.eye(3), np.zeros(3), 6, 1)
+    thinning = Thinning.of(Pyramid(np.ones((1, 3), np.float32)).tree, 0.0)
+    pixels, alpha, indptr, columns, values = fill_fringe(rows, line, 1 / 16, 3, thinning)
     assert pixels.tolist() == [0, 1, 2, 3, 4, 5]
     assert np.allclose(alpha, [1, 0.01, 0, 0.5, 0, 0])
     matrix = np.zeros((6, 3))

@@ -8,7 +8,7 @@ import torch
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, build_taps
-from rauca_core.render.thin import thin_rows
+from rauca_core.render.thin import Thinning, thin_row
 
 PRICE = 1e-4
 
@@ -21,12 +21,17 @@ def dense(indptr: np.ndarray, columns: np.ndarray, values: np.ndarray, count: in
 
 def thin(pyramid: Pyramid, rows: list[dict[int, float]], price: float, alpha: float = 1.0) -> np.ndarray:
     """Rows of {place in the pyramid: weight}, thinned; dense over all levels."""
-    indptr = np.cumsum([0] + [len(row) for row in rows])
-    columns = np.array([place for row in rows for place in row], np.int32)
-    values = np.array([weight for row in rows for weight in row.values()])
-    alphas = np.full(len(rows), alpha, np.float32)
-    done = thin_rows(alphas, indptr, columns, values, pyramid.tree, len(pyramid.sizes), price)
-    return dense(*done, pyramid.count)
+    result = np.zeros((len(rows), pyramid.count))
+    how = Thinning.of(pyramid.tree, price)
+    for dense, row in zip(result, rows, strict=True):
+        places, weights = np.zeros(2 * len(row), np.int32), np.zeros(2 * len(row))
+        places[: len(row)], weights[: len(row)] = list(row), list(row.values())
+        count = thin_row(places, weights, len(row), alpha, how)
+        assert (np.diff(places[:count]) > 0).all()
+        dense[places[:count]] = weights[:count]
+    assert not how.state.any()
+    assert (how.slot == -1).all()
+    return result
 
 
 @pytest.fixture
@@ -55,6 +60,14 @@ def test_small_taps_go_and_the_largest_never(pyramid: Pyramid) -> None:
     assert row[b] == 0.0
     (row,) = thin(pyramid, [{a: 0.6, b: 0.4}], 10.0)
     assert row.sum() == pytest.approx(1.0)
+
+
+def test_small_taps_go_to_a_sibling(pyramid: Pyramid) -> None:
+    a, b, c = (int(pyramid.slots[0][y, x]) for y, x in ((0, 0), (0, 1), (7, 7)))
+    (row,) = thin(pyramid, [{a: 0.495, b: 0.005, c: 0.5}], PRICE)
+    assert row[a] == pytest.approx(0.5)
+    assert row[b] == 0.0
+    assert row[c] == pytest.approx(0.5)
 
 
 def test_faint_pixels_may_err_more(pyramid: Pyramid) -> None:
