@@ -28,7 +28,7 @@ extension: $(READY)
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet torch==2.13.0
-	$(VENV)/bin/python -m pip install --quiet -e .[blender,dev]
+	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,dev]
 	touch $(READY)
 
 clean:

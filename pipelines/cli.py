@@ -148,12 +148,28 @@ def demo(
 
 @bench_app.command("render")
 def bench_render_command(
-    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
-    camouflage: Annotated[Path, typer.Option(help="camouflage .json to compare in")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="measure this one beside the sedan: a folder, .obj, .glb or .blend")
+    ] = None,
+    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
+    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="fewer views and sizes: two minutes, not fifteen")] = False,
+    blender: Annotated[bool, typer.Option(help="compare with Cycles too")] = True,
+    docs: Annotated[Path | None, typer.Option(help="save table, plot and error pictures to this folder too")] = None,
     json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/render.json"),
 ) -> None:
-    """The neural renderer's speed against its distance from Cycles."""
-    _benchmark("render").bench_render(dataset, camouflage, json)
+    """The neural renderer's speed and error, beside other renderers, Embree and Cycles."""
+    _benchmark("render.bench").bench_render(json, vehicle, paint_mask, paint_material, quick, blender, docs)
+
+
+@bench_app.command("agreement")
+def bench_agreement_command(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
+    camouflage: Annotated[Path, typer.Option(help="camouflage .json to compare in")],
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/agreement.json"),
+) -> None:
+    """The neural renderer's distance from Cycles on the frames of a data set."""
+    _benchmark("agreement").bench_agreement(dataset, camouflage, json)
 
 
 @bench_app.command("vehicle")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 
+from benchmarks.render.blender import Job, render_jobs
 from rauca_core.contract import Camera, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.images import read_image
@@ -24,28 +21,12 @@ def sedan() -> Vehicle:
     return load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
 
 
-def cycles(vehicle: Vehicle, camera: Camera, uv_map: np.ndarray, folder: Path) -> dict[str, np.ndarray]:
+def cycles(vehicle: Vehicle, camera: Camera, uv_map: np.ndarray) -> dict[str, np.ndarray]:
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
-    source, target = folder / "view.npz", folder / "rendered.npz"
-    np.savez(
-        source,
-        positions=vehicle.positions,
-        triangles=vehicle.triangles,
-        uvs=vehicle.uvs,
-        paint=vehicle.paint_faces(),
-        mask=vehicle.paint_mask,
-        uv_map_linear=uv_map,
-        K=camera.K,
-        R=camera.R,
-        t=camera.t,
-        size=camera.width,
-        samples=256,
+    coverage, premultiplied = render_jobs(
+        vehicle, [camera], uv_map, [Job("coverage", 0, 256), Job("premultiplied", 0, 256)]
     )
-    script = Path(__file__).with_name("cycles_view.py")
-    done = subprocess.run([sys.executable, script, source, target], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    with np.load(target) as archive:
-        return dict(archive)
+    return {"coverage": coverage[..., 0], "premultiplied": premultiplied}
 
 
 def psnr(found: np.ndarray, wanted: np.ndarray) -> float:
@@ -53,9 +34,7 @@ def psnr(found: np.ndarray, wanted: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("azimuth", "elevation", "distance"), [(40, 20, 7), (200, 45, 5)])
-def test_taps_agree_with_cycles(
-    sedan: Vehicle, tmp_path: Path, azimuth: float, elevation: float, distance: float
-) -> None:
+def test_taps_agree_with_cycles(sedan: Vehicle, azimuth: float, elevation: float, distance: float) -> None:
     a, e = np.radians([azimuth, elevation])
     aim = np.array([0.0, 0.0, 0.7])
     eye = aim + distance * np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
@@ -65,7 +44,7 @@ def test_taps_agree_with_cycles(
     texels = pyramid.from_map(torch.from_numpy(cells.repeat(8, 1).repeat(8, 2)))
     # As a camouflage is exported: gutters filled from the paint beside them.
     uv_map = pyramid.to_map(texels).permute(1, 2, 0).numpy()
-    reference = cycles(sedan, camera, uv_map, tmp_path)
+    reference = cycles(sedan, camera, uv_map)
 
     taps = build_taps(sedan, camera, MAP, samples=4, pyramid=pyramid)
     alpha = taps.coverage()
@@ -86,8 +65,8 @@ def test_taps_agree_with_cycles(
     assert -10 * np.log10(np.mean(weighted**2)) > 30
 
 
-def test_box_filter_is_further_from_cycles(sedan: Vehicle, tmp_path: Path) -> None:
+def test_box_filter_is_further_from_cycles(sedan: Vehicle) -> None:
     camera = Camera.look_at(np.array([5.0, 4.0, 2.5]), np.array([0, 0, 0.7]), 50, 96, 96)
-    reference = cycles(sedan, camera, np.ones((MAP, MAP, 3), np.float32), tmp_path)["coverage"]
+    reference = cycles(sedan, camera, np.ones((MAP, MAP, 3), np.float32))["coverage"]
     gap = [psnr(build_taps(sedan, camera, MAP, 4, f).coverage(), reference) for f in ("blackman-harris", "box")]
     assert gap[0] > gap[1] + 6

@@ -1,6 +1,6 @@
-"""The neural renderer's speed against its distance from Cycles, over subsamples per pixel.
+"""The neural renderer's distance from Cycles on a data set's frames, over subsamples per pixel.
 
-``rauca bench render DATASET --camouflage FILE`` runs it.
+``rauca bench agreement DATASET --camouflage FILE`` runs it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 
-def bench_render(dataset: Path, camouflage: Path, out: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> None:
+def bench_agreement(dataset: Path, camouflage: Path, out: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> None:
     """Measure each sample count on the same frames, in one process; writes ``out`` (.json) and a plot beside it."""
     renders = out.parent / f"{out.stem}-cycles"
     render_camouflages(dataset, [camouflage], renders, options=REFERENCE)
@@ -46,9 +46,9 @@ def _table(measured: dict[int, Agreement]) -> Table:
 def _plot(measured: dict[int, Agreement], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
     times = [a.build_ms for a in measured.values()]
-    for label, values in (
-        ("inside the paint", [a.inside_db for a in measured.values()]),
-        ("on its edges", [a.edge_db for a in measured.values()]),
+    for label, values in (  # a data set without rendered frames has no PSNR
+        ("inside the paint", [a.inside_db or float("nan") for a in measured.values()]),
+        ("on its edges", [a.edge_db or float("nan") for a in measured.values()]),
     ):
         axes.plot(times, values, "o-", label=label)
     for n, a in measured.items():

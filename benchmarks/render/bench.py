@@ -1,0 +1,123 @@
+"""The order of events of ``rauca bench render``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from pipelines.console import progress_bar
+from rauca_core.contract import Progress, Vehicle
+from rauca_core.contract.files import write_json
+from rauca_core.threads import threads
+
+from .accuracy import reference_check
+from .blender_agreement import compare_with_blender
+from .contenders import Contender, contenders, ours
+from .measure import measure_scene
+from .pictures import save_pictures
+from .raster import time_raster
+from .report import print_report, save_plot
+from .results import Results
+from .scenes import Car, Scene, prepare_car, prepare_scene
+from .settings import FULL, QUICK, Settings
+from .speed import pyramid_step, streamed_ms
+from .speedup import measure_speedup
+from .vehicles import open_vehicle
+from .views import RINGS
+
+
+def bench_render(
+    out: Path,
+    vehicle: str | None = None,
+    paint_mask: Path | None = None,
+    paint_material: str | None = None,
+    quick: bool = False,
+    blender: bool = True,
+    docs: Path | None = None,
+) -> Results:
+    """Measure the default sedan and, if given, another vehicle; write ``out`` (JSON) and a plot beside it.
+
+    Args:
+        vehicle: name, vehicle folder, or an .obj, .glb or .blend file.
+        blender: compare with Cycles too.
+        docs: folder to save the table, the plot and the error pictures in as well.
+
+    Raises:
+        RaucaError: a vehicle that cannot be opened; Embree or Blender is missing.
+    """
+    vehicles = {"sedan": open_vehicle("sedan")}
+    if vehicle not in (None, "sedan"):
+        given = open_vehicle(str(vehicle), paint_mask, paint_material)
+        vehicles[given.name] = given
+    return run_bench(vehicles, QUICK if quick else FULL, out, blender, docs)
+
+
+def run_bench(
+    vehicles: Mapping[str, Vehicle], settings: Settings, out: Path, blender: bool = True, docs: Path | None = None
+) -> Results:
+    """Measure ``vehicles`` by name; targets are judged on the last."""
+    results = Results(settings, main=list(vehicles)[-1])
+    for name, vehicle in vehicles.items():
+        with threads(1):
+            scene = _measure_car(name, vehicle, settings, results)
+        if docs is not None and name == results.main:
+            save_pictures(scene, docs)
+        del scene
+        if blender:
+            with progress_bar(f"{name}: Cycles") as move:
+                results.blender.append(compare_with_blender(name, vehicle, settings, move))
+    print_report(results)
+    write_json(out, results.to_json())
+    save_plot(results, out.with_suffix(".svg"))
+    if docs is not None:
+        save_plot(results, docs / "speed-error.svg")
+        print_report(results, docs / "table.md")
+    return results
+
+
+def _measure_car(name: str, vehicle: Vehicle, settings: Settings, results: Results) -> Scene:
+    """Everything but Blender; returns the largest paper scene, for pictures."""
+    car = prepare_car(name, vehicle, settings)
+    results.levels[name] = pyramid_step(car.pyramid, settings.repeats)
+    for ring in RINGS:
+        for size in settings.sizes:
+            scene = _measure_ring(car, ring, size, settings, results)
+            if ring == "paper" and size == max(settings.sizes):
+                shown = scene
+    return shown
+
+
+def _measure_ring(car: Car, ring: str, size: int, settings: Settings, results: Results) -> Scene:
+    everyone = contenders(settings.samples)
+    views = settings.paper_views if ring == "paper" else settings.close_views
+    total = 2 * views + len(everyone) * (settings.repeats + 2)
+    with _counted(f"{car.name}: {ring} ring, {size} px", total) as moved:
+        scene = prepare_scene(car, ring, size, settings, moved)
+        results.renderers += measure_scene(scene, everyone, settings, moved)
+        results.raster.append(time_raster(scene, settings.repeats, moved))
+        if ring == "paper" and size == max(settings.sizes):
+            two = next(c for c in everyone if c.name == ours(2))
+            _measure_step(scene, two, settings, results)
+    return scene
+
+
+def _measure_step(scene: Scene, two: Contender, settings: Settings, results: Results) -> None:
+    """What a step of our 2x2 costs: against Algorithm 2, and from the cache."""
+    name = scene.car.name
+    results.reference_check_db[name] = reference_check(scene, settings.reference_samples)
+    results.speedups[name] = measure_speedup(scene, two, settings.steps)
+    results.streamed_ms[name] = streamed_ms(scene, two, settings.repeats)
+
+
+@contextmanager
+def _counted(title: str, total: int) -> Iterator[Callable[[], None]]:
+    with progress_bar(title) as move:
+        done = 0
+
+        def moved() -> None:
+            nonlocal done
+            done += 1
+            move(Progress(min(done, total), total, ""))
+
+        yield moved

@@ -1,0 +1,85 @@
+"""Cycles in a child process: what Blender itself sees of a vehicle's paint, from many cameras in one start."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rauca_core.contract import Camera, Progress, RaucaError, Vehicle, parse_progress
+
+SCRIPT = Path(__file__).with_name("cycles_view.py")
+Image = NDArray[np.float32]
+
+
+class Job(NamedTuple):
+    """One render: ``coverage``, ``premultiplied`` or ``uv``, by the camera of that number."""
+
+    what: str
+    camera: int
+    samples: int
+
+
+def render_jobs(
+    vehicle: Vehicle,
+    cameras: Sequence[Camera],
+    uv_map_linear: Image,
+    jobs: Sequence[Job],
+    progress: Callable[[Progress], None] = lambda news: None,
+) -> list[Image]:
+    """Render ``jobs``, an image (H, W, 3) linear each; see `cycles_view.py` for what they show.
+
+    Args:
+        cameras: square images, all of one size.
+        uv_map_linear: (size, size, 3).
+
+    Raises:
+        RaucaError: Blender is missing, or died.
+    """
+    if find_spec("bpy") is None:
+        raise RaucaError("Blender is missing: `pip install rauca[blender]`, or leave this part out with --no-blender")
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        source, target = Path(temporary) / "views.npz", Path(temporary) / "rendered.npz"
+        np.savez(
+            source,
+            positions=vehicle.positions,
+            triangles=vehicle.triangles,
+            uvs=vehicle.uvs,
+            paint=vehicle.paint_faces(),
+            mask=vehicle.paint_mask,
+            uv_map_linear=uv_map_linear,
+            K=np.stack([c.K for c in cameras]),
+            R=np.stack([c.R for c in cameras]),
+            t=np.stack([c.t for c in cameras]),
+            size=cameras[0].width,
+            jobs=json.dumps(jobs),
+        )
+        _run([sys.executable, "-P", str(SCRIPT), str(source), str(target)], progress)
+        with np.load(target) as archive:
+            return [archive[str(i)] for i in range(len(jobs))]
+
+
+def _run(command: list[str], progress: Callable[[Progress], None]) -> None:
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    tail = "no message"
+    try:
+        for line in process.stdout or ():
+            if news := parse_progress(line):
+                progress(news)
+            elif line.strip():
+                tail = line.strip()
+        code = process.wait()
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+    if code:
+        raise RaucaError(f"bench render: Blender stopped with code {code}: {tail}")

@@ -1,0 +1,136 @@
+"""How far our taps are from what Cycles sees: coverage masks, UVs, and a colourful texture's anti-aliased albedo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from rauca_core.contract import Camera, Progress, Vehicle
+from rauca_core.render import Pyramid, Taps, build_taps, rasterize
+
+from .accuracy import premultiplied, psnr_db
+from .blender import Image, Job, render_jobs
+from .settings import AGREEMENT_UV_SIZE, Settings
+from .views import random_cameras
+
+MASK_SUBSAMPLES = (4, 8)
+COLOUR_SUBSAMPLES = 4
+CELLS = 64  # of the colourful texture, along each axis of the map
+SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared
+
+
+@dataclass(frozen=True)
+class BlenderAgreement:
+    """One vehicle.
+
+    Attributes:
+        iou_mean, iou_worst: by subsamples per axis, intersection over union of the masks at half coverage, over views.
+        iou_cycles: mean of Cycles against itself, at a quarter of the samples: what its noise alone costs.
+        uv_median, uv_p99: distance of UVs at pixel centres, texels, over all pixels of all views.
+        inside_db, edge_db: PSNR of the premultiplied albedo, linear, at 4x4.
+        floor_inside_db, floor_edge_db: Cycles against itself with four times the samples.
+    """
+
+    vehicle: str
+    cameras: int
+    size: int
+    mask_samples: int
+    colour_samples: int
+    iou_mean: dict[str, float]
+    iou_worst: dict[str, float]
+    iou_cycles: float
+    uv_median: float
+    uv_p99: float
+    inside_db: float
+    edge_db: float
+    floor_inside_db: float
+    floor_edge_db: float
+
+
+def compare_with_blender(
+    name: str, vehicle: Vehicle, settings: Settings, progress: Callable[[Progress], None]
+) -> BlenderAgreement:
+    """Render all cameras in one Blender process and compare.
+
+    Raises:
+        RaucaError: Blender is missing, or died.
+    """
+    pyramid = Pyramid.of(vehicle, AGREEMENT_UV_SIZE)
+    cameras = random_cameras(vehicle, settings.cameras, settings.camera_size)
+    uv_map = colourful(pyramid)
+    every, coloured = range(len(cameras)), range(settings.colour_views)
+    most, some = settings.mask_samples, settings.colour_samples
+    jobs = [Job("coverage", i, most) for i in every] + [Job("coverage", i, most // 4) for i in every]
+    jobs += [Job("uv", i, 1) for i in every]
+    jobs += [Job("premultiplied", i, n) for n in (some, 4 * some) for i in coloured]
+    images = iter(render_jobs(vehicle, cameras, uv_map, jobs, progress))
+    masks, rough = ([next(images)[..., 0] for _ in every] for _ in range(2))
+    uvs = [next(images) for _ in every]
+    colours, fine = ([next(images) for _ in coloured] for _ in range(2))
+
+    ious = {str(n): [_iou(_taps(vehicle, c, pyramid, n).coverage(), m) for c, m in zip(cameras, masks, strict=True)]
+            for n in MASK_SUBSAMPLES}  # fmt: skip
+    distances = np.concatenate([uv_distances(vehicle, c, u) for c, u in zip(cameras, uvs, strict=True)])
+    texels = pyramid(pyramid.from_map(torch.from_numpy(uv_map).permute(2, 0, 1)))
+    ours = [premultiplied(_taps(vehicle, cameras[i], pyramid, COLOUR_SUBSAMPLES), texels) for i in coloured]
+    inside, edge = _inside_and_edge(ours, colours, masks)
+    floor_inside, floor_edge = _inside_and_edge(colours, fine, masks)
+    return BlenderAgreement(
+        vehicle=name,
+        cameras=len(cameras),
+        size=settings.camera_size,
+        mask_samples=most,
+        colour_samples=some,
+        iou_mean={n: float(np.mean(row)) for n, row in ious.items()},
+        iou_worst={n: float(np.min(row)) for n, row in ious.items()},
+        iou_cycles=float(np.mean([_iou(a, b) for a, b in zip(rough, masks, strict=True)])),
+        uv_median=float(np.median(distances)),
+        uv_p99=float(np.percentile(distances, 99)),
+        inside_db=inside,
+        edge_db=edge,
+        floor_inside_db=floor_inside,
+        floor_edge_db=floor_edge,
+    )
+
+
+def colourful(pyramid: Pyramid, seed: int = 0) -> Image:
+    """A map (size, size, 3), linear, of random colours in square cells; gutters filled as a camouflage's are."""
+    cell = pyramid.size // CELLS
+    cells = np.random.default_rng(seed).random((3, CELLS, CELLS)).astype(np.float32)
+    texels = pyramid.from_map(torch.from_numpy(cells.repeat(cell, 1).repeat(cell, 2)))
+    return np.ascontiguousarray(pyramid.to_map(texels).permute(1, 2, 0).numpy())
+
+
+def uv_distances(vehicle: Vehicle, camera: Camera, theirs: Image) -> NDArray[np.float64]:
+    """Texels between our UV and Cycles' (H, W, 3) at each pixel centre where both see paint."""
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera)
+    hit = raster.face_ids >= 0
+    hit[hit] = vehicle.paint_faces()[raster.face_ids[hit]]
+    ours = np.einsum("nk,nkc->nc", raster.barycentrics()[hit], vehicle.uvs[raster.face_ids[hit]])
+    height, width = hit.shape
+    seen = theirs[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width][hit]
+    both = seen[:, 2] > 0.5
+    return np.asarray(np.linalg.norm(ours - seen[:, :2], axis=1)[both] * AGREEMENT_UV_SIZE)
+
+
+def _taps(vehicle: Vehicle, camera: Camera, pyramid: Pyramid, samples: int) -> Taps:
+    return build_taps(vehicle, camera, pyramid.size, samples, "blackman-harris", pyramid=pyramid)
+
+
+def _iou(ours: NDArray[np.float32], theirs: NDArray[np.float32]) -> float:
+    a, b = ours >= 0.5, theirs >= 0.5
+    return float((a & b).sum() / max((a | b).sum(), 1))
+
+
+def _inside_and_edge(found: list[Image], wanted: list[Image], masks: list[Image]) -> tuple[float, float]:
+    """PSNR over all views, where Cycles sees nothing but paint, and where it sees some."""
+    inside, edge = [], []
+    for image, reference, mask in zip(found, wanted, masks, strict=False):
+        error = (image - reference) ** 2
+        inside.append(error[mask > SOLID])
+        edge.append(error[(mask > FAINT) & (mask <= SOLID)])
+    return psnr_db(np.concatenate(inside)), psnr_db(np.concatenate(edge))

@@ -1,0 +1,56 @@
+"""How much is measured: everything, a quick look, or the least that still exercises every part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UV_SIZE = 2048  # texels; the published renderer's
+AGREEMENT_UV_SIZE = 1024  # texels; at which the UV error against Blender is counted
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One run's extent.
+
+    Attributes:
+        sizes: of the square images, pixels.
+        uv_size: of the UV map, texels.
+        paper_views, close_views: cameras of each ring.
+        samples: subsamples per pixel and axis at which our renderer is measured.
+        reference_samples: subsamples per pixel and axis of the reference.
+        repeats: timings of which the median is taken.
+        steps: steps of Algorithm 2 that are timed; each takes most of a second.
+        cameras: random cameras per vehicle for the agreement with Blender.
+        camera_size: their image size, pixels.
+        mask_samples, colour_samples: of Cycles per pixel, for coverage masks and for the albedo.
+        colour_views: cameras of the albedo comparison.
+    """
+
+    sizes: tuple[int, ...] = (320, 640)
+    uv_size: int = UV_SIZE
+    paper_views: int = 8
+    close_views: int = 3
+    samples: tuple[int, ...] = (1, 2, 4, 8, 16)
+    reference_samples: int = 16
+    repeats: int = 15
+    steps: int = 5
+    cameras: int = 32
+    camera_size: int = 320
+    mask_samples: int = 1024
+    colour_samples: int = 256
+    colour_views: int = 2
+
+
+FULL = Settings()
+QUICK = Settings(
+    sizes=(640,),
+    paper_views=4,
+    close_views=1,
+    samples=(1, 2, 4, 8),
+    repeats=7,
+    steps=2,
+    cameras=3,
+    camera_size=160,
+    mask_samples=256,
+    colour_views=1,
+)

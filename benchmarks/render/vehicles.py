@@ -1,0 +1,38 @@
+"""The vehicles that are measured: a shipped one, a vehicle folder, or a file that Blender imports."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+from rauca_core.contract import RaucaError, Vehicle, load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.images import read_image
+
+SCRIPT = Path(__file__).with_name("import_vehicle.py")
+
+
+def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_material: str | None = None) -> Vehicle:
+    """Find a vehicle; .obj, .glb and .blend files are imported by Blender in a process of its own.
+
+    Raises:
+        RaucaError: no such vehicle, nothing paintable, or Blender is missing.
+    """
+    for folder in (assets_folder() / "vehicles" / name_or_path, Path(name_or_path)):
+        if (folder / "vehicle.json").is_file():
+            return load_vehicle(folder, read_image)
+    if find_spec("bpy") is None:
+        raise RaucaError("Blender is missing: `pip install rauca[blender]`, or give a vehicle folder")
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        folder = Path(temporary) / "vehicle"
+        arguments = [name_or_path, str(paint_mask or ""), paint_material or "", str(folder)]
+        done = subprocess.run([sys.executable, "-P", str(SCRIPT), *arguments], capture_output=True, text=True)
+        if done.returncode:
+            lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+            raise RaucaError(
+                lines[-1].removeprefix("error: ") if lines else f"{name_or_path}: Blender cannot import it"
+            )
+        return load_vehicle(folder, read_image)

@@ -1,0 +1,181 @@
+"""The renderer's benchmark, on tiny settings: its figures are all there, finite, and in the order that must hold."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.render.bench import run_bench
+from benchmarks.render.contenders import ALGORITHM_2, BILINEAR
+from benchmarks.render.embree import RayCaster
+from benchmarks.render.results import Results
+from benchmarks.render.settings import Settings
+from benchmarks.render.targets import judge
+from benchmarks.render.textures import TEXTURES, uv_map
+from benchmarks.render.vehicles import open_vehicle
+from benchmarks.render.views import RINGS, random_cameras, ring
+from rauca_core.contract import RaucaError, Vehicle
+from rauca_core.render import Pyramid
+
+pytest.importorskip("embreex", reason="Embree is not installed (rauca[bench])")
+
+TINY = Settings(
+    sizes=(128,),
+    uv_size=256,
+    paper_views=2,
+    close_views=1,
+    samples=(1, 2, 4, 8),
+    repeats=1,
+    steps=1,
+    cameras=2,
+    camera_size=64,
+    mask_samples=64,
+    colour_samples=16,
+    colour_views=1,
+)
+
+
+@pytest.fixture(scope="module")
+def sedan() -> Vehicle:
+    return open_vehicle("sedan")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def results(sedan: Vehicle, folder: Path) -> Results:
+    pytest.importorskip("bpy", reason="Blender as a module is not installed")
+    return run_bench({"sedan": sedan}, TINY, folder / "render.json", docs=folder / "docs")
+
+
+@pytest.fixture(scope="module")
+def report(results: Results, folder: Path) -> dict[str, Any]:
+    read: dict[str, Any] = json.loads((folder / "render.json").read_text())
+    return read
+
+
+def numbers(value: object) -> Iterator[float]:
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from numbers(item)
+    elif isinstance(value, (int, float)):
+        yield float(value)
+
+
+def test_keys_are_there_and_all_figures_are_finite(report: dict[str, Any]) -> None:
+    assert {"renderers", "speedup_vs_algorithm2", "raster_vs_embree", "blender", "raster", "levels"} <= set(report)
+    wanted = {"name", "psnr_db", "forward_ms", "backward_ms", "build_ms", "taps_per_pixel", "texels_touched"}
+    wanted |= {"vehicle", "ring", "size", "texture"}
+    assert all(wanted <= set(entry) for entry in report["renderers"])
+    found = list(numbers(report))
+    assert len(found) > 100
+    assert all(math.isfinite(number) for number in found)
+    assert all(report[key] > 0 for key in ("speedup_vs_algorithm2", "raster_vs_embree"))
+
+
+def test_every_renderer_meets_every_ring_and_texture(report: dict[str, Any]) -> None:
+    met = {(e["name"], e["ring"], e["texture"]) for e in report["renderers"]}
+    names = {name for name, _, _ in met}
+    assert {BILINEAR, ALGORITHM_2, "1 trilinear sample", "Algorithm 1, 2x2", "ours 1x1", "ours 8x8"} <= names
+    assert met == {(name, r, t) for name in names for r in RINGS for t in TEXTURES}
+
+
+@pytest.mark.parametrize("ring_name", RINGS)
+@pytest.mark.parametrize("texture", TEXTURES)
+def test_more_samples_and_better_samplers_err_less(results: Results, ring_name: str, texture: str) -> None:
+    error = [results.find(f"ours {n}x{n}", texture, ring_name).psnr_db for n in TINY.samples]
+    assert error == sorted(error)
+    assert error[-1] > error[0] + 10
+    for rival in (BILINEAR, ALGORITHM_2):
+        assert (
+            results.find("ours 4x4", texture, ring_name).psnr_db > results.find(rival, texture, ring_name).psnr_db + 5
+        )
+
+
+def test_rings_of_views_reach_texels_that_one_bilinear_sample_misses(results: Results) -> None:
+    ours, bilinear = (results.find(name, "noise") for name in ("ours 4x4", BILINEAR))
+    assert 0.95 < ours.reached <= 1
+    assert bilinear.reached < 0.5 * ours.reached
+    assert bilinear.texels_touched < ours.texels_touched
+
+
+def test_two_ways_to_see_give_one_reference(results: Results) -> None:
+    assert results.reference_check_db["sedan"] > 45
+
+
+def test_both_rasterisers_name_the_same_faces(results: Results) -> None:
+    assert all(row.same_face > 0.99 for row in results.raster)
+
+
+def test_blender_agrees(results: Results) -> None:
+    (row,) = results.blender
+    assert row.cameras == TINY.cameras
+    assert row.iou_mean["8"] > 0.95  # cars of a few hundred pixels
+    assert row.uv_median < 0.05
+    assert row.uv_p99 < 0.5
+    assert row.edge_db > 20
+
+
+def test_targets_cover_what_is_promised(results: Results) -> None:
+    targets = judge(results)
+    assert len(targets) == 18
+    assert all(isinstance(t.passed, bool) for t in targets)
+
+
+def test_pictures_are_small(results: Results, folder: Path) -> None:
+    files = list((folder / "docs").iterdir())
+    assert {"table.md", "speed-error.svg", "reference.jpg", "ours-4x4.jpg", "algorithm-2-2x2.jpg"} <= {
+        f.name for f in files
+    }
+    assert sum(f.stat().st_size for f in files) < 2**20
+    assert "ours 4x4" in (folder / "docs" / "table.md").read_text()
+
+
+def test_rings_see_what_they_say(sedan: Vehicle) -> None:
+    shares = []
+    for name in RINGS:
+        cameras = ring(sedan, name, 4, 64)
+        boxes = [np.ptp(c.project(sedan.positions.astype(float))[0], axis=0) for c in cameras]
+        shares.append(np.mean([b.max() / 64 for b in boxes]))
+    paper, close = shares
+    assert paper < 0.5 < 0.7 < close
+
+
+def test_random_cameras_repeat(sedan: Vehicle) -> None:
+    first, again = (random_cameras(sedan, 3, 64, seed=5) for _ in range(2))
+    assert all(np.array_equal(a.R, b.R) and np.array_equal(a.t, b.t) for a, b in zip(first, again, strict=True))
+
+
+def test_textures_differ_in_spectrum(sedan: Vehicle) -> None:
+    pyramid = Pyramid.of(sedan, 256)
+    noise, photograph = (uv_map(kind, pyramid) for kind in TEXTURES)
+    for texture in (noise, photograph):
+        assert texture.min() >= 0
+        assert texture.max() <= 1
+        assert texture.std() > 0.1
+    roughness = [np.abs(np.diff(t, axis=1)).mean() / t.std() for t in (noise, photograph)]
+    assert roughness[1] < 0.8 * roughness[0]
+
+
+def test_without_embree_one_line_says_what_to_install(sedan: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(RaucaError, match=r"pip install rauca\[bench\]"):
+        RayCaster(sedan)
+
+
+def test_a_missing_vehicle_is_one_line() -> None:
+    pytest.importorskip("bpy", reason="Blender as a module is not installed")
+    with pytest.raises(RaucaError, match=r"no\.obj: no such vehicle"):
+        open_vehicle("no.obj")
