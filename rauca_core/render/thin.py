@@ -92,7 +92,7 @@ def _merge_siblings(listed: Any, weights: Any, count: int, level: int, worth: fl
             if state[p] == _MERGES:
                 weights[slot[p]] += weights[k]
                 weights[k] = -1.0
-            elif weights[k] * weights[k] <= worth:
+            elif weights[k] * weights[k] <= worth and k != int(sums[p, 3]):
                 weights[int(sums[p, 3])] += weights[k]
                 weights[k] = -1.0
     kept = 0
