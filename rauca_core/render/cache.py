@@ -13,7 +13,7 @@ import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
 from .pyramid import Pyramid
-from .taps import FORMAT, THINNING, Taps, build_taps
+from .taps import FORMAT, Taps, build_taps
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class TapSettings:
     samples: int = 8
     filter: str = "blackman-harris"
     pattern: str = "lattice"
-    thinning: float = THINNING
+    thinning: float | None = None
 
 
 class TapCache:

@@ -166,8 +166,9 @@ class _Climb(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, texels: Tensor, tree: Tree) -> Tensor:
         ctx.tree, ctx.finest = tree, len(texels)
-        every = texels.new_zeros((len(tree.parent), texels.shape[1]))
+        every = texels.new_empty((len(tree.parent), texels.shape[1]))
         every[: len(texels)] = texels
+        every[len(texels) :] = 0.0
         _gather_children(every.numpy(), tree.parent, tree.share)
         return every
 

@@ -28,7 +28,7 @@ from .sparse import SparseOperator
 from .thin import Thinning
 
 FORMAT = 3  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
-THINNING = 1e-5  # halves the taps at 8 x 8 subsamples; 50 dB against Cycles remain 50
+THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 
 
 @dataclass(eq=False)
@@ -127,7 +127,7 @@ def build_taps(
     filter: str = "blackman-harris",
     pyramid: Pyramid | None = None,
     pattern: str = "lattice",
-    thinning: float = THINNING,
+    thinning: float | None = None,
     sampler: Sampler = Sampler.AREA,
 ) -> Taps:
     """Compute the taps of one view.
@@ -142,7 +142,8 @@ def build_taps(
         filter: the pixel filter of the renderer that made the frame, one of ``filters.FILTERS``.
         pyramid: the vehicle's at ``size``, when at hand; built otherwise.
         pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
-        thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap.
+        thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap. None takes what
+            fits the samples: the fewer they are, the less their taps need to be exact.
         sampler: how a subsample reads the map: ours, or a renderer of the literature, whose taps are not thinned.
 
     Raises:
@@ -153,7 +154,11 @@ def build_taps(
     table, reach = filter_table(filter, subsamples)
     raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=subsamples)
     look = look_up(vehicle, raster, pyramid, sampler)
-    thin = Thinning.of(pyramid.tree, thinning if sampler == Sampler.AREA else 0.0)
+    if sampler != Sampler.AREA:
+        thinning = 0.0
+    elif thinning is None:
+        thinning = THINNING * max(1.0, 4 / samples) ** 3
+    thin = Thinning.of(pyramid.tree, thinning)
     rows = merge_pixels(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
     rows = fill_fringe(rows, camera_in_vehicle, 1.0 / subsamples.number, look.columns, thin)
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
