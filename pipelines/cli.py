@@ -155,7 +155,9 @@ def bench_render_command(
     paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="fewer views and sizes: two minutes, not fifteen")] = False,
     blender: Annotated[bool, typer.Option(help="compare with Cycles too")] = True,
-    docs: Annotated[Path | None, typer.Option(help="save table, plot and error pictures to this folder too")] = None,
+    docs: Annotated[
+        Path | None, typer.Option(help="renew the figures and pictures of renderer.md in this folder too")
+    ] = None,
     json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/render.json"),
 ) -> None:
     """The neural renderer's speed and error, beside other renderers, Embree and Cycles."""

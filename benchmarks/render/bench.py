@@ -14,10 +14,11 @@ from rauca_core.threads import threads
 from .accuracy import reference_check
 from .blender_agreement import compare_with_blender
 from .contenders import Contender, contenders, ours
-from .measure import measure_scene
+from .measure import measure_scene, warm_up
+from .page import fill_page
 from .pictures import save_pictures
 from .raster import time_raster
-from .report import print_report, save_plot
+from .report import markdown_report, print_report, save_plot
 from .results import Results
 from .scenes import Car, Scene, prepare_car, prepare_scene
 from .settings import FULL, QUICK, Settings
@@ -25,6 +26,8 @@ from .speed import pyramid_step, streamed_ms
 from .speedup import measure_speedup
 from .vehicles import open_vehicle
 from .views import RINGS
+
+PICTURES = Path("pictures") / "renderer"
 
 
 def bench_render(
@@ -41,7 +44,7 @@ def bench_render(
     Args:
         vehicle: name, vehicle folder, or an .obj, .glb or .blend file.
         blender: compare with Cycles too.
-        docs: folder to save the table, the plot and the error pictures in as well.
+        docs: folder whose `renderer.md` gets the figures anew, and its pictures the plot and the errors.
 
     Raises:
         RaucaError: a vehicle that cannot be opened; Embree or Blender is missing.
@@ -62,7 +65,7 @@ def run_bench(
         with threads(1):
             scene = _measure_car(name, vehicle, settings, results)
         if docs is not None and name == results.main:
-            save_pictures(scene, docs)
+            save_pictures(scene, docs / PICTURES)
         del scene
         if blender:
             with progress_bar(f"{name}: Cycles") as move:
@@ -71,14 +74,15 @@ def run_bench(
     write_json(out, results.to_json())
     save_plot(results, out.with_suffix(".svg"))
     if docs is not None:
-        save_plot(results, docs / "speed-error.svg")
-        print_report(results, docs / "table.md")
+        save_plot(results, docs / PICTURES / "speed-error.svg")
+        fill_page(docs / "renderer.md", markdown_report(results))
     return results
 
 
 def _measure_car(name: str, vehicle: Vehicle, settings: Settings, results: Results) -> Scene:
     """Everything but Blender; returns the largest paper scene, for pictures."""
     car = prepare_car(name, vehicle, settings)
+    warm_up(car, contenders(settings.samples))
     results.levels[name] = pyramid_step(car.pyramid, settings.repeats)
     for ring in RINGS:
         for size in settings.sizes:

@@ -32,7 +32,7 @@ class BlenderAgreement:
         iou_cycles: mean of Cycles against itself, at a quarter of the samples: what its noise alone costs.
         uv_median, uv_p99: distance of UVs at pixel centres, texels, over all pixels of all views.
         inside_db, edge_db: PSNR of the premultiplied albedo, linear, at 4x4.
-        floor_inside_db, floor_edge_db: Cycles against itself with four times the samples.
+        floor_inside_db, floor_edge_db: Cycles against another draw of its own, at twice the samples.
     """
 
     vehicle: str
@@ -66,7 +66,7 @@ def compare_with_blender(
     most, some = settings.mask_samples, settings.colour_samples
     jobs = [Job("coverage", i, most) for i in every] + [Job("coverage", i, most // 4) for i in every]
     jobs += [Job("uv", i, 1) for i in every]
-    jobs += [Job("premultiplied", i, n) for n in (some, 4 * some) for i in coloured]
+    jobs += [Job("premultiplied", i, n) for n in (some, 2 * some) for i in coloured]
     images = iter(render_jobs(vehicle, cameras, uv_map, jobs, progress))
     masks, rough = ([next(images)[..., 0] for _ in every] for _ in range(2))
     uvs = [next(images) for _ in every]

@@ -8,9 +8,7 @@ import matplotlib
 from rich.console import Console
 from rich.table import Table
 
-from rauca_core.contract.files import write_bytes
-
-from .measure import Entry
+from .contenders import ALGORITHM_2
 from .results import Results
 from .targets import judge
 from .textures import TEXTURES
@@ -29,30 +27,36 @@ HEADERS = (
 )  # fmt: skip
 
 
-def print_report(results: Results, path: Path | None = None) -> None:
-    """Print every table; to ``path`` as Markdown instead, if given."""
+def print_report(results: Results) -> None:
+    """Print every table."""
+    console = Console(width=max(Console().width, WIDTH))
+    for title, headers, rows in _tables(results, list(results.speedups), results.settings.sizes):
+        table = Table(*headers, title=title)
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+
+
+def markdown_report(results: Results) -> str:
+    """The main vehicle at the largest size, targets and costs, as Markdown."""
+    tables = _tables(results, [results.main], (max(results.settings.sizes),))
+    return "\n".join(_markdown(*table) for table in tables)
+
+
+def _tables(results: Results, vehicles: list[str], sizes: tuple[int, ...]) -> list[Grid]:
     tables: list[Grid] = [
-        (f"{vehicle}, {ring} ring, {size} px", HEADERS, rows)
-        for vehicle in results.speedups
+        (f"{vehicle}, {ring} ring, {size} px", HEADERS, _rows(results, vehicle, ring, size))
+        for vehicle in vehicles
         for ring in RINGS
-        for size in results.settings.sizes
-        if (rows := _rows(results, vehicle, ring, size))
+        for size in sizes
     ]
     targets: Rows = [
         (t.what, f"{'≤' if t.most else '≥'} {t.wanted:g} {t.unit}".strip(), f"{t.found:.4g}", _verdict(t.passed))
         for t in judge(results)
     ]
     tables.append((f"Targets ({results.main}, paper ring)", ("what", "wanted", "found", ""), targets))
-    tables.append(("Once per step, and rasters", ("what", "ms"), _costs(results)))
-    if path is not None:
-        write_bytes(path, "\n".join(_markdown(*table) for table in tables).encode())
-        return
-    console = Console(width=max(Console().width, WIDTH))
-    for title, headers, rows in tables:
-        table = Table(*headers, title=title)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
+    tables.append(("What else costs time", ("what", "ms"), _costs(results)))
+    return tables
 
 
 def _rows(results: Results, vehicle: str, ring: str, size: int) -> Rows:
@@ -96,18 +100,25 @@ def _verdict(passed: bool) -> str:
 
 
 def save_plot(results: Results, path: Path) -> None:
-    """Speed against error on the main vehicle at the largest size: a panel per ring, a curve per texture."""
+    """Speed against error on the main vehicle at the largest size: a panel per ring, a colour per texture."""
     figure, panels = plt.subplots(1, len(RINGS), figsize=(10, 4.2), layout="constrained")
     size = max(results.settings.sizes)
     for axes, ring in zip(panels, RINGS, strict=True):
-        for texture, marker in zip(TEXTURES, "os", strict=True):
+        for texture, colour in zip(TEXTURES, ("C0", "C1"), strict=True):
             entries = [
                 e
                 for e in results.renderers
                 if (e.vehicle, e.ring, e.size, e.texture) == (results.main, ring, size, texture)
             ]
-            _draw(axes, [e for e in entries if e.name.startswith("ours")], f"ours, {texture}", marker, "-")
-            _draw(axes, [e for e in entries if not e.name.startswith("ours")], f"others, {texture}", marker, "")
+            points = [(e.name, e.step_ms, e.psnr_db) for e in entries]
+            ours = [point for point in points if point[0].startswith("ours")]
+            others = [point for point in points if point not in ours]
+            if ring == "paper":
+                step = results.speedups[results.main].algorithm2_ms
+                others += [("as published", step, psnr) for name, _, psnr in others if name == ALGORITHM_2]
+            _draw(axes, ours, f"ours, {texture}", marker="o", linestyle="-", color=colour)
+            _draw(axes, others, f"others, {texture}", marker="o", linestyle="", color=colour, fillstyle="none")
+        axes.margins(x=0.22)
         axes.set(
             title=f"{results.main}, {ring} ring, {size} px", xscale="log",
             xlabel="forward + backward per image, ms, one core", ylabel="PSNR against 256 samples per pixel, dB",
@@ -119,9 +130,9 @@ def save_plot(results: Results, path: Path) -> None:
     plt.close(figure)
 
 
-def _draw(axes: plt.Axes, entries: list[Entry], label: str, marker: str, line: str) -> None:
-    axes.plot([e.step_ms for e in entries], [e.psnr_db for e in entries], marker + line, label=label, markersize=5)
-    for e in entries:
+def _draw(axes: plt.Axes, points: list[tuple[str, float, float]], label: str, **style: str) -> None:
+    axes.plot([x for _, x, _ in points], [y for _, _, y in points], label=label, markersize=5, **style)  # type: ignore[arg-type]
+    for name, x, y in points:
         axes.annotate(
-            e.name.removeprefix("ours "), (e.step_ms, e.psnr_db), textcoords="offset points", xytext=(4, 4), fontsize=6
+            name.removeprefix("ours "), (x, y), textcoords="offset points", xytext=(5, 3), fontsize=6, color="0.3"
         )

@@ -44,13 +44,12 @@ class Settings:
 FULL = Settings()
 QUICK = Settings(
     sizes=(640,),
-    paper_views=4,
+    paper_views=3,
     close_views=1,
     samples=(1, 2, 4, 8),
-    repeats=7,
+    repeats=5,
     steps=2,
-    cameras=3,
-    camera_size=160,
+    cameras=2,
     mask_samples=256,
     colour_views=1,
 )

@@ -15,6 +15,7 @@ import pytest
 from benchmarks.render.bench import run_bench
 from benchmarks.render.contenders import ALGORITHM_2, BILINEAR
 from benchmarks.render.embree import RayCaster
+from benchmarks.render.page import BEGIN, END, fill_page
 from benchmarks.render.results import Results
 from benchmarks.render.settings import Settings
 from benchmarks.render.targets import judge
@@ -135,12 +136,25 @@ def test_targets_cover_what_is_promised(results: Results) -> None:
 
 
 def test_pictures_are_small(results: Results, folder: Path) -> None:
-    files = list((folder / "docs").iterdir())
-    assert {"table.md", "speed-error.svg", "reference.jpg", "ours-4x4.jpg", "algorithm-2-2x2.jpg"} <= {
-        f.name for f in files
-    }
+    files = list((folder / "docs" / "pictures" / "renderer").iterdir())
+    wanted = {"speed-error.svg", "reference.jpg", "ours-4x4.jpg", "algorithm-2-2x2.jpg"}
+    assert wanted <= {f.name for f in files}
     assert sum(f.stat().st_size for f in files) < 2**20
-    assert "ours 4x4" in (folder / "docs" / "table.md").read_text()
+    assert "| ours 4x4 |" in (folder / "docs" / "renderer.md").read_text()
+
+
+def test_a_page_keeps_its_words(tmp_path: Path) -> None:
+    page = tmp_path / "renderer.md"
+    page.write_text(f"words\n{BEGIN}\nold\n{END}\nmore\n")
+    fill_page(page, "new")
+    text = page.read_text()
+    assert text.startswith("words\n")
+    assert text.endswith(f"{END}\nmore\n")
+    assert "new" in text
+    assert "old" not in text
+    page.write_text("no marks")
+    with pytest.raises(RaucaError, match="marks for the figures are gone"):
+        fill_page(page, "new")
 
 
 def test_rings_see_what_they_say(sedan: Vehicle) -> None:
