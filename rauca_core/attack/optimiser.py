@@ -19,9 +19,9 @@ from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng, named_seed
+from ..cpu import keep_large_blocks, threads
 from ..detect import Detector, class_index
 from ..render import undisplay
-from ..threads import threads
 from .augmentation import Augmentation
 from .checkpoint import POINTER, Checkpoint, check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore, ReadyFrame, boxes_of, render_batch
@@ -78,6 +78,7 @@ def optimise(
     if started != resume:
         hint = "resume it or choose another folder" if started else "start it without resuming"
         raise RaucaError(f"{out}: holds {'a' if started else 'no'} run with checkpoints; {hint}")
+    keep_large_blocks()
     with threads(settings.threads):
         run = Run(dataset, detector, settings)
         if resume:

@@ -129,7 +129,11 @@ def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float
     total = max(total, 1e-300)
     u, v = u / total, v / total
     ux, uy, vx, vy = (ux - u * dx) / total, (uy - u * dy) / total, (vx - v * dx) / total, (vy - v * dy) / total
-    footprint = np.sqrt(abs(ux * vy - uy * vx))
+    area, square = abs(ux * vy - uy * vx), ux * ux + uy * uy + vx * vx + vy * vy
+    longest = np.sqrt(0.5 * (square + np.sqrt(max(square * square - 4.0 * area * area, 0.0))))
+    # The square of equal area. Where that is so long that bilinear lookups would leap over texels, wide enough not to:
+    # every texel that a view shows then has a tap, which seen at a grazing angle it had not.
+    footprint = max(np.sqrt(area), 0.5 * longest)
     return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), footprint
 
 

@@ -28,6 +28,7 @@ from .sparse import SparseOperator
 from .thin import Thinning
 
 FORMAT = 3  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
+COARSEST = 1e-3  # thinning at one sample
 THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 
 
@@ -157,7 +158,7 @@ def build_taps(
     if sampler != Sampler.AREA:
         thinning = 0.0
     elif thinning is None:
-        thinning = THINNING * max(1.0, 4 / samples) ** 3
+        thinning = min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
     thin = Thinning.of(pyramid.tree, thinning)
     rows = merge_pixels(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
     rows = fill_fringe(rows, camera_in_vehicle, 1.0 / subsamples.number, look.columns, thin)
