@@ -9,7 +9,7 @@ from pathlib import Path
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress, Vehicle
 from rauca_core.contract.files import write_json
-from rauca_core.threads import threads
+from rauca_core.cpu import threads
 
 from .accuracy import reference_check
 from .blender_agreement import compare_with_blender

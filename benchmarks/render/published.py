@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from rauca_core.contract import Camera
 from rauca_core.render import SparseOperator, rasterize
-from rauca_core.render.facet_steps import texel_faces, uv_traversal_step, uv_traversal_step_back
-from rauca_core.render.facets import facet_fragments
-from rauca_core.render.pattern import pattern
 from rauca_core.render.product import from_triplets
-from rauca_core.render.sampler import TEXTURE_SIZE
-from rauca_core.render.surface import find_surface
+from rauca_core.render.raster.pattern import pattern
+from rauca_core.render.sampling.facet_steps import texel_faces, uv_traversal_step, uv_traversal_step_back
+from rauca_core.render.sampling.facets import facet_fragments
+from rauca_core.render.sampling.sampler import TEXTURE_SIZE
+from rauca_core.render.sampling.surface import find_surface
 
 from .scenes import Car
 

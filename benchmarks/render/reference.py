@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import rasterize
-from rauca_core.render.pattern import pattern
+from rauca_core.render.raster.pattern import pattern
 
 from .embree import RayCaster, box_of, ray_directions
 

@@ -3,13 +3,15 @@
 from .cache import TapCache, TapSettings
 from .composite import composite, display, undisplay
 from .pyramid import Pyramid
-from .rasterise import Raster, rasterize
+from .raster.rasterise import Raster, rasterize
+from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
 from .taps import Taps, build_taps
 
 __all__ = [
     "Pyramid",
     "Raster",
+    "Sampler",
     "SparseOperator",
     "TapCache",
     "TapSettings",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from .pattern import Pattern
+from .raster.pattern import Pattern
 
 FILTERS = ("blackman-harris", "box")
 _CYCLES_WIDTH = 3.0  # pixels: Cycles doubles its default `filter_width` of 1.5 for Blackman-Harris

@@ -9,8 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..contract import Camera
-from .fragments import Fragments
-from .rasterise import Raster
+from .raster.rasterise import Raster
+from .sampling.fragments import Fragments
 from .thin import Thinning, thin_row
 
 

@@ -19,11 +19,11 @@ from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantise_rows, to_fractions
 from .filters import filter_table
 from .merge import fill_fringe, merge_pixels
-from .pattern import pattern as subsample_pattern
 from .product import compose
 from .pyramid import Pyramid
-from .rasterise import rasterize
-from .sampler import Sampler, look_up
+from .raster.pattern import pattern as subsample_pattern
+from .raster.rasterise import rasterize
+from .sampling.sampler import Sampler, look_up
 from .sparse import SparseOperator
 from .thin import Thinning
 

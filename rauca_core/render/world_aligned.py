@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 from ..contract import Camera, RaucaError, Vehicle
 from .coverage import SUBSAMPLES
 from .filters import filter_table
-from .fragments import Fragments
 from .merge import Rows, merge_pixels
-from .mip_lookup import read_level
-from .pattern import pattern
 from .product import from_triplets
 from .pyramid import Pyramid
-from .rasterise import Raster
+from .raster.atlas import rasterize_atlas
+from .raster.pattern import pattern
+from .raster.rasterise import Raster
+from .sampling.fragments import Fragments
+from .sampling.mip_lookup import read_level
+from .sampling.surface import Array, Surface, find_surface, mask_at
 from .sparse import SparseOperator
-from .surface import Array, Surface, find_surface, mask_at, rasterize_atlas
 from .thin import Thinning
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z

@@ -9,7 +9,7 @@ import pytest
 
 from rauca_core.contract import Camera, RaucaError
 from rauca_core.render import rasterize
-from rauca_core.render.pattern import pattern
+from rauca_core.render.raster.pattern import pattern
 
 
 def flat(size: int) -> Camera:

@@ -12,8 +12,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rauca_core.contract import Camera
-from rauca_core.render import rasterise_torch, rasterize
-from rauca_core.render.pattern import pattern
+from rauca_core.render import rasterize
+from rauca_core.render.raster import rasterise_torch
+from rauca_core.render.raster.pattern import pattern
 
 DEVICES = ["cpu"] + (["cuda"] if torch.cuda.is_available() else [])
 LATTICE = st.integers(-12, 12).map(lambda n: n / 4)

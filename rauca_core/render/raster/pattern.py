@@ -15,7 +15,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError
+from ...contract import RaucaError
 
 PATTERNS = ("lattice", "grid")
 

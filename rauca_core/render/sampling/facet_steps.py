@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .surface import rasterize_atlas
+from ..raster.atlas import rasterize_atlas
 
 
 def texel_faces(uvs: NDArray[np.floating], size: int) -> NDArray[np.int32]:

@@ -15,12 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError, Vehicle
+from ...contract import RaucaError, Vehicle
+from ..product import from_triplets
+from ..pyramid import Pyramid
+from ..raster.atlas import rasterize_atlas
+from ..sparse import SparseOperator
 from .fragments import Fragments
-from .product import from_triplets
-from .pyramid import Pyramid
-from .sparse import SparseOperator
-from .surface import Array, Surface, find_surface, mask_at, rasterize_atlas
+from .surface import Array, Surface, find_surface, mask_at
 
 Float = type[np.floating]
 

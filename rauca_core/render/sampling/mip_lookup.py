@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contract import Vehicle
+from ...contract import Vehicle
+from ..pyramid import Pyramid
 from .fragments import Fragments
-from .pyramid import Pyramid
 from .surface import Array, Surface, mask_at
 
 Ints = NDArray[np.int64]

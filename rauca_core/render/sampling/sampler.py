@@ -8,13 +8,13 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Vehicle
+from ...contract import Vehicle
+from ..pyramid import Pyramid
+from ..raster.rasterise import Raster
+from ..sparse import SparseOperator
 from .facets import facet_fragments, onto_pyramid, tensor_traversal, uv_traversal
 from .fragments import Fragments, find_fragments
 from .mip_lookup import bilinear_fragments, trilinear_fragments
-from .pyramid import Pyramid
-from .rasterise import Raster
-from .sparse import SparseOperator
 from .surface import find_surface
 
 TEXTURE_SIZE = 6  # ts of T_fc in DAS, FCA and the paper's published code

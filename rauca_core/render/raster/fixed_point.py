@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Camera
+from ...contract import Camera
 from .pattern import Pattern
 
 FRACTION = 16

@@ -12,9 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contract import Camera
-from .pattern import pattern
-from .rasterise import Raster, rasterize
+from ..raster.rasterise import Raster
 
 Array = NDArray[np.float64]
 
@@ -59,20 +57,6 @@ def find_surface(raster: Raster, wanted: NDArray[np.bool_]) -> Surface:
     barycentrics, slopes = np.empty((len(rows), 3)), np.empty((len(rows), 2, 3))
     _differentiate(raster.points(rows, columns), faces, raster.planes, barycentrics, slopes)
     return Surface(index, faces, barycentrics, slopes, raster.pattern.number**-0.5)
-
-
-def rasterize_atlas(uvs: NDArray[np.floating], size: int, samples: int = 1) -> Raster:
-    """See the UV atlas as an image of ``size`` x ``size`` pixels, row 0 at the top, lowest face first on overlaps.
-
-    Args:
-        uvs: (F, 3, 2) per corner, u right, v up; what lies outside [0, 1] lies outside the image.
-        size: side of the map, texels.
-        samples: a texel has about ``samples`` x ``samples`` subsamples; one means its centre.
-    """
-    corners = uvs.reshape(-1, 2).astype(np.float64)
-    flat = np.stack([corners[:, 0] * size, (1 - corners[:, 1]) * size, np.ones(len(corners))], 1)
-    camera = Camera(np.eye(3), np.eye(3), np.zeros(3), size, size)
-    return rasterize(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3), camera, pattern=pattern(samples))
 
 
 def mask_at(mask: NDArray[np.uint8], uv: Array) -> NDArray[np.float32]:

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contract import Vehicle
-from .pyramid import Pyramid
-from .rasterise import Raster
+from ...contract import Vehicle
+from ..pyramid import Pyramid
+from ..raster.rasterise import Raster
 
 TEXELS = 4  # a bilinear lookup in one mip level
 PLACES = 64  # that a pixel should read the texture at; patterns of fewer samples read 2 x 2 places per sample

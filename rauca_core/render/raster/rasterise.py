@@ -16,7 +16,7 @@ import torch
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contract import Camera, RaucaError
+from ...contract import Camera, RaucaError
 from . import rasterise_torch, scanline
 from .fixed_point import LIMIT, MAX_SIDE, Screen
 from .pattern import Pattern
