@@ -9,11 +9,11 @@ from pathlib import Path
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress, Vehicle
 from rauca_core.contract.files import write_json
-from rauca_core.cpu import threads
+from rauca_core.cpu import keep_large_blocks, threads
 
 from .accuracy import reference_check
 from .blender_agreement import compare_with_blender
-from .contenders import Contender, contenders, ours
+from .contenders import Contender, contenders, ours, rivals
 from .measure import measure_scene, warm_up
 from .page import fill_page
 from .pictures import save_pictures
@@ -24,7 +24,7 @@ from .scenes import Car, Scene, prepare_car, prepare_scene
 from .settings import FULL, QUICK, Settings
 from .speed import pyramid_step, streamed_ms
 from .speedup import measure_speedup
-from .vehicles import open_vehicle
+from .vehicles import open_vehicle, painted_all_over
 from .views import RINGS
 
 PICTURES = Path("pictures") / "renderer"
@@ -61,12 +61,16 @@ def run_bench(
 ) -> Results:
     """Measure ``vehicles`` by name; targets are judged on the last."""
     results = Results(settings, main=list(vehicles)[-1])
+    keep_large_blocks()
     for name, vehicle in vehicles.items():
         with threads(1):
             scene = _measure_car(name, vehicle, settings, results)
         if docs is not None and name == results.main:
             save_pictures(scene, docs / PICTURES)
         del scene
+        if name == results.main:
+            with threads(1):
+                _measure_rivals(name, vehicle, settings, results)
         if blender:
             with progress_bar(f"{name}: Cycles") as move:
                 results.blender.append(compare_with_blender(name, vehicle, settings, move))
@@ -90,6 +94,20 @@ def _measure_car(name: str, vehicle: Vehicle, settings: Settings, results: Resul
             if ring == "paper" and size == max(settings.sizes):
                 shown = scene
     return shown
+
+
+def _measure_rivals(name: str, vehicle: Vehicle, settings: Settings, results: Results) -> None:
+    """Algorithms 1 and 2 as they are published: on a car that is textured all over."""
+    whole = painted_all_over(vehicle)
+    if whole is None:
+        return
+    results.rival = f"{name}, painted all over"
+    car, size = prepare_car(results.rival, whole, settings), max(settings.sizes)
+    total = settings.paper_views + len(rivals()) * (settings.repeats + 2)
+    with _counted(f"{car.name}: paper ring, {size} px", total) as moved:
+        scene = prepare_scene(car, "paper", size, settings, moved)
+        results.renderers += measure_scene(scene, rivals(), settings, moved)
+        results.speedups[car.name] = measure_speedup(scene, rivals()[-1], settings.steps)
 
 
 def _measure_ring(car: Car, ring: str, size: int, settings: Settings, results: Results) -> Scene:

@@ -40,6 +40,12 @@ def contenders(samples: tuple[int, ...]) -> list[Contender]:
     ]
 
 
+def rivals() -> list[Contender]:
+    """The published algorithms and ours at the same 2x2."""
+    published = [c for c in contenders((2,)) if c.sampler.through_facets]
+    return [*published, Contender(ours(2), Sampler.AREA, 2)]
+
+
 def ours(samples: int) -> str:
     """The name of our renderer with that many subsamples per axis."""
     return f"ours {samples}x{samples}"

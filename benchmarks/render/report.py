@@ -30,7 +30,7 @@ HEADERS = (
 def print_report(results: Results) -> None:
     """Print every table."""
     console = Console(width=max(Console().width, WIDTH))
-    for title, headers, rows in _tables(results, list(results.speedups), results.settings.sizes):
+    for title, headers, rows in _tables(results, list(results.levels), results.settings.sizes):
         table = Table(*headers, title=title)
         for row in rows:
             table.add_row(*row)
@@ -50,6 +50,11 @@ def _tables(results: Results, vehicles: list[str], sizes: tuple[int, ...]) -> li
         for ring in RINGS
         for size in sizes
     ]
+    if results.rival:
+        size = max(results.settings.sizes)
+        tables.append(
+            (f"{results.rival}, paper ring, {size} px", HEADERS, _rows(results, results.rival, "paper", size))
+        )
     targets: Rows = [
         (t.what, f"{'≤' if t.most else '≥'} {t.wanted:g} {t.unit}".strip(), f"{t.found:.4g}", _verdict(t.passed))
         for t in judge(results)

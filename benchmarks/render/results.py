@@ -23,6 +23,7 @@ class Results:
 
     Attributes:
         main: name of the vehicle that targets are judged on: the given one, else the sedan.
+        rival: name of that vehicle as Algorithm 2 is judged on it: with every face painted, where its atlas allows.
         levels: per vehicle, mip levels from the UV map and back, once per step.
         streamed_ms: per vehicle, 2x2 on the largest paper ring: read from the cache, apply, transpose; per image.
         reference_check_db: per vehicle, Embree's reference against the rasteriser's on one view.
@@ -30,6 +31,7 @@ class Results:
 
     settings: Settings
     main: str
+    rival: str = ""
     renderers: list[Entry] = field(default_factory=list)
     speedups: dict[str, Speedup] = field(default_factory=dict)
     raster: list[RasterTime] = field(default_factory=list)
@@ -43,23 +45,24 @@ class Results:
         """The worst of all settings."""
         return max(row.ratio for row in self.raster)
 
-    def find(self, name: str, texture: str, ring: str = "paper") -> Entry:
-        """A renderer's entry for the main vehicle at the largest size."""
-        size = max(self.settings.sizes)
+    def find(self, name: str, texture: str, ring: str = "paper", vehicle: str = "") -> Entry:
+        """A renderer's entry for a vehicle, the main one by default, at the largest size."""
+        size, vehicle = max(self.settings.sizes), vehicle or self.main
         return next(
             e
             for e in self.renderers
-            if (e.name, e.texture, e.ring, e.size, e.vehicle) == (name, texture, ring, size, self.main)
+            if (e.name, e.texture, e.ring, e.size, e.vehicle) == (name, texture, ring, size, vehicle)
         )
 
     def to_json(self) -> dict[str, Any]:
-        speedup = self.speedups[self.main]
+        speedup = self.speedups[self.rival or self.main]
         return {
             "format": "rauca-bench-render",
             "version": 1,
             "machine": {"cpus": os.cpu_count(), "processor": platform.machine(), "torch": torch.__version__},
             "settings": asdict(self.settings),
             "main_vehicle": self.main,
+            "rival_vehicle": self.rival or self.main,
             "renderers": [asdict(entry) for entry in self.renderers],
             "speedup_vs_algorithm2": speedup.operator,
             "speedup_vs_algorithm2_single_image_with_levels": speedup.whole_step,

@@ -5,8 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+
+import numpy as np
 
 from rauca_core.contract import RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
@@ -36,3 +39,14 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
                 lines[-1].removeprefix("error: ") if lines else f"{name_or_path}: Blender cannot import it"
             )
         return load_vehicle(folder, read_image)
+
+
+def painted_all_over(vehicle: Vehicle) -> Vehicle | None:
+    """The vehicle with every face painted, as the published renderer textures it; None without an atlas for that."""
+    a, b, c = vehicle.uvs.astype(np.float64).transpose(1, 0, 2)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    unwrapped = np.abs(ux * vy - uy * vx) > 0
+    if unwrapped.mean() < 0.9:
+        return None
+    materials = [replace(material, kind="paint") for material in vehicle.materials]
+    return replace(vehicle, materials=materials, paint_mask=np.full_like(vehicle.paint_mask, 255))

@@ -123,23 +123,27 @@ class Pyramid:
         return torch.from_numpy(np.ascontiguousarray(colour.transpose(2, 0, 1)))
 
 
-def _dilate(colour: NDArray[np.float32], inside: NDArray[np.bool_]) -> None:
+@njit(cache=True, nogil=True)
+def _dilate(colour: Any, inside: Any) -> None:
     """Grow the colours of ``inside`` outwards in place, one texel per round, by the mean of known neighbours."""
     height, width = inside.shape
-    known = np.pad(inside, 1)
-    for _ in range(DILATION_ROUNDS):
-        padded = np.pad(colour, ((1, 1), (1, 1), (0, 0)))
-        total, number = np.zeros_like(colour), np.zeros((height, width), np.float32)
-        for dy in range(3):
-            for dx in range(3):
-                near = known[dy : dy + height, dx : dx + width]
-                total += padded[dy : dy + height, dx : dx + width] * near[..., None]
-                number += near
-        new = (number > 0) & ~known[1:-1, 1:-1]
-        if not new.any():
-            return
-        colour[new] = total[new] / number[new, None]
-        known[1:-1, 1:-1] |= new
+    since = np.where(inside, 0, -1).astype(np.int8)  # the round in which a texel became known
+    for turn in range(1, DILATION_ROUNDS + 1):
+        for y in range(height):
+            for x in range(width):
+                if since[y, x] >= 0:
+                    continue
+                red = green = blue = number = 0.0
+                for row in range(max(0, y - 1), min(height, y + 2)):
+                    for column in range(max(0, x - 1), min(width, x + 2)):
+                        if 0 <= since[row, column] < turn:
+                            red += colour[row, column, 0]
+                            green += colour[row, column, 1]
+                            blue += colour[row, column, 2]
+                            number += 1.0
+                if number > 0.0:
+                    colour[y, x, 0], colour[y, x, 1], colour[y, x, 2] = red / number, green / number, blue / number
+                    since[y, x] = turn
 
 
 def _grow_tree(slots: list[NDArray[np.int32]], coverage: list[NDArray[np.float32]]) -> Tree:
