@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint pictures extension clean
+.PHONY: demo test lint pictures extension kernels clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -30,6 +30,10 @@ $(READY): pyproject.toml
 	$(VENV)/bin/python -m pip install --quiet torch==2.13.0
 	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,dev]
 	touch $(READY)
+
+# Compiled kernels do not notice changes in the files they call; see CONTRIBUTING.md.
+kernels:
+	find rauca_core benchmarks -name '*.nb[ci]' -delete
 
 clean:
 	rm -rf $(VENV) runs reports

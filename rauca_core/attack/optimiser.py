@@ -21,7 +21,7 @@ from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng, named_seed
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector, class_index
-from ..render import undisplay
+from ..render import TAP_FORMAT, undisplay
 from .augmentation import Augmentation
 from .checkpoint import POINTER, Checkpoint, check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore, ReadyFrame, boxes_of, render_batch
@@ -130,7 +130,8 @@ class Run:
         self.adam = torch.optim.Adam([self.texels], lr=settings.lr, fused=True)
         self.smooth = SmoothLoss(self.store.pyramid.texels, settings.map_size)
         frames = _digest(dataset, self.store)
-        self.identity = {**settings.identity(), "detector": detector.fingerprint, "frames": frames}
+        made_by = {"detector": detector.fingerprint, "frames": frames, "taps": TAP_FORMAT}
+        self.identity = {**settings.identity(), **made_by}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
 
     def advance(self) -> StepReport:

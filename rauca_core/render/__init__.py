@@ -6,9 +6,11 @@ from .pyramid import Pyramid
 from .raster.rasterise import Raster, rasterize
 from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
+from .taps import FORMAT as TAP_FORMAT
 from .taps import Taps, build_taps
 
 __all__ = [
+    "TAP_FORMAT",
     "Pyramid",
     "Raster",
     "Sampler",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -57,7 +58,9 @@ class SparseOperator:
     def _tensor(self, device: torch.device, dtype: torch.dtype) -> Tensor:
         parts = (torch.from_numpy(self.indptr), torch.from_numpy(self.columns.astype(np.int64)))
         weights = torch.from_numpy(self.weights).to(dtype)
-        return torch.sparse_csr_tensor(*parts, weights, size=self.shape, device=device, check_invariants=True)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sparse CSR tensor support is in beta", UserWarning)
+            return torch.sparse_csr_tensor(*parts, weights, size=self.shape, device=device, check_invariants=True)
 
 
 def apply_many(operators: Sequence[SparseOperator], values: Tensor) -> Tensor:
