@@ -13,6 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
+from .prefetch import AHEAD, prefetch
+
 Ints = NDArray[np.int32]
 
 
@@ -112,9 +114,11 @@ class _Torch(torch.autograd.Function):
 
 @njit(cache=True, nogil=True)
 def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -> None:
+    last = columns.shape[0] - 1
     for row in range(result.shape[0]):
         red = green = blue = 0.0
         for k in range(indptr[row], indptr[row + 1]):
+            prefetch(values, columns[min(k + AHEAD, last)])
             weight, texel = weights[k], columns[k]
             red += weight * values[texel, 0]
             green += weight * values[texel, 1]
@@ -124,11 +128,13 @@ def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -
 
 @njit(cache=True, nogil=True)
 def _scatter(indptr: Any, columns: Any, weights: Any, gradient: Any, result: Any) -> None:
+    last = columns.shape[0] - 1
     for row in range(gradient.shape[0]):
         red, green, blue = gradient[row, 0], gradient[row, 1], gradient[row, 2]
         if red == 0.0 and green == 0.0 and blue == 0.0:
             continue  # NaN is not equal to zero, so it is passed on
         for k in range(indptr[row], indptr[row + 1]):
+            prefetch(result, columns[min(k + AHEAD, last)])
             weight, texel = weights[k], columns[k]
             result[texel, 0] += weight * red
             result[texel, 1] += weight * green

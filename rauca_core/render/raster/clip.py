@@ -12,7 +12,7 @@ from .fixed_point import INSIDE, ONE, OUTSIDE
 MAX_CORNERS = 9  # a triangle gains at most one corner per plane: 3 + 5, and one to spare
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, planes: Any, near: float) -> Any:
     """Replace faces across the clip planes by fans of new corners; faces of broken vertices, by nothing.
 
@@ -59,7 +59,7 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
     return corners[:drawn], owners[:drawn], over[:vertices], fixed[:vertices]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _clip(planes: Any, near: float, polygon: Any, spare: Any) -> int:
     """Sutherland-Hodgman: clip the triangle in ``polygon`` in place; returns the corner count.
 

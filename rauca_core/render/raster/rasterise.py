@@ -138,7 +138,7 @@ def rasterize(
     return Raster(face_ids, x0, y0, pattern, margin, positions, triangles, screen.matrix)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _invert_seen(
     face_ids: NDArray[np.int32],
     positions: NDArray[np.floating],
@@ -162,7 +162,7 @@ def _invert_seen(
             _invert(corners, planes[face])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _invert(corners: Array, inverse: Array) -> None:
     for n in range(3):
         a, b = corners[(n + 1) % 3], corners[(n + 2) % 3]

@@ -28,16 +28,16 @@ def draw(
     corners, owners = triangles, np.arange(len(triangles), dtype=np.int32)
     if state.any():
         corners, owners, over, fixed = clip_faces(points, over, fixed, state, triangles, screen.planes, screen.near)
-    live, window = _select(corners, fixed, screen.columns, screen.shifts, screen.limits)
+    spans = _place_vertices(fixed, screen.columns, screen.shifts)
+    live, window = _select(corners, spans, screen.limits)
     face_ids = np.full((window[3] - window[1], window[2] - window[0]), -1, np.int32)
     if face_ids.size:
         lines = screen.lines(window)
-        pattern = screen.columns, screen.rows
-        _draw(live, corners, owners, fixed, over, points, triangles, *pattern, lines, window, face_ids)
+        _draw(live, corners, owners, fixed, spans, over, points, triangles, screen.columns, lines, window, face_ids)
     return face_ids, window, broken
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _project(
     positions: Any, matrix: Any, planes: Any, near: float, points: Any, over: Any, fixed: Any, state: Any
 ) -> int:
@@ -60,62 +60,79 @@ def _project(
     return broken
 
 
-@njit(cache=True, error_model="numpy")
-def _select(corners: Any, fixed: Any, columns: int, shifts: Any, limits: Any) -> Any:
+@njit(cache=True, nogil=True)
+def _place_vertices(fixed: Any, columns: int, shifts: Any) -> Any:
+    """First column at or after each vertex (V, 4) int32, last column at or before it, and alike for rows.
+
+    A triangle's box runs from the least first to the greatest last of its corners. Every vertex belongs to several
+    triangles, so this is not asked per corner.
+    """
+    rows, low, high = shifts.shape[0], shifts.min(), shifts.max()
+    spans = np.empty((fixed.shape[0], 4), np.int32)
+    for v in range(fixed.shape[0]):
+        x, y = np.int64(fixed[v, 0]), np.int64(fixed[v, 1])
+        spans[v, 0], spans[v, 1] = _first(x, columns, high), _last(x, columns, low)
+        spans[v, 2], spans[v, 3] = _first(y, rows, HALF), _last(y, rows, HALF)
+    return spans
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _select(corners: Any, spans: Any, limits: Any) -> Any:
     """Triangles whose box holds a sample of the image, and the window x0, y0, x1, y1 of those boxes.
 
     Without branches: on a car half of the faces fall between the samples, and no processor can guess which.
     """
-    rows, low, high = shifts.shape[0], shifts.min(), shifts.max()
     live, number = np.empty(corners.shape[0], np.int32), 0
-    x0, y0, x1, y1 = limits[2], limits[3], limits[0] - 1, limits[1] - 1
+    left, top, right, bottom = (
+        np.int32(limits[0]),
+        np.int32(limits[1]),
+        np.int32(limits[2] - 1),
+        np.int32(limits[3] - 1),
+    )
+    x0, y0, x1, y1 = right, bottom, left, top
     for t in range(corners.shape[0]):
         i, j, k = np.uint32(corners[t, 0]), np.uint32(corners[t, 1]), np.uint32(corners[t, 2])
-        ax, ay = np.int64(fixed[i, 0]), np.int64(fixed[i, 1])
-        bx, by = np.int64(fixed[j, 0]), np.int64(fixed[j, 1])
-        cx, cy = np.int64(fixed[k, 0]), np.int64(fixed[k, 1])
-        begin = max(limits[0], _first(min(ax, min(bx, cx)), columns, high))
-        end = min(limits[2] - 1, _last(max(ax, max(bx, cx)), columns, low))
-        first = max(limits[1], _first(min(ay, min(by, cy)), rows, HALF))
-        last = min(limits[3] - 1, _last(max(ay, max(by, cy)), rows, HALF))
+        begin = max(left, min(spans[i, 0], min(spans[j, 0], spans[k, 0])))
+        end = min(right, max(spans[i, 1], max(spans[j, 1], spans[k, 1])))
+        first = max(top, min(spans[i, 2], min(spans[j, 2], spans[k, 2])))
+        last = min(bottom, max(spans[i, 3], max(spans[j, 3], spans[k, 3])))
         hit = (begin <= end) & (first <= last)
         live[number] = t
         number += hit
         x0, x1 = min(x0, begin if hit else x0), max(x1, end if hit else x1)
         y0, y1 = min(y0, first if hit else y0), max(y1, last if hit else y1)
-    return live[:number], (x0, y0, x1 + 1, y1 + 1) if number else (0, 0, 0, 0)
+    return live[:number], (int(x0), int(y0), int(x1) + 1, int(y1) + 1) if number else (0, 0, 0, 0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _first(position: Any, per_pixel: Any, offset: Any) -> Any:
     """The first sample at or after a fixed-point position, where sample n lies at (n * ONE + offset) // per_pixel."""
     return -((offset - position * per_pixel) >> FRACTION)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _last(position: Any, per_pixel: Any, offset: Any) -> Any:
     """The last sample at or before a fixed-point position."""
     return ((position + 1) * per_pixel - 1 - offset) >> FRACTION
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _draw(
     live: Any,
     corners: Any,
     owners: Any,
     fixed: Any,
+    spans: Any,
     over: Any,
     points: Any,
     triangles: Any,
     columns: int,
-    rows: int,
     lines: Any,
     window: Any,
     face_ids: Any,
 ) -> None:
     """Draw the triangles ``live`` into ``face_ids`` (h, w), each at its owner's depth, within that of its corners."""
     x0, y0, x1, y1 = window
-    low_shift, high_shift = lines[1].min(), lines[1].max()
     nearest = np.zeros(face_ids.shape)
     for n in range(live.shape[0]):
         t = np.uint32(live[n])
@@ -128,23 +145,46 @@ def _draw(
             continue
         if area < 0:
             b, c = c, b
-        begin = max(x0, _first(min(a[0], min(b[0], c[0])), columns, high_shift))
-        end = min(x1 - 1, _last(max(a[0], max(b[0], c[0])), columns, low_shift))
-        first = max(y0, _first(min(a[1], min(b[1], c[1])), rows, HALF)) - y0
-        last = min(y1 - 1, _last(max(a[1], max(b[1], c[1])), rows, HALF)) - y0
+        begin = max(x0, min(spans[i, 0], min(spans[j, 0], spans[k, 0])))
+        end = min(x1 - 1, max(spans[i, 1], max(spans[j, 1], spans[k, 1])))
+        first = max(y0, min(spans[i, 2], min(spans[j, 2], spans[k, 2]))) - y0
+        last = min(y1 - 1, max(spans[i, 3], max(spans[j, 3], spans[k, 3]))) - y0
+        box = begin, end, first, last
+        low, high = min(over[i], min(over[j], over[k])), max(over[i], max(over[j], over[k]))
+        few = columns == 1 and (end - begin + 1) * (last - first + 1) <= FEW
+        if few and not _may_show(a, b, c, box, high, lines, x0, nearest):
+            continue
         plane = _depth_plane(points, triangles, np.uint32(owners[t]))
         if not abs(plane[0]) + abs(plane[1]) + abs(plane[2]) <= LIMIT:
             continue  # seen edge-on
-        low, high = min(over[i], min(over[j], over[k])), max(over[i], max(over[j], over[k]))
         depth = plane[0], plane[1], plane[2], low, high
-        box = begin, end, first, last
-        if columns == 1 and (end - begin + 1) * (last - first + 1) <= FEW:
+        if few:
             _test_samples(a, b, c, box, depth, owners[t], lines, x0, nearest, face_ids)
         else:
             _fill_rows(a, b, c, box, depth, owners[t], columns, lines, x0, nearest, face_ids)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
+def _may_show(a: Any, b: Any, c: Any, box: Any, high: float, lines: Any, x0: int, nearest: Any) -> bool:
+    """Whether any sample lies in the triangle and shows nothing nearer than its nearest corner.
+
+    Half of a car's triangles have a sample in their box but none inside, or are hidden: no need of their planes.
+    """
+    ys, shifts = lines[0], lines[1]
+    tie_a, tie_b, tie_c = _loses_ties(a, b), _loses_ties(b, c), _loses_ties(c, a)
+    column, row = box[0], box[2]
+    while row <= box[3]:
+        x, y = column * ONE + shifts[row], ys[row]
+        inside = (_side(a, b, x, y) - tie_a) | (_side(b, c, x, y) - tie_b) | (_side(c, a, x, y) - tie_c)
+        if (inside >= 0) & (high > nearest[row, column - x0]):
+            return True
+        ends = column == box[1]
+        column = box[0] if ends else column + 1
+        row += ends
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _depth_plane(points: Any, triangles: Any, face: Any) -> tuple[float, float, float]:
     """1 / depth of a face as a plane over the image: its slopes along x and y, and its value at the image's corner."""
     i, j, k = np.uint32(triangles[face, 0]), np.uint32(triangles[face, 1]), np.uint32(triangles[face, 2])
@@ -156,7 +196,7 @@ def _depth_plane(points: Any, triangles: Any, face: Any) -> tuple[float, float, 
     return nx * scale, ny * scale, nw * scale
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _test_samples(
     a: Any, b: Any, c: Any, box: Any, depth: Any, face: int, lines: Any, x0: int, nearest: Any, face_ids: Any
 ) -> None:
@@ -180,7 +220,7 @@ def _test_samples(
         row += ends
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fill_rows(
     a: Any,
     b: Any,
@@ -212,19 +252,19 @@ def _fill_rows(
                 face_ids[row, column - x0] = face
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _loses_ties(a: Any, b: Any) -> Any:
     """0 where edge a -> b owns the samples on it, a top or left edge, and 1 elsewhere."""
     return 0 if b[1] < a[1] or (b[1] == a[1] and b[0] > a[0]) else 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _side(a: Any, b: Any, x: Any, y: Any) -> Any:
     """The edge function: not negative on the inner side of edge a -> b."""
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cut(a: Any, b: Any, y: Any, left: Any, right: Any) -> Any:
     """Cut a row's positions [left, right] to the inner side of edge a -> b."""
     dy = b[1] - a[1]
