@@ -14,6 +14,7 @@ from rauca_core.cpu import keep_large_blocks, threads
 from .accuracy import reference_check
 from .blender_agreement import compare_with_blender
 from .contenders import Contender, contenders, ours, rivals
+from .coverage import reach
 from .measure import measure_scene, warm_up
 from .page import fill_page
 from .pictures import save_pictures
@@ -65,6 +66,8 @@ def run_bench(
     for name, vehicle in vehicles.items():
         with threads(1):
             scene = _measure_car(name, vehicle, settings, results)
+            if name == results.main:
+                results.reach = _measure_reach(scene.car, settings)
         if docs is not None and name == results.main:
             save_pictures(scene, docs / PICTURES)
         del scene
@@ -122,6 +125,12 @@ def _measure_ring(car: Car, ring: str, size: int, settings: Settings, results: R
             two = next(c for c in everyone if c.name == ours(2))
             _measure_step(scene, two, settings, results)
     return scene
+
+
+def _measure_reach(car: Car, settings: Settings) -> dict[str, float]:
+    everyone = [c for c in contenders(settings.samples) if c.samples <= 8]
+    with _counted(f"{car.name}: reach of gradients", settings.reach_views * (len(everyone) + 1)) as moved:
+        return reach(car, everyone, settings, moved)
 
 
 def _measure_step(scene: Scene, two: Contender, settings: Settings, results: Results) -> None:

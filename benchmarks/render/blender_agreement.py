@@ -17,7 +17,7 @@ from .blender import Image, Job, render_jobs
 from .settings import AGREEMENT_UV_SIZE, Settings
 from .views import random_cameras
 
-MASK_SUBSAMPLES = (4, 8)
+MASK_SUBSAMPLES = (4, 8, 12)
 COLOUR_SUBSAMPLES = 4
 CELLS = 64  # of the colourful texture, along each axis of the map
 SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared

@@ -5,7 +5,7 @@ The paper claims all of them for its sampler; what is not reached keeps its rand
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -13,7 +13,33 @@ from numpy.typing import NDArray
 
 from rauca_core.render import Pyramid, Taps
 
-from .scenes import Scene
+from .contenders import Contender
+from .reference import embree_sees, render_reference
+from .scenes import Car, Scene
+from .settings import Settings
+from .views import ring
+
+
+def reach(car: Car, contenders: Sequence[Contender], settings: Settings, moved: Callable[[], None]) -> dict[str, float]:
+    """Share of the texels that a ring shows, at the largest size, to which each contender's gradient comes.
+
+    More views than elsewhere: texels that a few views show at the rim only are the ones that get lost.
+    """
+    cameras = ring(car.vehicle, "paper", settings.reach_views, max(settings.sizes))
+    seen = np.zeros(car.pyramid.size**2, bool)
+    for camera in cameras:
+        see = embree_sees(car.caster, camera)
+        reference = render_reference(car.vehicle, see, camera, car.maps[:1], settings.reference_samples)
+        seen |= reference.touched.ravel()
+        moved()
+    visible, shares = seen[car.pyramid.texels], {}
+    for contender in contenders:
+        reached = np.zeros(len(visible), bool)
+        for camera in cameras:
+            reached |= reached_texels(car.pyramid, [contender.taps(car.vehicle, camera, car.pyramid)])
+            moved()
+        shares[contender.name] = float((reached & visible).sum() / max(visible.sum(), 1))
+    return shares
 
 
 def visible_texels(scene: Scene) -> NDArray[np.bool_]:

@@ -60,6 +60,9 @@ def _tables(results: Results, vehicles: list[str], sizes: tuple[int, ...]) -> li
         for t in judge(results)
     ]
     tables.append((f"Targets ({results.main}, paper ring)", ("what", "wanted", "found", ""), targets))
+    reached: Rows = [(name, f"{100 * share:.4f} %") for name, share in results.reach.items()]
+    title = f"Visible texels that receive gradient: {results.main}, {results.settings.reach_views} views"
+    tables.append((title, ("renderer", "reached"), reached))
     tables.append(("What else costs time", ("what", "ms"), _costs(results)))
     return tables
 
@@ -88,7 +91,10 @@ def _costs(results: Results) -> Rows:
         rows.append((f"{name}: ours 2x2, the same view", f"{s.ours_forward_ms:.2f} + {s.ours_backward_ms:.2f}"))
         rows.append((f"{name}: times as fast; with mip levels, one image", f"{s.operator:.0f}; {s.whole_step:.0f}"))
     rows += [
-        (f"{r.vehicle}, {r.ring} ring, {r.size} px: our raster; Embree", f"{r.ours_ms:.2f}; {r.embree_ms:.2f}")
+        (
+            f"{r.vehicle}, {r.ring} ring, {r.size} px: our raster; Embree through trimesh; bare",
+            f"{r.ours_ms:.2f}; {r.trimesh_ms:.2f}; {r.embree_ms:.2f}",
+        )
         for r in results.raster
     ]
     return rows

@@ -16,6 +16,7 @@ class Settings:
         sizes: of the square images, pixels.
         uv_size: of the UV map, texels.
         paper_views, close_views: cameras of each ring.
+        reach_views: cameras over which the reach of gradients is counted.
         samples: subsamples per pixel and axis at which our renderer is measured.
         reference_samples: subsamples per pixel and axis of the reference.
         repeats: timings of which the median is taken.
@@ -30,6 +31,7 @@ class Settings:
     uv_size: int = UV_SIZE
     paper_views: int = 8
     close_views: int = 3
+    reach_views: int = 32
     samples: tuple[int, ...] = (1, 2, 4, 8, 16)
     reference_samples: int = 16
     repeats: int = 15
@@ -46,6 +48,7 @@ QUICK = Settings(
     sizes=(640,),
     paper_views=3,
     close_views=1,
+    reach_views=4,
     samples=(1, 2, 4, 8),
     repeats=5,
     steps=2,

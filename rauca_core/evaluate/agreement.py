@@ -47,7 +47,7 @@ class Agreement:
 
 
 def measure_agreement(
-    dataset: Dataset, camouflage: Path, renders: Path, size: int | None = None, samples: int = 8
+    dataset: Dataset, camouflage: Path, renders: Path, size: int | None = None, samples: int = 12
 ) -> Agreement:
     """Compare the neural renderer with Cycles on a data set with light maps.
 

@@ -21,7 +21,7 @@ class TapSettings:
     """What a view's taps depend on beside vehicle and camera; see :func:`taps.build_taps`."""
 
     size: int
-    samples: int = 8
+    samples: int = 12
     filter: str = "blackman-harris"
     pattern: str = "lattice"
     thinning: float | None = None

@@ -32,6 +32,7 @@ TINY = Settings(
     uv_size=256,
     paper_views=2,
     close_views=1,
+    reach_views=2,
     samples=(1, 2, 4, 8),
     repeats=1,
     steps=1,

@@ -85,11 +85,12 @@ def _look_up(seen: Any, place: Any, surface: Any, levels: Any, probes: int, foun
             face = face_ids[row, column]
             x = (x0 + column + shifts[(y0 + row) % rows]) / columns - margin
             y = (y0 + row + 0.5) / rows - margin
+            u, v, _ = _texture_coordinates(planes[face], uvs[face], x, y)
+            paint[n] = _bilinear_mask(mask, u, v)
             met = 0
             for k in range(probes * probes):
                 across, down = k % probes - 0.5 * (probes - 1), k // probes - 0.5 * (probes - 1)
                 u, v, footprint = _texture_coordinates(planes[face], uvs[face], x + across * side, y + down * side)
-                paint[n] += _bilinear_mask(mask, u, v) / (probes * probes)
                 taps = slice(TEXELS * k, TEXELS * (k + 1))
                 met += _read(levels, u, v, footprint * side, texels[n, taps], weights[n, taps])
             if met == 0:
