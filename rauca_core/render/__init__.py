@@ -8,6 +8,7 @@ from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
 from .taps import FORMAT as TAP_FORMAT
 from .taps import Taps, build_taps
+from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pattern
 
 __all__ = [
     "TAP_FORMAT",
@@ -20,8 +21,11 @@ __all__ = [
     "Taps",
     "apply_many",
     "build_taps",
+    "build_world_aligned_taps",
     "composite",
     "display",
+    "pattern_pyramid",
+    "project_pattern",
     "rasterize",
     "undisplay",
 ]

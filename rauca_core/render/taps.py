@@ -18,7 +18,7 @@ from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantise_rows, to_fractions
 from .filters import filter_table
-from .merge import fill_fringe, merge_pixels
+from .merge import Rows, filter_fragments
 from .product import compose
 from .pyramid import Pyramid
 from .raster.pattern import pattern as subsample_pattern
@@ -158,15 +158,25 @@ def build_taps(
     if sampler != Sampler.AREA:
         thinning = 0.0
     elif thinning is None:
-        thinning = min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
+        thinning = usual_thinning(samples)
     thin = Thinning.of(pyramid.tree, thinning)
-    rows = merge_pixels(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
-    rows = fill_fringe(rows, camera_in_vehicle, 1.0 / subsamples.number, look.columns, thin)
-    width, height = camera_in_vehicle.width, camera_in_vehicle.height
-    if look.inner is not None:  # rows that read black cells sum to less than 1: neither rounded nor cached
-        through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
-        return Taps(width, height, rows.pixels, rows.alpha, compose(through, look.inner))
-    # Rounded here as in a file, so that taps from the cache are the same to the bit.
+    rows = filter_fragments(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
+    if look.inner is None:
+        return round_taps(rows, camera_in_vehicle, pyramid.count)
+    # Rows that read black cells sum to less than 1: neither rounded nor cached.
+    through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
+    return Taps(
+        camera_in_vehicle.width, camera_in_vehicle.height, rows.pixels, rows.alpha, compose(through, look.inner)
+    )
+
+
+def usual_thinning(samples: int) -> float:
+    """The price of a tap that fits ``samples`` x ``samples``: its error stays below that of so few samples."""
+    return min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
+
+
+def round_taps(rows: Rows, camera: Camera, texels: int) -> Taps:
+    """Taps with weights and coverage rounded as in a file, so that those from the cache are the same to the bit."""
     weights = from_fractions(quantise_rows(rows.indptr, rows.values))
-    alpha = from_fractions(to_fractions(rows.alpha))
-    return Taps(width, height, rows.pixels, alpha, SparseOperator(rows.indptr, rows.columns, weights, pyramid.count))
+    operator = SparseOperator(rows.indptr, rows.columns, weights, texels)
+    return Taps(camera.width, camera.height, rows.pixels, from_fractions(to_fractions(rows.alpha)), operator)

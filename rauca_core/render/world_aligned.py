@@ -20,16 +20,17 @@ from numpy.typing import NDArray
 from ..contract import Camera, RaucaError, Vehicle
 from .coverage import SUBSAMPLES
 from .filters import filter_table
-from .merge import Rows, merge_pixels
+from .merge import Rows, filter_fragments, merge_pixels
 from .product import from_triplets
 from .pyramid import Pyramid
 from .raster.atlas import rasterize_atlas
 from .raster.pattern import pattern
-from .raster.rasterise import Raster
+from .raster.rasterise import Raster, rasterize
 from .sampling.fragments import Fragments
 from .sampling.mip_lookup import read_level
 from .sampling.surface import Array, Surface, find_surface, mask_at
 from .sparse import SparseOperator
+from .taps import Taps, round_taps, usual_thinning
 from .thin import Thinning
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
@@ -63,6 +64,29 @@ def find_world_aligned(
     texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
     paint = mask_at(vehicle.paint_mask, np.clip(surface.interpolate(vehicle.uvs), 0.0, 1.0))
     return Fragments(surface.index, texels, weights.astype(np.float32), paint)
+
+
+def build_world_aligned_taps(
+    vehicle: Vehicle,
+    camera_in_vehicle: Camera,
+    tiles: Pyramid,
+    tile_m: float,
+    samples: int = 12,
+    filter: str = "blackman-harris",
+    sharpness: float = SHARPNESS,
+) -> Taps:
+    """Compute the taps of one view from the pattern's pyramid, as :func:`taps.build_taps` does from the UV map's.
+
+    Raises:
+        RaucaError: tile or sharpness not above 0, unknown filter, too many samples.
+    """
+    rule = pattern(samples)
+    table, reach = filter_table(filter, rule)
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=rule)
+    found = find_world_aligned(vehicle, raster, tiles, tile_m, sharpness)
+    thinning = Thinning.of(tiles.tree, usual_thinning(samples))
+    rows = filter_fragments(found, raster, camera_in_vehicle, table, tiles.count, thinning)
+    return round_taps(rows, camera_in_vehicle, tiles.count)
 
 
 def project_pattern(
