@@ -79,6 +79,7 @@ def optimize(
     lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
     beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
     map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
+    samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
     start: Annotated[str, typer.Option(help="random or plain")] = "random",
     limit: Annotated[
         str, typer.Option(help="keep texels in range by project (ours) or clamp (as published)")
@@ -93,8 +94,8 @@ def optimize(
     from .optimize_camouflage import optimize_camouflage
 
     settings = make_settings(
-        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, start=start, limit=limit, roa=roa, seed=seed,
-        threads=threads, name=name,
+        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, samples=samples, start=start, limit=limit,
+        roa=roa, seed=seed, threads=threads, name=name,
     )  # fmt: skip
     console.print(f"camouflage: {optimize_camouflage(dataset, detector, settings, out, resume)}")
 
