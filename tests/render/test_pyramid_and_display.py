@@ -95,3 +95,36 @@ def test_gradient_through_the_whole_renderer(box_vehicle: Vehicle) -> None:
         return display(composite(taps.rows(pyramid(undisplay(srgb))), torch.ones(()), A, B))
 
     assert torch.autograd.gradcheck(render, texels.requires_grad_(), fast_mode=True, atol=1e-5)
+
+
+def test_the_path_of_other_devices_climbs_alike() -> None:
+    coverage = np.random.default_rng(1).random((32, 32)).astype(np.float32)
+    coverage[coverage < 0.6] = 0
+    pyramid = Pyramid(coverage)
+    texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, requires_grad=True)
+    levels = pyramid(texels)
+    parts = [texels]
+    for step in pyramid._levels:
+        parts.append(step(parts[-1]))
+    other = torch.cat(parts)
+    assert torch.allclose(levels, other, atol=1e-12)
+    asked = torch.rand_like(levels)
+    (one,), (two,) = (torch.autograd.grad(x, texels, asked) for x in (levels, other))
+    assert torch.allclose(one, two, atol=1e-12)
+    assert torch.autograd.gradcheck(pyramid, (texels,), fast_mode=True)
+
+
+def test_decoding_by_table_is_as_exact_as_float32() -> None:
+    srgb = torch.cat([torch.linspace(-0.1, 1.1, 100_003), torch.tensor([0.0, 1.0, 0.04045, float("nan")])])
+    srgb.requires_grad_()
+    exact = srgb.detach().double().requires_grad_()
+    found, wanted = undisplay(srgb), undisplay(exact)
+    assert torch.isnan(found[-1])
+    assert (found[:-1].double() - wanted[:-1]).abs().max() < 1.5e-7
+    found[:-1].sum().backward()
+    wanted[:-1].sum().backward()
+    # The curve has a corner at its knee; the table rounds it off over one interval.
+    apart = (srgb.grad[:-1].double() - exact.grad[:-1]).abs()
+    away = (exact.detach()[:-1] - 0.04045).abs() > 1 / 4096
+    assert apart[away].max() < 1e-6
+    assert apart.max() < 2e-3
