@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from ..contract import Camera
 from .raster.rasterise import Raster
-from .sampling.fragments import Fragments
+from .sampling.fragments import PLACES, Fragments
 from .thin import Thinning, thin_row
+
+FAINTEST = 1e-7  # coverage below which a pixel shows no paint
 
 
 class Rows(NamedTuple):
@@ -45,6 +47,8 @@ def merge_pixels(
 ) -> Rows:
     """Filter the fragments of a view into pixels, one row for each with any paint, and merge taps on the same texel.
 
+    Edges want more samples than textures: where a pixel has more than enough, every other row is read for the taps.
+
     Args:
         found: the fragments of ``raster``.
         raster: with a margin no smaller than the filter's reach.
@@ -55,11 +59,13 @@ def merge_pixels(
     """
     pattern = raster.pattern
     place = (raster.x0, raster.y0, pattern.columns, pattern.rows, raster.margin, camera.width, camera.height)
-    return Rows(*_merge(found.index, found.texels, found.weights, found.paint, place, table, count, thinning))
+    read = found.index, found.texels, found.weights, found.paint
+    return Rows(*_merge(read, place, table, 2 if pattern.number >= 2 * PLACES else 1, count, thinning))
 
 
 @njit(cache=True, nogil=True)
-def _merge(index: Any, texels: Any, weights: Any, paint: Any, place: Any, table: Any, count: int, thinning: Any) -> Any:
+def _merge(found: Any, place: Any, table: Any, stride: int, count: int, thinning: Any) -> Any:
+    index = found[0]
     x0, y0, across, down, margin, width, height = place
     reach = (table.shape[0] // down - 1) // 2
     first = max(0, x0 // across - margin - reach), max(0, y0 // down - margin - reach)
@@ -75,37 +81,18 @@ def _merge(index: Any, texels: Any, weights: Any, paint: Any, place: Any, table:
     row = end = 0
     for y in range(first[1], last[1]):
         for x in range(first[0], last[0]):
-            alpha, begin = 0.0, end
-            for j in range(table.shape[0]):
-                sy = (y + margin - reach) * down + j - y0
-                if sy < 0 or sy >= index.shape[0]:
-                    continue
-                for i in range(table.shape[1]):
-                    sx = (x + margin - reach) * across + i - x0
-                    if sx < 0 or sx >= index.shape[1]:
-                        continue
-                    n = index[sy, sx]
-                    share = table[j, i] * paint[n] if n >= 0 else 0.0
-                    if share <= 0.0:
-                        continue
-                    alpha += share
-                    columns, values = _with_room(columns, values, end + weights.shape[1])
-                    for k in range(weights.shape[1]):
-                        value = share * weights[n, k]
-                        if value <= 0.0:
-                            continue
-                        texel = texels[n, k]
-                        if owner[texel] != row:
-                            owner[texel], slot[texel] = row, end
-                            columns[end], values[end] = texel, 0.0
-                            end += 1
-                        values[slot[texel]] += value
-            if alpha < 1e-7:
+            begin, corner = end, ((x + margin - reach) * across - x0, (y + margin - reach) * down - y0)
+            sums = _read_pixel(found, corner, table, stride, row, end, columns, values, owner, slot)
+            alpha, mass, end, columns, values = sums
+            if mass == 0.0 and alpha >= FAINTEST:  # only samples that were left out see the paint
+                sums = _read_pixel(found, corner, table, 1, row, end, columns, values, owner, slot)
+                alpha, mass, end, columns, values = sums
+            if alpha < FAINTEST:
                 for k in range(begin, end):
                     owner[columns[k]] = -1
                 end = begin
                 continue
-            values[begin:end] /= alpha
+            values[begin:end] /= mass
             alphas[row] = min(alpha, 1.0)
             pixels[row] = y * width + x
             columns, values = _with_room(columns, values, 2 * end - begin)
@@ -113,6 +100,53 @@ def _merge(index: Any, texels: Any, weights: Any, paint: Any, place: Any, table:
             row += 1
             indptr[row] = end
     return pixels[:row].copy(), alphas[:row].copy(), indptr[: row + 1].copy(), columns[:end], values[:end]
+
+
+@njit(cache=True, nogil=True)
+def _read_pixel(
+    found: Any,
+    corner: Any,
+    table: Any,
+    stride: int,
+    row: int,
+    end: int,
+    columns: Any,
+    values: Any,
+    owner: Any,
+    slot: Any,
+) -> Any:
+    """Add up a pixel's samples: its coverage, what of it the taps stand for, and the taps, from place ``end`` on.
+
+    All samples count for the coverage, every ``stride``-th row of them for the taps.
+    """
+    index, texels, weights, paint = found
+    alpha = mass = 0.0
+    for j in range(table.shape[0]):
+        sy = corner[1] + j
+        if sy < 0 or sy >= index.shape[0]:
+            continue
+        for i in range(table.shape[1]):
+            sx = corner[0] + i
+            if sx < 0 or sx >= index.shape[1]:
+                continue
+            n = index[sy, sx]
+            share = table[j, i] * paint[n] if n >= 0 else 0.0
+            alpha += share
+            if share <= 0.0 or j % stride != 0:
+                continue
+            mass += share
+            columns, values = _with_room(columns, values, end + weights.shape[1])
+            for k in range(weights.shape[1]):
+                value = share * weights[n, k]
+                if value <= 0.0:
+                    continue
+                texel = texels[n, k]
+                if owner[texel] != row:
+                    owner[texel], slot[texel] = row, end
+                    columns[end], values[end] = texel, 0.0
+                    end += 1
+                values[slot[texel]] += value
+    return alpha, mass, end, columns, values
 
 
 def fill_fringe(rows: Rows, camera: Camera, threshold: float, count: int, thinning: Thinning) -> Rows:

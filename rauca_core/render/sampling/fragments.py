@@ -85,17 +85,19 @@ def _look_up(seen: Any, place: Any, surface: Any, levels: Any, probes: int, foun
             face = face_ids[row, column]
             x = (x0 + column + shifts[(y0 + row) % rows]) / columns - margin
             y = (y0 + row + 0.5) / rows - margin
-            u, v, _ = _texture_coordinates(planes[face], uvs[face], x, y)
+            u, v, footprint = _texture_coordinates(planes[face], uvs[face], x, y)
             paint[n] = _bilinear_mask(mask, u, v)
             met = 0
             for k in range(probes * probes):
-                across, down = k % probes - 0.5 * (probes - 1), k // probes - 0.5 * (probes - 1)
-                u, v, footprint = _texture_coordinates(planes[face], uvs[face], x + across * side, y + down * side)
-                taps = slice(TEXELS * k, TEXELS * (k + 1))
-                met += _read(levels, u, v, footprint * side, texels[n, taps], weights[n, taps])
+                if probes > 1:
+                    across, down = k % probes - 0.5 * (probes - 1), k // probes - 0.5 * (probes - 1)
+                    place = x + across * side, y + down * side
+                    u, v, footprint = _texture_coordinates(planes[face], uvs[face], place[0], place[1])
+                met += _read(levels, u, v, footprint * side, texels[n, TEXELS * k :], weights[n, TEXELS * k :])
             if met == 0:
                 paint[n] = 0.0
-            weights[n] /= max(met, 1)
+            if met > 1:
+                weights[n] /= met
 
 
 @njit(cache=True, nogil=True)
@@ -113,14 +115,12 @@ def _read(levels: Any, u: float, v: float, footprint: float, texels: Any, weight
 @njit(cache=True, nogil=True)
 def _texture_coordinates(plane: Any, uv: Any, x: float, y: float) -> tuple[float, float, float]:
     """u, v in [0, 1] at pixel coordinates, and the side of a pixel's footprint in units of the map."""
-    over_depth, total = np.empty(3), 0.0
+    total = u = v = ux = uy = vx = vy = dx = dy = 0.0
     for k in range(3):
-        over_depth[k] = max(plane[0, k] * x + plane[1, k] * y + plane[2, k], 0.0)
-        total += over_depth[k]
-    u = v = ux = uy = vx = vy = dx = dy = 0.0
-    for k in range(3):
-        u += over_depth[k] * uv[k, 0]
-        v += over_depth[k] * uv[k, 1]
+        over_depth = max(plane[0, k] * x + plane[1, k] * y + plane[2, k], 0.0)
+        total += over_depth
+        u += over_depth * uv[k, 0]
+        v += over_depth * uv[k, 1]
         dx += plane[0, k]
         dy += plane[1, k]
         ux += plane[0, k] * uv[k, 0]
@@ -166,8 +166,7 @@ def _bilinear(slots: Any, coverage: Any, start: int, side: int, u: float, v: flo
         texels[k] = max(slots[place], 0)
         weights[k] = weight * coverage[place]
         total += weight * coverage[place]
-    if total < 1e-6:
-        weights[:] = 0.0
-        return False
-    weights /= total
-    return True
+    found = total >= 1e-6
+    for k in range(4):
+        weights[k] = weights[k] / total if found else 0.0
+    return found
