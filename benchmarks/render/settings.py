@@ -32,7 +32,7 @@ class Settings:
     paper_views: int = 8
     close_views: int = 3
     reach_views: int = 32
-    samples: tuple[int, ...] = (1, 2, 4, 8, 16)
+    samples: tuple[int, ...] = (1, 2, 4, 8, 12)
     reference_samples: int = 16
     repeats: int = 15
     steps: int = 5
