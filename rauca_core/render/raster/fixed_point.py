@@ -36,7 +36,7 @@ class Screen:
 
     Attributes:
         matrix: (3, 4) float64, from the world to homogeneous pixel coordinates.
-        planes: (5, 3) float64 clip planes, see `clip.clip_planes`.
+        planes: (5, 3) float64 clip planes, see :func:`clip_planes`.
         near: metres.
         columns, rows: samples of a pixel along x, and rows of samples along y.
         shifts: (rows,) int64, of a column's width.
