@@ -17,7 +17,8 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
     """Replace faces across the clip planes by fans of new corners; faces of broken vertices, by nothing.
 
     Args:
-        points, over, fixed, state: of the vertices: homogeneous pixels, 1 / depth, fixed point, and INSIDE, OUTSIDE or BROKEN.
+        points, over, fixed, state: of the vertices: homogeneous pixels, 1 / depth, fixed point, and INSIDE, OUTSIDE or
+            BROKEN.
         triangles: (F, 3) vertex indices.
         planes, near: see `fixed_point.Screen`.
 
