@@ -7,7 +7,6 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -183,14 +182,14 @@ class Run:
         """The frames of the next step."""
         count, batch = len(self.store), self.settings.batch
         places = range(self.step * batch, (self.step + 1) * batch)
-        return [int(self._epoch(place // count)[place % count]) for place in places]
+        orders = {epoch: self._epoch(epoch) for epoch in {place // count for place in places}}
+        return [int(orders[place // count][place % count]) for place in places]
 
     def upcoming(self) -> list[int]:
         """All frames, those first that the next steps draw."""
         epoch, place = divmod(self.step * self.settings.batch, len(self.store))
         return np.roll(self._epoch(epoch), -place).tolist()
 
-    @lru_cache(maxsize=2)  # noqa: B019 (a run lives as long as its process)
     def _epoch(self, epoch: int) -> NDArray[np.int64]:
         """The order of an epoch: a shuffle of its own, named by seed and epoch."""
         return named_rng(self.settings.seed, "order", epoch).permutation(len(self.store))
