@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core import colour, contract
 from . import nodes
+from .finish import finish_of
 
 UV_LAYER = "rauca"
 
@@ -84,18 +85,21 @@ class Paint:
         return texture
 
 
-def paint_material(spec: contract.Material, paint: Paint) -> bpy.types.Material:
-    """The material of a painted part."""
+def paint_material(spec: contract.Material, paint: Paint, finish: str = "own") -> bpy.types.Material:
+    """The material of a painted part in a finish (see `finish.py`)."""
     material = bpy.data.materials.new(f"rauca {spec.name}")
     tree = nodes.fresh_tree(material)
     unpainted = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
+    surface = finish_of(spec, finish)
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",
         Base_Color=paint.connect(tree, unpainted),
-        Roughness=spec.roughness,
+        Roughness=surface.roughness,
         Metallic=0.0,  # a metallic base tints its highlights: radiance would no longer be affine in the colour
-        Coat_Weight=spec.coat,
+        Specular_IOR_Level=surface.specular,
+        Coat_Weight=surface.coat,
+        Coat_Roughness=surface.coat_roughness,
     )
     nodes.output(tree, Surface=shader.outputs[0])
     return material

@@ -11,6 +11,7 @@ from ..core import contract
 from . import nodes
 from .paint import UV_LAYER, Paint, paint_material
 
+SEMANTIC_CLASSES = {"paint": "paint", "glass": "glass", "tyre": "tyre"}  # by kind; every other kind is vehicle_part
 LAMP_RADIANCE = {"headlamp": 12.0, "taillamp": 2.5}  # lit at night, relative to a sunlit white surface
 
 
@@ -24,17 +25,19 @@ class SceneVehicle:
         materials: one Blender material per contract material, in order.
     """
 
-    def __init__(self, scene: bpy.types.Scene, vehicle: contract.Vehicle) -> None:
+    def __init__(self, scene: bpy.types.Scene, vehicle: contract.Vehicle, finish: str = "own") -> None:
+        """Add the vehicle to ``scene``, its paint in a finish: ``own``, ``car_paint`` or ``sticker``."""
         self.vehicle = vehicle
         mesh = _mesh(vehicle)
         self.object = bpy.data.objects.new("rauca vehicle", mesh)
         scene.collection.objects.link(self.object)
         self.paint = Paint(vehicle)
         self.materials = [
-            paint_material(m, self.paint) if m.kind == "paint" else _plain_material(m, self.paint)
+            paint_material(m, self.paint, finish) if m.kind == "paint" else _plain_material(m, self.paint)
             for m in vehicle.materials
         ]
-        for material in self.materials:
+        for spec, material in zip(vehicle.materials, self.materials, strict=True):
+            material["rauca_class"] = SEMANTIC_CLASSES.get(spec.kind, "vehicle_part")
             mesh.materials.append(material)
         mesh.polygons.foreach_set("material_index", vehicle.material.astype(np.int32))
 
