@@ -28,8 +28,14 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
     add("--size", type=_whole, default=320, help="frames are square, pixels")
     add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")
+    add("--adaptive-threshold", type=float, default=0.0, help="stop sampling pixels at this noise; 0: never")
+    add("--bounces", type=int, default=4, help="of light between surfaces")
+    add("--composed-fog", action=argparse.BooleanOptionalAction, default=False, help="compose fog where accurate")
     add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    _add_scene(add)
+    add("--finish", default="own", help="of the paint: own, car_paint (clearcoat) or sticker (matte)")
+    add("--recolour-share", type=float, default=0.0, help="share of frames also rendered for real in another colour")
     add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
@@ -48,6 +54,7 @@ def render_parser() -> argparse.ArgumentParser:
     add("--every", type=_whole, default=1, help="render only every n-th frame")
     add("--samples", type=_whole, help="Cycles samples per pixel; the data set's own by default")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    _add_scene(add)
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
     add("camouflages", type=Path, nargs="+", help="camouflage .json files")
     return parser
@@ -69,6 +76,12 @@ def _add_vehicle(add: Callable[..., object]) -> None:
     add("--vehicle", default="sedan", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file")
     add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
     add("--paint-material", help="name of the material to camouflage")
+
+
+def _add_scene(add: Callable[..., object]) -> None:
+    add(
+        "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
+    )
 
 
 def _whole(text: str) -> int:

@@ -77,7 +77,9 @@ def _make_dataset(options: argparse.Namespace) -> None:
         vehicle_name=vehicle.name,
         atlas_id=vehicle.atlas_id,
         size=options.size,
-        samples=options.samples,
+        quality=contract.Quality(
+            options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
+        ),
         light=options.light,
         weathers=tuple(weathers),
         ring=ring,
@@ -86,10 +88,13 @@ def _make_dataset(options: argparse.Namespace) -> None:
         min_visible=options.min_visible,
         seed=options.seed,
         blender=bpy.app.version_string,
+        scenery=contract.Scenery.of_file(options.scene) if options.scene else contract.Scenery(),
+        finish=options.finish,
+        recolour_share=options.recolour_share,
     )
     plan.check("options")
     require_space(plan, options.out)
-    session = Session(plan, vehicle, denoise=options.denoise)
+    session = Session(plan, vehicle, options.scene)
     contract.claim_folder(options.out, plan)
     if not (options.out / "vehicle" / "vehicle.json").is_file():
         vehicle.save(options.out / "vehicle")
@@ -108,8 +113,9 @@ def _render_camouflages(options: argparse.Namespace) -> None:
     if len(set(names)) != len(names):
         raise contract.RaucaError(f"two camouflages share a name ({', '.join(names)}); give each JSON its own")
     vehicle = contract.load_vehicle(dataset.vehicle_folder, read_image_blender)
-    plan = dataset.plan if options.samples is None else replace(dataset.plan, samples=options.samples)
-    session = Session(plan, vehicle, denoise=options.denoise)
+    samples = dataset.plan.quality.samples if options.samples is None else options.samples
+    quality = replace(dataset.plan.quality, samples=samples, denoise=options.denoise)
+    session = Session(replace(dataset.plan, quality=quality), vehicle, options.scene)
     render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress), options.every)
 
 

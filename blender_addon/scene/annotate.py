@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour
+from ..core import colour, contract
 from . import nodes
 from .render import render_linear
 from .vehicle import SceneVehicle
@@ -44,7 +44,7 @@ class Annotation:
 
 def annotate(scene: bpy.types.Scene, seed: int) -> Annotation:
     """Render the scene's camera inside :func:`geometry_only`."""
-    pixels = render_linear(scene, SAMPLES, seed, denoise=False)
+    pixels = render_linear(scene, contract.Quality(SAMPLES, denoise=False, bounces=0), seed)
     solid = pixels[..., 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)

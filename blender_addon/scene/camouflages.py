@@ -57,7 +57,7 @@ def render_camouflages(
     files.require_space(out, total * dataset.plan.size**2 * 4)
     for paintwork in paintworks:
         folder = out / paintwork.name
-        _claim(folder, paintwork, session.plan.samples)
+        _claim(folder, paintwork, session.plan.quality.samples)
         missing = [frame for frame in frames if not (folder / f"{frame.id}.png").is_file()]
         done += len(frames) - len(missing)
         progress(done, total, paintwork.name)

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core import colour, contract, files
 from .annotate import Annotation
+from .light_maps import light_maps
 from .session import Session
 
-WHITE = 0.8  # an albedo paint can have; A is scaled back to a base colour of one
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
 
 Progress = Callable[[int, int, str], None]
@@ -82,7 +81,7 @@ def _render_frame(
         location=location,
         view=view,
         camera=viewpoint.camera,
-        vehicle_to_world=session.street.location(location),
+        vehicle_to_world=session.place.pose(location),
         weather=weather,
         azimuth_deg=viewpoint.azimuth_deg,
         elevation_deg=viewpoint.elevation_deg,
@@ -107,32 +106,6 @@ def _render_frame(
         B=B,
     )
     contract.save_frame(contract.frame_folder(folder, frame_id), frame, passes)
-
-
-def light_maps(
-    session: Session,
-    location: int,
-    view: int,
-    weather: contract.Weather,
-    painted: NDArray[np.bool_],
-    reference_linear: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """A and B, (H, W, 3) linear each, and the image in the reference paint that they predict.
-
-    Two renders with one seed: black paint gives B, white paint A = (white - black) / albedo. Light without its texture
-    is smooth, so the denoiser harms it less than it would a textured car. Away from the paint, what the reference
-    paint throws on its surroundings is folded into B and A is zero.
-    """
-    paint = session.vehicle.paint
-    paint.set_colour((WHITE, WHITE, WHITE))
-    white = session.render(location, view, weather)
-    paint.set_colour((0.0, 0.0, 0.0))
-    black = session.render(location, view, weather)
-    gain = np.maximum((white - black) / WHITE, 0.0)
-    image = gain * reference_linear + black
-    A = np.where(painted[..., None], gain, 0.0).astype(np.float32)
-    B = np.where(painted[..., None], black, image).astype(np.float32)
-    return A, B, image
 
 
 def _finished(folder: Path) -> set[str]:

@@ -1,6 +1,8 @@
-"""Everything a render needs, in one scene: street, vehicle, weather."""
+"""Everything a render needs, in one scene: place, vehicle, weather."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -10,8 +12,8 @@ from numpy.typing import NDArray
 from ..core import contract, seeding
 from . import camera, render
 from .annotate import Annotation, annotate, geometry_only
+from .place import build_place
 from .ring import Viewpoint, viewpoint
-from .street import build_street
 from .vehicle import SceneVehicle
 from .weather import SceneWeather
 
@@ -24,34 +26,35 @@ class Session:
     Attributes:
         plan: what is rendered.
         scene: Blender's scene, named ``rauca``.
-        vehicle, street, weather: its parts.
+        place, vehicle, weather: its parts.
     """
 
-    def __init__(self, plan: contract.Plan, vehicle: contract.Vehicle, denoise: bool = True) -> None:
+    def __init__(self, plan: contract.Plan, vehicle: contract.Vehicle, blend: Path | None = None) -> None:
+        """Build the scene; ``blend`` is the user's file when the plan was made in one."""
         self.plan = plan
         self.scene = bpy.data.scenes.new("rauca")
         render.prepare(self.scene)
-        if denoise:
+        if plan.quality.denoise:
             render.require_denoiser(self.scene)
-        self._denoise = denoise
-        self.street = build_street(self.scene, plan.seed)
+        self.place = build_place(self.scene, plan, blend)
         self.vehicle = SceneVehicle(self.scene, vehicle)
-        self.weather = SceneWeather(self.scene, self.street.lamps)
+        self.weather = SceneWeather(self.scene, self.place.lamps)
         self._sight_points = _points_on_paint(vehicle, seeding.named_rng(plan.seed, "sight lines"))
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
         """The camera of a view, jitter included."""
-        return viewpoint(self.plan, location, view, self.street.location(location), self.vehicle.centre)
+        return viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.centre)
 
     def enter(self, location: int) -> None:
         """Put the vehicle at a location."""
-        self.vehicle.place(self.street.location(location))
+        self.place.enter(location)
+        self.vehicle.place(self.place.pose(location))
         self._update()
 
     def visible(self, location: int, view: int) -> float:
         """Share of sight lines from the camera to points spread evenly over the paint that no other object blocks."""
         eye = Vector(self.viewpoint(location, view).camera.position)
-        pose = self.street.location(location)
+        pose = self.place.pose(location)
         points = self._sight_points @ pose[:3, :3].T + pose[:3, 3]
         depsgraph = self._update()
         clear = 0
@@ -73,7 +76,7 @@ class Session:
     def render(self, location: int, view: int, weather: contract.Weather) -> NDArray[np.float32]:
         """Render the vehicle in its present paint; (H, W, 3) linear. One seed per frame, whatever the paint."""
         camera.place(self.scene, self.viewpoint(location, view).camera)
-        pixels = render.render_linear(self.scene, self.plan.samples, self.seed(location, view, weather), self._denoise)
+        pixels = render.render_linear(self.scene, self.plan.quality, self.seed(location, view, weather))
         return pixels[..., :3]
 
     def seed(self, location: int, view: int, weather: contract.Weather) -> int:

@@ -25,7 +25,7 @@ LOCATION_REACH_M = 90.0  # vehicles stand at least 50 m from the street's ends
 LOCATION_STRIDE_M = 67.0  # does not divide the street, so locations spread over it before they come close
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Street:
     """The street's lamps (lights, switched by the weather) and where vehicles stand.
 
@@ -37,16 +37,19 @@ class Street:
     lamps: list[bpy.types.Object]
     seed: int
 
-    def location(self, index: int) -> NDArray[np.float64]:
+    def pose(self, location: int) -> NDArray[np.float64]:
         """(4, 4) vehicle-to-world transform of a location: along the road, either lane, a few degrees off its line."""
-        rng = seeding.named_rng(self.seed, "location", index)
-        x = (index * LOCATION_STRIDE_M) % (2 * LOCATION_REACH_M) - LOCATION_REACH_M + rng.uniform(-8, 8)
+        rng = seeding.named_rng(self.seed, "location", location)
+        x = (location * LOCATION_STRIDE_M) % (2 * LOCATION_REACH_M) - LOCATION_REACH_M + rng.uniform(-8, 8)
         side = 1 if rng.random() < 0.5 else -1
         heading = math.radians(rng.uniform(-8, 8)) + (0.0 if side < 0 else math.pi)
         pose = np.eye(4)
         pose[:2, :2] = [[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]]
         pose[:3, 3] = (x, side * rng.uniform(1.6, 2.6), 0.0)
         return pose
+
+    def enter(self, location: int) -> None:
+        """Nothing to change: the whole street is always there."""
 
 
 def build_street(scene: bpy.types.Scene, seed: int) -> Street:

@@ -10,6 +10,8 @@ from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .progress import Progress, parse_progress
+from .quality import Quality
+from .scenery import Scenery
 from .vehicle import Material, Vehicle, load_vehicle
 from .weather import Weather, find_preset, load_weathers
 
@@ -22,8 +24,10 @@ __all__ = [
     "Material",
     "Plan",
     "Progress",
+    "Quality",
     "RaucaError",
     "Ring",
+    "Scenery",
     "Vehicle",
     "Weather",
     "claim_folder",

@@ -17,10 +17,14 @@ from typing import Any
 from .errors import RaucaError
 from .files import write_json
 from .frame import Frame, load_frame
+from .quality import Quality
+from .scenery import Scenery
 from .schema import Fields, read_json
 from .weather import Weather
 
-FORMAT = ("rauca-dataset", 1)
+FORMAT = ("rauca-dataset", 2)
+TOWN = Scenery()
+FINISHES = ("own", "car_paint", "sticker")
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ class Plan:
         name: for people.
         vehicle_name, atlas_id: which vehicle, and which UV layout, the frames show.
         size: frames are square, pixels.
-        samples: Cycles samples per pixel of each render, before denoising.
+        quality: how well they are rendered.
         light: True renders the affine light maps A and B (to optimise on); False renders the reference paint itself
             and leaves A and B out (to evaluate on).
         weathers, ring, locations: every combination is one frame.
@@ -103,13 +107,16 @@ class Plan:
         min_visible: frames that see less of the paint than this fraction are kept out.
         seed: names every random stream of the data set.
         blender: version that renders it.
+        scenery: where the vehicle stands.
+        finish: of the paint: the vehicle's ``own``, ``car_paint`` (clearcoat) or ``sticker`` (matte).
+        recolour_share: share of frames rendered once more for real in another colour, to check the light maps.
     """
 
     name: str
     vehicle_name: str
     atlas_id: str
     size: int
-    samples: int
+    quality: Quality
     light: bool
     weathers: tuple[Weather, ...]
     ring: Ring
@@ -118,6 +125,9 @@ class Plan:
     min_visible: float
     seed: int
     blender: str
+    scenery: Scenery = TOWN
+    finish: str = "own"
+    recolour_share: float = 0.0
 
     def frame_ids(self) -> list[tuple[str, int, int, Weather]]:
         """Every planned frame as (id, location, view, weather), in rendering order."""
@@ -137,13 +147,16 @@ class Plan:
             "vehicle_name": self.vehicle_name,
             "atlas_id": self.atlas_id,
             "size": self.size,
-            "samples": self.samples,
+            "quality": self.quality.to_json(),
             "light": self.light,
             "weathers": [w.to_json() for w in self.weathers],
             "ring": self.ring.to_json(),
             "locations": self.locations,
+            "scenery": self.scenery.to_json(),
+            "finish": self.finish,
             "reference_srgb": list(self.reference_srgb),
             "min_visible": self.min_visible,
+            "recolour_share": self.recolour_share,
             "seed": self.seed,
             "blender": self.blender,
         }
@@ -154,7 +167,7 @@ class Plan:
 
     @staticmethod
     def from_json(fields: Fields) -> Plan:
-        fields.format(*FORMAT)
+        fields.format(*FORMAT, oldest=2)
         weathers = [
             Weather.from_json(Fields(w, f"{fields.where}: weathers[{i}]"))
             for i, w in enumerate(fields.items("weathers"))
@@ -165,7 +178,7 @@ class Plan:
             fields.text("vehicle_name"),
             fields.text("atlas_id"),
             fields.integer("size", 16, 8192),
-            fields.integer("samples", 1, 65536),
+            Quality.from_json(fields.nested("quality")),
             fields.flag("light"),
             tuple(weathers),
             Ring.from_json(fields.nested("ring")),
@@ -174,8 +187,13 @@ class Plan:
             fields.number("min_visible", 0, 1),
             fields.integer("seed"),
             fields.text("blender"),
+            Scenery.from_json(fields.nested("scenery")),
+            fields.text("finish"),
+            fields.number("recolour_share", 0, 1),
         )
         fields.done()
+        if plan.finish not in FINISHES:
+            raise RaucaError(f"{fields.where}: finish must be one of {', '.join(FINISHES)}, not {plan.finish!r}")
         return plan
 
 

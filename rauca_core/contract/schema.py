@@ -109,7 +109,7 @@ class Fields:
     def nested(self, name: str) -> Fields:
         return Fields(self._get(name), f"{self.where}: {name}")
 
-    def format(self, name: str, version: int) -> None:
+    def format(self, name: str, version: int, oldest: int = 1) -> None:
         """Check the ``format`` and ``version`` fields that open every file of the contract."""
         found = self.text("format")
         if found != name:
@@ -118,6 +118,11 @@ class Fields:
         if written > version:
             raise RaucaError(
                 f"{self.where}: written in {name} version {written}, this rauca reads up to {version}; update rauca"
+            )
+        if written < oldest:
+            raise RaucaError(
+                f"{self.where}: {name} version {written} is from an older rauca, this one reads from {oldest} on; "
+                "make it again in another folder"
             )
 
     def done(self) -> None:

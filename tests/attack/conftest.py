@@ -16,6 +16,7 @@ from rauca_core.contract import (
     Frame,
     FramePasses,
     Plan,
+    Quality,
     Ring,
     Vehicle,
     Weather,
@@ -61,7 +62,9 @@ def shaded_frame(
 
 def make_dataset(folder: Path, vehicle: Vehicle, size: int, azimuths: tuple[float, ...], light: bool = True) -> Dataset:
     ring = Ring(azimuths, (12.0,), (7.0,))
-    plan = Plan("test", vehicle.name, vehicle.atlas_id, size, 1, light, WEATHERS, ring, 1, (GREY,) * 3, 0.5, 0, "none")
+    plan = Plan(
+        "test", vehicle.name, vehicle.atlas_id, size, Quality(1), light, WEATHERS, ring, 1, (GREY,) * 3, 0.5, 0, "none"
+    )
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
     for frame_id, _, view, weather in plan.frame_ids():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rauca_core.contract import Plan, Ring, Weather
+from rauca_core.contract import Plan, Quality, Ring, Weather
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +18,7 @@ def small_plan(atlas_id: str, **changes: object) -> Plan:
         "vehicle_name": "box",
         "atlas_id": atlas_id,
         "size": 96,
-        "samples": 8,
+        "quality": Quality(8),
         "light": True,
         "weathers": (Weather("day", 45.0),),
         "ring": Ring((30.0, 200.0), (15.0,), (7.0,)),

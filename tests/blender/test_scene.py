@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camera, Weather
+from rauca_core.contract import Camera, Quality, Weather
 from rauca_core.contract.colour import srgb_from_linear, to_bytes
 
 
@@ -14,7 +14,7 @@ def psnr(a, b):
 def test_coverage_box_and_distance_are_the_geometrys(session, box_vehicle):
     annotation = session.annotations(0, [0])[0]
     viewpoint = session.viewpoint(0, 0)
-    pose = session.street.location(0)
+    pose = session.place.pose(0)
     corners = box_vehicle.positions @ pose[:3, :3].T + pose[:3, 3]
     pixels, _ = viewpoint.camera.project(corners)
     expected = (*pixels.min(axis=0), *pixels.max(axis=0))
@@ -51,7 +51,7 @@ def test_the_scene_is_as_before_after_annotation(session, bpy_module):
 
 @pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 60), Weather("night", -30)])
 def test_light_maps_predict_a_colour_they_never_saw(session, weather):
-    from blender_addon.scene.dataset import light_maps
+    from blender_addon.scene.light_maps import light_maps
 
     session.set_weather(weather)
     painted = session.annotations(0, [0])[0].paint > 0
@@ -73,7 +73,7 @@ def test_a_uv_map_lands_where_the_uvs_say(session, box_vehicle):
     session.vehicle.paint.set_map(uv_map)
     image = session.render(0, 0, session.plan.weathers[0])
     blue = srgb_from_linear(image)[..., 2] - srgb_from_linear(image)[..., 0]
-    pose = session.street.location(0)
+    pose = session.place.pose(0)
     side = np.array([[2.0, 0.0, 0.75], [0.0, 1.0, 0.75]]) @ pose[:3, :3].T + pose[:3, 3]
     (front, left), _ = session.viewpoint(0, 0).camera.project(side)
     assert blue[int(front[1]), int(front[0])] > 0.2
@@ -99,7 +99,7 @@ def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
 
 def test_sight_lines_notice_what_stands_in_the_way(session, bpy_module):
     assert session.visible(0, 0) == 1.0
-    pose = session.street.location(0)
+    pose = session.place.pose(0)
     eye = session.viewpoint(0, 0).camera.position
     middle = (eye + pose[:3, 3]) / 2
     bpy_module.ops.mesh.primitive_cube_add(size=3.0, location=tuple(middle))
@@ -124,5 +124,5 @@ def test_exposure_puts_a_grey_card_in_the_middle(bpy_module, altitude):
     scene.collection.objects.link(bpy_module.data.objects.new("card", mesh))
     SceneWeather(scene, []).apply(Weather("w", altitude))
     camera.place(scene, Camera.look_at(np.array([0.0, 0, 10]), np.zeros(3), 60, 16, 16))
-    card = render.render_linear(scene, 32, 1, denoise=False)[..., :3] @ [0.2126, 0.7152, 0.0722]
+    card = render.render_linear(scene, Quality(32, denoise=False), 1)[..., :3] @ [0.2126, 0.7152, 0.0722]
     assert (0.1 if altitude == 0 else 0.18) < card.mean() < 0.33

@@ -13,6 +13,7 @@ from rauca_core.contract import (
     Frame,
     FramePasses,
     Plan,
+    Quality,
     RaucaError,
     Ring,
     Weather,
@@ -38,7 +39,7 @@ PLAN = Plan(
     vehicle_name="box",
     atlas_id="abc",
     size=32,
-    samples=4,
+    quality=Quality(4),
     light=True,
     weathers=(Weather("day", 45), Weather("fog", 45, 60, 50)),
     ring=Ring((0.0, 90.0), (10.0, 30.0), (5.0,), jitter_distance=0.1),
@@ -143,11 +144,12 @@ def test_a_folder_keeps_to_one_plan(tmp_path):
         claim_folder(tmp_path, replace(PLAN, size=64, seed=8))
 
 
-def test_a_newer_dataset_is_refused(tmp_path):
+@pytest.mark.parametrize(("version", "remedy"), [(99, "update rauca"), (1, "make it again in another folder")])
+def test_a_dataset_of_another_version_is_refused(tmp_path, version, remedy):
     claim_folder(tmp_path, PLAN)
     path = tmp_path / "dataset.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "version": 2}))
-    with pytest.raises(RaucaError, match=r"dataset\.json: written in rauca-dataset version 2.*update"):
+    path.write_text(json.dumps({**json.loads(path.read_text()), "version": version}))
+    with pytest.raises(RaucaError, match=rf"dataset\.json: .*rauca-dataset version {version}.*{remedy}"):
         Dataset(tmp_path)
     with pytest.raises(RaucaError, match="not a data set"):
         Dataset(tmp_path / "nowhere")

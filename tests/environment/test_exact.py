@@ -11,6 +11,7 @@ from rauca_core.contract import (
     Frame,
     FramePasses,
     Plan,
+    Quality,
     RaucaError,
     Ring,
     Weather,
@@ -26,7 +27,7 @@ MAPS = np.random.default_rng(0).random((2, SIZE, SIZE, 3)).astype(np.float32)
 
 def plan(light: bool) -> Plan:
     ring = Ring((0.0,), (10.0,), (5.0,))
-    return Plan("test", "box", "0" * 16, SIZE, 1, light, (DAY,), ring, 1, (9, 9, 9), 0.5, 0, "none")
+    return Plan("test", "box", "0" * 16, SIZE, Quality(1), light, (DAY,), ring, 1, (9, 9, 9), 0.5, 0, "none")
 
 
 def write(folder: Path, A: np.ndarray | None, B: np.ndarray | None, light: bool = True) -> tuple[Dataset, str]:

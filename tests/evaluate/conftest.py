@@ -20,6 +20,7 @@ from rauca_core.contract import (
     Frame,
     FramePasses,
     Plan,
+    Quality,
     RaucaError,
     Ring,
     Vehicle,
@@ -67,7 +68,19 @@ def detectors() -> list[Detector]:
 def scene(tmp_path: Path, box_vehicle: Vehicle) -> Scene:
     folder = tmp_path / "dataset"
     plan = Plan(
-        "drawn", "box", box_vehicle.atlas_id, SIZE, 1, False, WEATHERS, RING, 1, (140, 145, 150), 0.2, 3, "none"
+        "drawn",
+        "box",
+        box_vehicle.atlas_id,
+        SIZE,
+        Quality(1),
+        False,
+        WEATHERS,
+        RING,
+        1,
+        (140, 145, 150),
+        0.2,
+        3,
+        "none",
     )
     claim_folder(folder, plan)
     box_vehicle.save(folder / "vehicle")

@@ -1,0 +1,48 @@
+"""What a place gives the vehicle: somewhere to stand, and lamps for the night."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract
+
+
+class Place(Protocol):
+    """The surroundings of a data set, inside a scene.
+
+    Attributes:
+        lamps: light objects that the weather switches on at night.
+    """
+
+    lamps: list[bpy.types.Object]
+
+    def pose(self, location: int) -> NDArray[np.float64]:
+        """(4, 4) rigid vehicle-to-world transform of a location; wheels on the ground, front along its +x."""
+
+    def enter(self, location: int) -> None:
+        """Show what surrounds a location; called before anything there is rendered."""
+
+
+def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None) -> Place:
+    """Add the plan's surroundings to the scene.
+
+    Args:
+        blend: the user's file when the plan was made with one.
+
+    Raises:
+        RaucaError: the file is missing, is not the one the plan was made with, or marks no location.
+    """
+    if plan.scenery.kind == "town":
+        from .street import build_street
+
+        return build_street(scene, plan.seed)
+    if blend is None:
+        raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
+    if contract.Scenery.of_file(blend) != plan.scenery:
+        raise contract.RaucaError(f"{blend}: not the scene this data set was made in ({plan.scenery.name})")
+    raise contract.RaucaError(f"{blend}: scenes of one's own are not read yet")
