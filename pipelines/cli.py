@@ -12,13 +12,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from blender_addon.arguments import apply_parser, dataset_parser
+from blender_addon.arguments import apply_parser
 from rauca_core.attack import make_settings
 from rauca_core.contract import RaucaError
 from rauca_core.detect.store import fetch, status
 
 from .blender_process import run_blender
 from .console import console, progress_bar
+from .dataset_commands import PASS_ON, Blender, dataset_app
 
 app = typer.Typer(
     name="rauca",
@@ -26,15 +27,11 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 bench_app = typer.Typer(help="Measure speed against error.", no_args_is_help=True)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
-
-PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 
 
 def run(*command: str) -> None:
@@ -48,14 +45,6 @@ def run(*command: str) -> None:
     except RaucaError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-
-
-@dataset_app.command("make", context_settings=PASS_ON)
-def dataset_make(context: typer.Context, blender: Blender = None) -> None:
-    """Render a data set: every view in every weather. `rauca dataset make --help` lists the options."""
-    dataset_parser().parse_args(context.args)
-    with progress_bar("rendering data set") as move:
-        run_blender("make_dataset", [*context.args, "--json-progress"], move, blender)
 
 
 @app.command("apply", context_settings=PASS_ON)
