@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
-from .sedan import build_sedan
+from .car import CARS, build_car
 
-BUILDERS = {"sedan": build_sedan}
+BUILDERS = {name: partial(build_car, name) for name in CARS}
 
 
 def main(arguments: list[str]) -> int:

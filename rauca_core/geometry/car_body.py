@@ -1,4 +1,4 @@
-"""The sedan's body: a wall around the plan outline, and a deck (bonnet, cabin, boot) across its top.
+"""A car's body: a wall around the plan outline, and a deck (bonnet, cabin, boot) across its top.
 
 Both are grids that share their edge, so the skin has no cracks, and the lines of the grids run along the features
 (lamps, doors, glass), so materials have crisp borders.
@@ -54,13 +54,12 @@ class Body:
 
     def parts(self) -> MeshParts:
         """The left half of the body's skin, its floor and wheel housings."""
-        from .sedan_panels import deck_materials, wall_materials
+        from .car_panels import deck_materials, wall_materials
 
         parts = MeshParts()
-        wall, deck = self._wall_points(), self._deck_points
+        wall = self._wall_points()
         parts.grid(wall, wall_materials(self, wall))
-        points = deck(wall[:, -1])
-        parts.grid(points, deck_materials(self))
+        parts.grid(self._deck_points(wall[:, -1]), deck_materials(self))
         edge = wall[:, 0]
         parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody")
         return parts
@@ -88,6 +87,10 @@ class Body:
         points[..., :2] += normal * (np.array([-0.004, lift, lift, -0.004]))[:, None]
         points[..., 1] = np.where(place == 0.0, 0.0, points[..., 1])
         return points
+
+    def deck_line(self, line: int) -> Points:
+        """(stations, 3) points along a line of the deck, front to rear; 0 is the belt."""
+        return self._deck_points(self._wall_points()[:, -1])[:, line]
 
     @property
     def tail_place(self) -> float:
@@ -196,8 +199,9 @@ class Body:
         rise = (1 - cabin) * table["flat_height"] + cabin * table["roof_height"]
         # Near the ends the stations bow until the last one lies on the nose, and the first on the tail.
         plan = self.profile["plan"]
-        ahead = smoothstep(x, 1.2, plan["front_corner_x"])[:, None]
-        behind = smoothstep(-x, 1.8, -plan["rear_corner_x"])[:, None]
-        width = width + ahead * (nose[:, 1] / nose[0, 1] - width) + behind * (tail[:, 1] / tail[0, 1] - width)
+        ahead = smoothstep(x, plan["front_bow_x"], plan["front_corner_x"])[:, None]
+        behind = smoothstep(-x, -plan["rear_bow_x"], -plan["rear_corner_x"])[:, None]
+        low = 1 - cabin  # a roof that reaches far to the front or rear keeps its own section
+        width = width + low * (ahead * (nose[:, 1] / nose[0, 1] - width) + behind * (tail[:, 1] / tail[0, 1] - width))
         bow = ahead * (nose[:, 0] - nose[0, 0]) + behind * (tail[:, 0] - tail[0, 0])
         return np.stack([side[:, :1] + bow, width * side[:, 1:2], side[:, 2:] + height[:, None] * rise], axis=-1)

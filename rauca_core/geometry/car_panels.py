@@ -1,4 +1,4 @@
-"""Which material each cell of the sedan's skin has, and which body panel each painted cell belongs to.
+"""Which material each cell of a car's skin has, and which body panel each painted cell belongs to.
 
 A painted cell is named ``paint/<panel>``; a panel becomes one chart of the UV atlas, cut where a real car has its shut
 lines or its edges.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .sedan_body import Body
+from .car_body import Body
 
 Names = NDArray[np.str_]
 GLASS_LINES = (2, 5)  # of the deck: the side windows lie between these
@@ -34,17 +34,18 @@ def wall_materials(body: Body, wall: NDArray[np.float64]) -> Names:
     names[np.broadcast_to(nose, names.shape)] = "paint/nose"
     names[np.broadcast_to(tail, names.shape)] = "paint/tail"
     names[np.broadcast_to(row == 0, names.shape)] = "trim"
-    names[(row == 1) & nose & (y < 0.58)] = "trim"
-    names[(row == 1) & tail & (y < 0.56)] = "trim"
+    names[(row == 1) & nose & (y < features["front_intake_y"])] = "trim"
+    names[(row == 1) & tail & (y < features["rear_intake_y"])] = "trim"
     names[(row == 3) & tail] = "gap"
-    names[(row >= 4) & (row <= 5) & nose & (y < 0.44)] = "grille"
-    head = (row == 5) & (place < lamps[0]) & ~(nose & (y < 0.46))
+    names[(row >= 4) & (row <= 5) & nose & (y < features["grille_y"])] = "grille"
+    head = (row == 5) & (place < lamps[0]) & ~(nose & (y < features["headlamp_y"]))
     names[head] = "lens"
     names[head & (step == 1)] = "headlamp"
-    rear = (row == 5) & (place > lamps[1]) & ~(tail & (y < 0.36))
+    rear = (row == 5) & (place > lamps[1]) & ~(tail & (y < features["taillamp_y"]))
     names[rear] = "taillamp"
-    names[rear & tail & (y < 0.39)] = "gap"
-    names[rear & tail & (step == 0) & (y > 0.39) & (y < 0.62)] = "reverse"
+    inner, outer = features["reverse_lamp_y"]
+    names[rear & tail & (y < inner)] = "gap"
+    names[rear & tail & (step == 0) & (y > inner) & (y < outer)] = "reverse"
     names[(row > 0) & _is_gap(body, columns.top, features["door_gaps"])[:, None]] = "gap"
     return names
 
@@ -67,9 +68,13 @@ def deck_materials(body: Body) -> Names:
     names[between([features["bonnet_gap"], screen[1]]) & (line < SCREEN_LINE)] = "paint/front pillar"
     names[between([window[0], features["boot_gap"]]) & (line < SCREEN_LINE)] = "paint/rear pillar"
     names[between([window[1], features["boot_gap"]]) & (line >= SCREEN_LINE)] = "paint/boot"
+    if features["boot_gap"] > window[0]:  # a tailgate: it carries the rear window, the pillars stand beside it
+        names[(middle < features["boot_gap"]) & (line < SCREEN_LINE)] = "paint/rear pillar"
+    # A panelled side is door and quarter up to the roof; elsewhere those end below the windows.
+    side = np.where(middle < features["panelled_from"], GLASS_LINES[1], GLASS_LINES[0])
     for panel, here in _side_panels(body, body.place_of_x(middle)).items():
-        names[here & (line < GLASS_LINES[0])] = "paint/" + panel
-    names[_is_gap(body, body.place_of_x(x), features["door_gaps"])[:, None] & (line < GLASS_LINES[0])] = "gap"
+        names[here & (line < side)] = "paint/" + panel
+    names[_is_gap(body, body.place_of_x(x), features["door_gaps"])[:, None] & (line < side)] = "gap"
     glazed = (line >= GLASS_LINES[0]) & (line < GLASS_LINES[1])
     names[between(features["side_glass"]) & glazed] = "glass"
     for pillar in features["pillars"]:

@@ -1,4 +1,4 @@
-"""What is bolted to the sedan's body: wheels, plates, mirrors, handles, grille."""
+"""What is bolted to a car's body: wheels, plates, mirrors, handles, grille."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .mesh import MeshParts
 
 Points = NDArray[np.float64]
+RAIL_LIFT_M = 0.05
 
 
 def lathe(profile: Points, segments: int) -> Points:
@@ -124,8 +125,8 @@ def _add_spoke(parts: MeshParts, centre: Points, angle: float, lean: int, rim: f
     parts.grid(points, "rim", flip=True)
 
 
-def add_mirror(parts: MeshParts) -> None:
-    """The left mirror: a rounded housing on a stalk, its glass to the rear."""
+def add_mirror(parts: MeshParts, centre: list[float]) -> None:
+    """The left mirror: a rounded housing around ``centre`` on a stalk, its glass to the rear."""
     around = np.linspace(0, 2 * np.pi, 25)
     around[-1] = 0.0
     depth = np.array([-0.055, -0.060, -0.045, -0.010, 0.030, 0.055, 0.066])
@@ -135,11 +136,24 @@ def add_mirror(parts: MeshParts) -> None:
     z = np.sign(sine) * np.abs(sine) ** 0.7 * 0.066
     points = np.stack(
         [np.broadcast_to(depth[:, None], (7, 25)), scale[:, None] * y, scale[:, None] * z], axis=-1
-    ) + np.array([0.80, 1.0, 0.985])
+    ) + np.array(centre)
     names = np.full((6, 24), "mirror", dtype="U32")
     names[0] = "glass"
     parts.grid(points, names, flip=True)
-    add_box(parts, (0.81, 0.90, 0.935), (0.06, 0.12, 0.03), "trim", 0.008)
+    x, y, z = centre
+    add_box(parts, (x + 0.01, y - 0.10, z - 0.05), (0.06, 0.12, 0.03), "trim", 0.008)
+
+
+def add_roof_rail(parts: MeshParts, roof: Points, span: list[float]) -> None:
+    """A rail over the roof's line ``roof`` (N, 3), front to rear, between two places ``span`` along x."""
+    x = np.linspace(span[0], span[1], 15)
+    path = np.stack([x, *(np.interp(-x, -roof[:, 0], roof[:, i]) for i in (1, 2))], axis=-1)
+    path[1:-1, 2] += RAIL_LIFT_M * np.minimum(1, 0.7 + 0.3 * np.minimum(np.arange(13), np.arange(13)[::-1]))
+    half_width, half_height = 0.018, 0.012
+    around = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [half_width, half_height]
+    points = np.repeat(path[:, None], len(around), axis=1)
+    points[..., 1:] += around
+    parts.grid(points, "trim")
 
 
 def add_plate(parts: MeshParts, x: float, z: float, facing: int) -> None:

@@ -5,6 +5,10 @@ xatlas packs the few large charts of a car to about 50 %; trying every place on 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +29,21 @@ SEARCH_STEPS = 8
 MANY_CHARTS = 80
 
 
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """A chart at one scale and rotation.
+
+    Attributes:
+        points: (F, 3, 2) texels, from its own first corner on.
+        mask: lattice cells that it touches.
+        spectrum: conjugate Fourier transform of the mask on the page; a product with the page's own counts collisions.
+    """
+
+    points: Points
+    mask: NDArray[np.bool_]
+    spectrum: NDArray[np.complex128]
+
+
 def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) -> Points:
     """Place charts on a page at the largest common scale that fits.
 
@@ -40,12 +59,19 @@ def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) 
     area = sum(_area(m) for m in members)
     low, high = 0.0, 0.9  # of the page filled by charts
     best = None
+    gap = -(-padding // CELL_TEXELS)
+    cells = size // CELL_TEXELS - 2 * gap
     # Hundreds of charts take one habit each time, or the search would take minutes.
-    habits = HABITS if len(members) <= MANY_CHARTS else HABITS[:1]
+    few = len(members) <= MANY_CHARTS
     for _ in range(SEARCH_STEPS):
         fraction = (low + high) / 2
-        scale = size * np.sqrt(fraction / area)
-        tries = (_place_all(members, scale, size, padding, habit) for habit in habits)
+        scaled = [m * (size * np.sqrt(fraction / area)) for m in members]
+
+        def rotations(k: int, scaled: list[Points] = scaled) -> list[Footprint]:
+            return _footprints(scaled[k], cells)
+
+        shared = cache(rotations) if few else rotations  # every habit asks for the same ones
+        tries = (_place_all(members, shared, cells, gap, habit) for habit in (HABITS if few else HABITS[:1]))
         placed = next((t for t in tries if t is not None), None)
         if placed is None:
             high = fraction
@@ -61,36 +87,38 @@ def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) 
     return result
 
 
-def _place_all(members: list[Points], scale: float, size: int, padding: int, habit: Habit) -> list[Points] | None:
-    """Texel positions of every chart at one scale, largest chart first; None when they do not fit."""
-    gap = -(-padding // CELL_TEXELS)
-    cells = size // CELL_TEXELS - 2 * gap
+def _place_all(
+    members: list[Points], rotations: Callable[[int], list[Footprint]], cells: int, gap: int, habit: Habit
+) -> list[Points] | None:
+    """Texel positions of every chart at one scale, largest chart first; None when they do not fit.
+
+    Args:
+        members: charts at any one scale, for their order.
+        rotations: the footprints of a chart at the scale tried.
+        cells, gap: the page without its border, and the least distance between charts, lattice cells.
+    """
     taken = np.zeros((cells, cells), np.bool_)
     result: list[Points | None] = [None] * len(members)
     weights, order = habit
     big = [_area(m) if order == "area" else float(np.ptp(m, axis=(0, 1)).max()) for m in members]
     for k in sorted(range(len(members)), key=lambda i: -round(big[i], 4)):
-        spot = _best_spot(members[k] * scale, taken, weights)
+        spot = _best_spot(rotations(k), taken, weights)
         if spot is None:
             return None
-        points, mask, row, column = spot
-        wide = _dilate(np.pad(mask, gap), gap)
+        chosen, row, column = spot
+        wide = _dilate(np.pad(chosen.mask, gap), gap)
         top, left = max(row - gap, 0), max(column - gap, 0)
-        bottom, right = min(row + mask.shape[0] + gap, cells), min(column + mask.shape[1] + gap, cells)
+        bottom, right = min(row + chosen.mask.shape[0] + gap, cells), min(column + chosen.mask.shape[1] + gap, cells)
         taken[top:bottom, left:right] |= wide[
             top - row + gap : bottom - row + gap, left - column + gap : right - column + gap
         ]
-        result[k] = points + (np.array([column, row]) + gap) * CELL_TEXELS
+        result[k] = chosen.points + (np.array([column, row]) + gap) * CELL_TEXELS
     return [np.asarray(points) for points in result]
 
 
-def _best_spot(
-    points: Points, taken: NDArray[np.bool_], weights: tuple[float, float, float]
-) -> tuple[Points, NDArray[np.bool_], int, int] | None:
-    """The rotation and free place that keep a chart closest to the page's first corner."""
-    cells = len(taken)
-    occupied = np.fft.rfft2(taken.astype(np.float64))
-    best, spot = np.inf, None
+def _footprints(points: Points, cells: int) -> list[Footprint]:
+    """A chart in every rotation that the page of (cells, cells) can hold."""
+    found = []
     lean = _lean(points)
     for turn in range(ROTATIONS):
         angle = turn * 2 * np.pi / ROTATIONS - lean
@@ -98,12 +126,27 @@ def _best_spot(
         turned = points @ rotation.T
         turned += 0.02 - turned.min(axis=(0, 1))  # a little inside its cells: touching counts as covering
         height, width = (int(np.ceil(turned[..., i].max() / CELL_TEXELS + 0.02)) for i in (1, 0))
-        if max(height, width) > cells:
-            continue
-        mask = _bitmap(turned, height, width)
-        page = np.zeros((cells, cells))
-        page[:height, :width] = mask
-        hits = np.fft.irfft2(occupied * np.conj(np.fft.rfft2(page)), s=(cells, cells))
+        if max(height, width) <= cells:
+            mask = _bitmap(turned, height, width)
+            found.append(Footprint(turned, mask, np.conj(np.fft.rfft2(mask, s=_period(cells)))))
+    return found
+
+
+def _period(cells: int) -> tuple[int, int]:
+    """Size of the Fourier transforms: a power of two, many times faster than a multiple of a large prime."""
+    return (1 << (cells - 1).bit_length(),) * 2
+
+
+def _best_spot(
+    rotations: list[Footprint], taken: NDArray[np.bool_], weights: tuple[float, float, float]
+) -> tuple[Footprint, int, int] | None:
+    """The rotation and free place that keep a chart closest to the page's first corner."""
+    cells = len(taken)
+    occupied = np.fft.rfft2(taken, s=_period(cells))
+    best, spot = np.inf, None
+    for footprint in rotations:
+        height, width = footprint.mask.shape
+        hits = np.fft.irfft2(occupied * footprint.spectrum, s=_period(cells))
         free = hits[: cells - height + 1, : cells - width + 1] < 0.5
         rows, columns = np.nonzero(free)
         if len(rows) == 0:
@@ -112,7 +155,7 @@ def _best_spot(
         reach = weights[0] * np.maximum(down, right) + weights[1] * down + weights[2] * right
         first = int(np.argmin(reach))
         if reach[first] < best - 1e-6:
-            best, spot = reach[first], (turned, mask, int(rows[first]), int(columns[first]))
+            best, spot = reach[first], (footprint, int(rows[first]), int(columns[first]))
     return spot
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from rauca_core.contract import Vehicle
-from rauca_core.geometry import build_sedan
+from rauca_core.geometry import build_car
 
 
 @pytest.fixture(scope="session")
 def sedan() -> Vehicle:
-    return build_sedan()
+    return build_car("sedan")

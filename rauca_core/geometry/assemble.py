@@ -1,0 +1,68 @@
+"""From parts to a vehicle: welded, set on the ground, shaded and unwrapped."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Material, Vehicle
+from .mesh import MeshParts, crease_normals
+from .unwrap import ATLAS_SIZE, unwrap
+
+CREASE_DEG = 38.0
+GRID_M = 2.0**-16  # vertices are rounded to this, so that every machine hands xatlas the same bits
+LICENCE = "Apache-2.0"
+
+
+def assemble(
+    name: str,
+    category: str,
+    parts: MeshParts,
+    materials: Sequence[Material],
+    source: str,
+    central: Collection[str] = (),
+    size: int = ATLAS_SIZE,
+) -> Vehicle:
+    """Weld, place, shade and unwrap a vehicle; deterministic.
+
+    It is moved so that its bounding box is centred over the origin and stands on z = 0.
+
+    Args:
+        parts: faces named ``material`` or ``material/panel``; a painted panel is cut from all others in the UV atlas.
+        materials: those that ``parts`` name, and perhaps more.
+        central: panels that straddle the plane y = 0 whole; every other one is two, left and right.
+        size: of the atlas, texels.
+
+    Raises:
+        RaucaError: see :func:`unwrap`.
+        ImportError: xatlas is not installed.
+    """
+    positions, triangles, names = parts.welded()
+    positions = positions - [_middle(positions[:, 0]), _middle(positions[:, 1]), positions[:, 2].min()]
+    positions = np.round(positions / GRID_M) * GRID_M
+    kinds, _, panels = np.char.partition(names, "/").T
+    used = [material for material in materials if material.name in kinds]
+    index = {material.name: i for i, material in enumerate(used)}
+    vehicle = Vehicle(
+        name=name,
+        category=category,
+        positions=positions.astype(np.float32),
+        triangles=triangles,
+        uvs=np.zeros((len(triangles), 3, 2), np.float32),
+        normals=crease_normals(positions, triangles, CREASE_DEG),
+        material=np.array([index[kind] for kind in kinds], np.int16),
+        materials=used,
+        paint_mask=np.zeros((1, 1), np.uint8),
+        source=source,
+        licence=LICENCE,
+    )
+    left = (positions[triangles][..., 1].sum(axis=1) > 0) & ~np.isin(panels, list(central))
+    groups = np.unique(np.char.add(panels, np.where(left, " left", "")), return_inverse=True)[1]
+    return unwrap(vehicle, size=size, groups=groups)
+
+
+def _middle(values: NDArray[np.float64]) -> float:
+    """Half way between the least and the greatest; exactly 0 when they mirror each other."""
+    return float(np.ptp(values) / 2 + values.min())

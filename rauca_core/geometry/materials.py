@@ -1,0 +1,27 @@
+"""What the procedural vehicles are made of."""
+
+from __future__ import annotations
+
+from ..contract import Material
+
+CAR = [
+    Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6),
+    Material("glass", "glass", (0.012, 0.014, 0.018), roughness=0.04),
+    Material("trim", "trim", (0.018, 0.018, 0.020), roughness=0.5),
+    Material("gap", "trim", (0.004, 0.004, 0.004), roughness=0.8),
+    Material("underbody", "other", (0.006, 0.006, 0.006), roughness=0.9),
+    Material("tyre", "tyre", (0.012, 0.012, 0.012), roughness=0.8),
+    Material("rim", "rim", (0.55, 0.56, 0.58), roughness=0.25, metallic=0.9),
+    Material("dark", "other", (0.008, 0.008, 0.008), roughness=0.6),
+    Material("disc", "other", (0.20, 0.20, 0.20), roughness=0.35, metallic=0.8),
+    Material("headlamp", "headlamp", (0.80, 0.83, 0.87), roughness=0.08, coat=0.5),
+    Material("taillamp", "taillamp", (0.36, 0.006, 0.010), roughness=0.12, coat=0.5),
+    Material("chrome", "rim", (0.70, 0.70, 0.72), roughness=0.12, metallic=1.0),
+    Material("mirror", "trim", (0.03, 0.03, 0.032), roughness=0.25),
+    Material("grille", "trim", (0.010, 0.010, 0.011), roughness=0.35),
+    Material("lens", "other", (0.20, 0.21, 0.22), roughness=0.06, coat=0.5),
+    Material("reverse", "other", (0.55, 0.50, 0.50), roughness=0.10, coat=0.5),
+    Material("reflector", "other", (0.30, 0.005, 0.008), roughness=0.15),
+    Material("plate", "plate", (0.75, 0.75, 0.72), roughness=0.45),
+    Material("ink", "other", (0.01, 0.01, 0.012), roughness=0.5),
+]
