@@ -43,3 +43,15 @@ def mix_colour(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -
 def output(tree: bpy.types.NodeTree, **shaders: bpy.types.NodeSocket) -> None:
     """Add the output node; keywords are its sockets: Surface, Volume."""
     add(tree, "ShaderNodeOutputMaterial", **shaders)
+
+
+def compute(tree: bpy.types.NodeTree, operation: str, *values: Any, clamp: bool = False) -> bpy.types.NodeSocket:
+    """A Math node, e.g. ``compute(tree, "MULTIPLY", socket, 0.5)``; ``clamp`` limits the result to [0, 1]."""
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation, node.use_clamp = operation, clamp
+    for socket, value in zip(node.inputs, values, strict=False):  # the node always has three inputs
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return node.outputs[0]

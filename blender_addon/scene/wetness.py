@@ -1,0 +1,129 @@
+"""Water on surfaces: wet, they are darker where they are porous, and glossier; puddles lie on what faces up.
+
+Every wettable material holds the same node group, so one call wets the scene. Dry, its outputs are its inputs, bit for
+bit. A surface's colour is only ever multiplied by a number that does not depend on it: light stays affine in a paint.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import nodes
+
+GROUP = "rauca wetness"
+
+# Lagarde, "Water drop 3b: physically based wet surfaces" (2013): water in the pores of a surface traps light, which
+# takes up to 80 % off its albedo.
+PORE_DARKENING = 0.8
+FILM_ROUGHNESS = 0.16  # of a thin film that follows the surface below it
+PUDDLE_ROUGHNESS = 0.02
+WALL_SHARE = 0.35  # how wet a vertical face gets in the weather that soaks a horizontal one
+
+PUDDLE_NOISE_PER_M = 0.45
+PUDDLE_FLATNESS = 0.97  # cosine of the steepest slope that holds a puddle
+# Puddles fill the noise up to a level that their amount moves; at 1 they cover five sixths of the ground.
+PUDDLE_LEVEL_EMPTY, PUDDLE_LEVEL_FULL, PUDDLE_EDGE = 0.27, 0.6, 0.05
+
+
+def wet(
+    tree: bpy.types.NodeTree, colour: Any, roughness: Any, porosity: float
+) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Put the scene's water on a surface.
+
+    Args:
+        tree: the material's node tree.
+        colour: linear albedo, a socket or RGBA.
+        roughness: a socket or a number.
+        porosity: how much water gets into it, 0 to 1: asphalt and soil 1, concrete 0.7, brick 0.6, bark 0.5, leaves
+            0.2; paint, glass, metal and plastic 0, whose colour does not change and which hold no puddles.
+
+    Returns:
+        The sockets to link to the shader's base colour and roughness.
+    """
+    node = nodes.add(tree, "ShaderNodeGroup")
+    node.node_tree = _group()
+    for name, value in (("Color", colour), ("Roughness", roughness), ("Porosity", porosity)):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, node.inputs[name])
+        else:
+            node.inputs[name].default_value = value
+    return node.outputs["Color"], node.outputs["Roughness"]
+
+
+def set_wetness(wetness: float, puddles: float) -> None:
+    """Wet every surface that went through :func:`wet`, in every scene.
+
+    Args:
+        wetness: 0 (dry) to 1 (a film of water on all that faces the sky).
+        puddles: 0 to 1, how much of the flat porous ground lies under water.
+    """
+    group = _group()
+    group.nodes["wetness"].outputs[0].default_value = wetness
+    group.nodes["puddles"].outputs[0].default_value = puddles
+
+
+def _group() -> bpy.types.NodeTree:
+    known = bpy.data.node_groups.get(GROUP)
+    return known if known is not None else _build()
+
+
+def _build() -> bpy.types.NodeTree:
+    tree = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
+    for name, kind, way in (
+        *(("Color", "Color", "INPUT"), ("Roughness", "Float", "INPUT"), ("Porosity", "Float", "INPUT")),
+        *(("Color", "Color", "OUTPUT"), ("Roughness", "Float", "OUTPUT")),
+    ):
+        tree.interface.new_socket(name, in_out=way, socket_type=f"NodeSocket{kind}")
+    surface = nodes.add(tree, "NodeGroupInput").outputs
+    wetness, puddles = (nodes.add(tree, "ShaderNodeValue") for _ in range(2))
+    wetness.name, puddles.name = "wetness", "puddles"
+    for node in (wetness, puddles):
+        node.outputs[0].default_value = 0.0
+
+    geometry = nodes.add(tree, "ShaderNodeNewGeometry")
+    up = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=geometry.outputs["Normal"]).outputs["Z"]
+    facing = nodes.compute(tree, "MULTIPLY_ADD", up, 1.0 - WALL_SHARE, WALL_SHARE, clamp=True)
+    film = nodes.compute(tree, "MULTIPLY", facing, wetness.outputs[0])
+    puddle = _puddle_mask(tree, puddles.outputs[0], geometry.outputs["Position"], up, surface["Porosity"])
+    soaked = nodes.compute(tree, "MAXIMUM", film, puddle)
+
+    lost = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", soaked, surface["Porosity"]), PORE_DARKENING)
+    kept = nodes.compute(tree, "SUBTRACT", 1.0, lost)
+    darker = nodes.add(tree, "ShaderNodeVectorMath")
+    darker.operation = "SCALE"
+    tree.links.new(surface["Color"], darker.inputs[0])
+    tree.links.new(kept, darker.inputs["Scale"])
+    filmed = _towards(tree, surface["Roughness"], FILM_ROUGHNESS, film)
+    glossier = _towards(tree, filmed, PUDDLE_ROUGHNESS, puddle)
+    nodes.add(tree, "NodeGroupOutput", Color=darker.outputs[0], Roughness=glossier)
+    return tree
+
+
+def _puddle_mask(
+    tree: bpy.types.NodeTree,
+    amount: bpy.types.NodeSocket,
+    position: bpy.types.NodeSocket,
+    up: bpy.types.NodeSocket,
+    porosity: bpy.types.NodeSocket,
+) -> bpy.types.NodeSocket:
+    """1 under water, 0 elsewhere."""
+    noise = nodes.add(tree, "ShaderNodeTexNoise", Vector=position, Scale=PUDDLE_NOISE_PER_M, Detail=3.0)
+    level = nodes.compute(tree, "MULTIPLY_ADD", amount, PUDDLE_LEVEL_FULL - PUDDLE_LEVEL_EMPTY, PUDDLE_LEVEL_EMPTY)
+    depth = nodes.compute(tree, "SUBTRACT", level, noise.outputs[0])
+    filled = nodes.compute(tree, "MULTIPLY", depth, 1.0 / PUDDLE_EDGE, clamp=True)
+    flat = nodes.compute(tree, "GREATER_THAN", up, PUDDLE_FLATNESS)
+    holding = nodes.compute(tree, "MULTIPLY", flat, nodes.compute(tree, "MULTIPLY", porosity, 4.0, clamp=True))
+    # Nothing at all in dry weather: the product folds to zero and the noise is never evaluated.
+    some = nodes.compute(tree, "MULTIPLY", amount, 50.0, clamp=True)
+    return nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", filled, holding), some)
+
+
+def _towards(
+    tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, smooth: float, share: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
+    """``value`` moved by ``share`` to ``smooth``; surfaces smoother than that stay."""
+    lower = nodes.compute(tree, "MINIMUM", value, smooth)
+    change = nodes.compute(tree, "SUBTRACT", lower, value)
+    return nodes.compute(tree, "MULTIPLY_ADD", change, share, value)
