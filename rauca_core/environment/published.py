@@ -1,0 +1,69 @@
+"""The environment feature extractor as published: a U-Net on sRGB values.
+
+It reads the masked reference image and gives six channels through a sigmoid, two maps A and B. The textured vehicle of
+the plain neural renderer, x_nr, is then lit as ``clamp(x_nr * A + B, 0, 1)``, in sRGB values (paper, Section III-C).
+Both maps end at 1, so no pixel can come out brighter than the plain render plus one; light in the scene can.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+WIDTHS = (64, 128, 256, 512, 1024)
+
+
+class PublishedEfe(nn.Module):
+    """The published U-Net, 34.5 million parameters.
+
+    Args:
+        widths: channels per level; the paper's by default, fewer for tests.
+    """
+
+    def __init__(self, widths: tuple[int, ...] = WIDTHS) -> None:
+        super().__init__()
+        inputs = (3, *widths[:-1])
+        self.down = nn.ModuleList(_double(a, b) for a, b in zip(inputs, widths, strict=True))
+        pairs = list(zip(widths[:0:-1], widths[-2::-1], strict=True))
+        self.up = nn.ModuleList(_enlarge(a, b) for a, b in pairs)
+        self.merge = nn.ModuleList(_double(2 * b, b) for _, b in pairs)
+        self.head = nn.Conv2d(widths[0], 6, 1)
+        self._stride = 2 ** (len(widths) - 1)
+
+    def forward(self, masked_srgb: Tensor) -> tuple[Tensor, Tensor]:
+        """Masked reference image (B, 3, H, W) sRGB -> maps A and B, (B, 3, H, W) each in [0, 1].
+
+        H and W are padded up to a multiple of 16 inside.
+        """
+        height, width = masked_srgb.shape[-2:]
+        below, right = -height % self._stride, -width % self._stride
+        x = nn.functional.pad(masked_srgb, (0, right, 0, below))
+        skips = []
+        for level, block in enumerate(self.down):
+            x = block(x if level == 0 else nn.functional.max_pool2d(x, 2))
+            skips.append(x)
+        for enlarge, merge, skip in zip(self.up, self.merge, skips[-2::-1], strict=True):
+            x = merge(torch.cat([skip, enlarge(x)], dim=1))
+        maps = torch.sigmoid(self.head(x))[..., :height, :width]
+        return maps[:, :3], maps[:, 3:]
+
+
+def fuse_published(x_nr_srgb: Tensor, A: Tensor, B: Tensor) -> Tensor:
+    """``clamp(x_nr * A + B, 0, 1)`` in sRGB values; shapes broadcast."""
+    return (x_nr_srgb * A + B).clamp(0.0, 1.0)
+
+
+def _double(inputs: int, outputs: int) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for a in (inputs, outputs):
+        layers += [nn.Conv2d(a, outputs, 3, padding=1), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)
+
+
+def _enlarge(inputs: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Upsample(scale_factor=2),
+        nn.Conv2d(inputs, outputs, 3, padding=1),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
