@@ -6,7 +6,11 @@ Frame folder::
     image.png      8-bit sRGB (`Standard` view) of the vehicle in its reference paint
     vehicle.png    8-bit coverage of the whole vehicle, anti-aliased, from a fog-free view
     paint.png      8-bit coverage of the paintable part (mask included), likewise
+    semantic.png   8-bit grey, the class seen at each pixel's centre (see `semantics.py`)
+    instances.png  8-bit grey, which vehicle: 255 ours, 1 to 254 others, 0 none; likewise
     passes.npz     distance (H, W) float16 metres, infinity for sky; with light also A, B (H, W, 3) float16 linear
+    check.png      only of some frames: rendered for real in the colour ``check_srgb``, to hold A and B against
+    SHA256SUMS     of all of these, for ``sha256sum --check``
 
 Display image of any texture x (linear, per pixel, coverage-normalised): ``srgb(A * x + B)``. Outside the paint A is 0
 and B is the original frame.
@@ -22,15 +26,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .annotations import Box, Instance
 from .camera import Camera
+from .checksums import write_sums
 from .colour import srgb_from_linear, to_bytes
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .schema import Fields, read_json
+from .semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE
 from .vehicle import load_arrays
 from .weather import Weather
 
-FORMAT = ("rauca-frame", 1)
+FORMAT = ("rauca-frame", 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,8 @@ class Frame:
         box_xyxy: (4,) pixels, the tight box of the visible vehicle; None when fewer than 16 pixels are visible.
         visible: paint pixels seen divided by paint pixels expected without occluders.
         seed: the renderer's seed for this frame.
+        instances: the other vehicles in view.
+        check_srgb: 8-bit sRGB paint of ``check.png``; None when the frame has none.
     """
 
     id: str
@@ -59,9 +68,11 @@ class Frame:
     azimuth_deg: float
     elevation_deg: float
     distance_m: float
-    box_xyxy: tuple[float, float, float, float] | None
+    box_xyxy: Box | None
     visible: float
     seed: int
+    instances: tuple[Instance, ...] = ()
+    check_srgb: tuple[int, int, int] | None = None
 
     @property
     def camera_in_vehicle(self) -> Camera:
@@ -85,12 +96,19 @@ class Frame:
             "box_xyxy": None if self.box_xyxy is None else list(self.box_xyxy),
             "visible": self.visible,
             "seed": self.seed,
+            "instances": [instance.to_json() for instance in self.instances],
+            "check_srgb": None if self.check_srgb is None else list(self.check_srgb),
         }
 
     @staticmethod
     def from_json(fields: Fields) -> Frame:
-        fields.format(*FORMAT)
+        fields.format(*FORMAT, oldest=2)
         box = None if fields.is_null("box_xyxy") else fields.array("box_xyxy", (4,)).tolist()
+        check = None if fields.is_null("check_srgb") else fields.array("check_srgb", (3,)).astype(int).tolist()
+        instances = (
+            Instance.from_json(Fields(item, f"{fields.where}: instances[{i}]"))
+            for i, item in enumerate(fields.items("instances"))
+        )
         frame = Frame(
             id=fields.file_name("id"),
             location=fields.integer("location"),
@@ -102,8 +120,10 @@ class Frame:
             elevation_deg=fields.number("elevation_deg"),
             distance_m=fields.number("distance_m", 0),
             box_xyxy=None if box is None else (box[0], box[1], box[2], box[3]),
-            visible=fields.number("visible", 0),
+            visible=fields.number("visible", 0, 1),
             seed=fields.integer("seed"),
+            instances=tuple(instances),
+            check_srgb=None if check is None else (check[0], check[1], check[2]),
         )
         fields.done()
         return frame
@@ -111,10 +131,12 @@ class Frame:
 
 @dataclass(eq=False)
 class FramePasses:
-    """The images of a frame, float32; shapes (H, W, 3) or (H, W).
+    """The images of a frame, float32 unless said otherwise; shapes (H, W, 3) or (H, W).
 
     ``image_linear`` is display-referred linear light (before clipping), ``A`` and ``B`` the affine light maps,
-    ``vehicle`` and ``paint`` coverage in [0, 1], ``distance`` metres along the view ray.
+    ``vehicle`` and ``paint`` coverage in [0, 1], ``distance`` metres along the view ray, ``semantic`` and
+    ``instances`` uint8 ids. Without the ids, coverage tells what it can: paint, other parts of the vehicle,
+    ``unlabelled`` elsewhere. ``check_linear`` is the frame rendered for real in ``Frame.check_srgb``.
     """
 
     image_linear: NDArray[np.float32]
@@ -123,6 +145,19 @@ class FramePasses:
     distance: NDArray[np.float32]
     A: NDArray[np.float32] | None = None
     B: NDArray[np.float32] | None = None
+    semantic: NDArray[np.uint8] | None = None
+    instances: NDArray[np.uint8] | None = None
+    check_linear: NDArray[np.float32] | None = None
+
+    def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Semantic and instance ids, (H, W) uint8 each."""
+        seen, paint = self.vehicle >= 0.5, self.paint >= 0.5
+        parts = np.where(paint, CLASS_IDS["paint"], np.where(seen, CLASS_IDS["vehicle_part"], CLASS_IDS["unlabelled"]))
+        which = np.where(seen, TARGET_INSTANCE, NO_INSTANCE)
+        return (
+            parts.astype(np.uint8) if self.semantic is None else self.semantic,
+            which.astype(np.uint8) if self.instances is None else self.instances,
+        )
 
 
 def save_frame(folder: Path, frame: Frame, passes: FramePasses) -> None:
@@ -135,11 +170,28 @@ def save_frame(folder: Path, frame: Frame, passes: FramePasses) -> None:
     arrays = io.BytesIO()
     np.savez_compressed(arrays, **stored)
     with atomic_folder(Path(folder)) as temporary:
-        write_bytes(temporary / "image.png", png_bytes(to_bytes(srgb_from_linear(passes.image_linear))))
-        write_bytes(temporary / "vehicle.png", png_bytes(to_bytes(passes.vehicle)))
-        write_bytes(temporary / "paint.png", png_bytes(to_bytes(passes.paint)))
+        for name, pixels in _images(frame, passes).items():
+            write_bytes(temporary / name, png_bytes(pixels))
         write_bytes(temporary / "passes.npz", arrays.getvalue())
         write_json(temporary / "frame.json", frame.to_json())
+        write_sums(temporary, [path.name for path in temporary.iterdir()])
+
+
+def _images(frame: Frame, passes: FramePasses) -> dict[str, NDArray[np.uint8]]:
+    """The frame's PNGs by file name."""
+    semantic, instances = passes.labels()
+    images = {
+        "image.png": to_bytes(srgb_from_linear(passes.image_linear)),
+        "vehicle.png": to_bytes(passes.vehicle),
+        "paint.png": to_bytes(passes.paint),
+        "semantic.png": semantic,
+        "instances.png": instances,
+    }
+    if (frame.check_srgb is None) != (passes.check_linear is None):
+        raise ValueError("a frame has both a check colour and its render, or neither")
+    if passes.check_linear is not None:
+        images["check.png"] = to_bytes(srgb_from_linear(passes.check_linear))
+    return images
 
 
 def load_frame(folder: Path) -> Frame:

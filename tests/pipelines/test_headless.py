@@ -44,7 +44,8 @@ def test_every_planned_frame_is_there_and_whole(dataset):
     for frame in frames:
         folder = dataset.frame_folder(frame.id)
         assert sorted(p.name for p in folder.iterdir()) == [
-            "frame.json", "image.png", "paint.png", "passes.npz", "vehicle.png",
+            "SHA256SUMS", "frame.json", "image.png", "instances.png", "paint.png", "passes.npz", "semantic.png",
+            "vehicle.png",
         ]  # fmt: skip
         passes = load_passes(folder)
         paint, image = read_image(folder / "paint.png"), read_image(folder / "image.png")

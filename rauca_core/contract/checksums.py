@@ -1,0 +1,45 @@
+"""Checksums beside the files they cover, in the format that ``sha256sum --check SHA256SUMS`` reads anywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import RaucaError
+from .files import write_bytes
+
+SUMS_FILE = "SHA256SUMS"
+_LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, 64 hexadecimal digits."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_sums(folder: Path, names: Iterable[str]) -> None:
+    """Write ``folder/SHA256SUMS`` for files ``names`` relative to ``folder``; the same files give the same bytes."""
+    lines = (f"{file_digest(Path(folder) / name)}  {name}\n" for name in sorted(names))
+    write_bytes(Path(folder) / SUMS_FILE, "".join(lines).encode())
+
+
+def read_sums(folder: Path) -> dict[str, str]:
+    """Digest by file name.
+
+    Raises:
+        RaucaError: there is no such file, or it is damaged.
+    """
+    path = Path(folder) / SUMS_FILE
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise RaucaError(f"{path}: not found; what it covered cannot be verified") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RaucaError(f"{path}: cannot be read ({error})") from error
+    found = [_LINE.fullmatch(line) for line in lines]
+    if not found or not all(found):
+        raise RaucaError(f"{path}: damaged, not lines of digest and name")
+    return {match[2]: match[1] for match in found if match}

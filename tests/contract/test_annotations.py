@@ -1,0 +1,146 @@
+"""Labels, other vehicles, checksums and recolouring: what the contract says of a frame beyond its camera."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, load_passes, save_frame
+from rauca_core.contract.annotations import Instance, find_instances, mask_box
+from rauca_core.contract.checksums import file_digest, read_sums
+from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.recolour import TEST, TRAIN, check_colour, find_colours, hex_name, recolour
+from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
+from rauca_core.images import read_image
+
+SIZE = 32
+TRUCK = Instance(7, "truck", (0.0, 0.0, 4.0, 6.0), 24)
+
+
+def a_frame(**changes: object) -> Frame:
+    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, SIZE, SIZE)
+    frame = Frame(
+        "f", 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 30.0, 20.0), 1.0, 3, (TRUCK,)
+    )
+    return replace(frame, **changes)
+
+
+def some_passes() -> FramePasses:
+    rng = np.random.default_rng(0)
+    grey, colour = rng.random((SIZE, SIZE), np.float32), rng.random((3, SIZE, SIZE, 3), np.float32)
+    semantic = rng.integers(0, len(CLASSES), (SIZE, SIZE), np.uint8)
+    instances = np.zeros((SIZE, SIZE), np.uint8)
+    instances[:6, :4] = 7
+    return FramePasses(colour[0], grey, grey, grey * 10, colour[1], colour[2], semantic, instances, colour[0])
+
+
+def test_classes_have_a_colour_each():
+    assert PALETTE.shape == (len(CLASSES), 3)
+    assert len({tuple(c) for c in PALETTE.tolist()}) == len(CLASSES)
+    assert set(VEHICLE_CLASSES) <= set(CLASSES)
+    assert (CLASS_IDS["paint"], CLASS_IDS["other"]) == (11, 16)  # ids are in files on people's disks
+
+
+def test_labels_instances_and_check_survive_the_disk(tmp_path):
+    frame, passes = a_frame(check_srgb=(1, 2, 3)), some_passes()
+    save_frame(tmp_path / "f", frame, passes)
+    assert load_frame(tmp_path / "f").to_json() == frame.to_json()
+    assert load_frame(tmp_path / "f").instances == (TRUCK,)
+    assert np.array_equal(read_image(tmp_path / "f" / "semantic.png"), passes.semantic)
+    assert np.array_equal(read_image(tmp_path / "f" / "instances.png"), passes.instances)
+    assert read_image(tmp_path / "f" / "check.png").shape == (SIZE, SIZE, 3)
+
+
+def test_ids_are_read_as_ids_by_opencv_too(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    passes = some_passes()
+    save_frame(tmp_path / "f", a_frame(), replace(passes, check_linear=None))
+    for flag in (cv2.IMREAD_UNCHANGED, cv2.IMREAD_GRAYSCALE):
+        assert np.array_equal(cv2.imread(str(tmp_path / "f" / "semantic.png"), flag), passes.semantic)
+
+
+def test_coverage_stands_in_for_labels(tmp_path):
+    passes = replace(some_passes(), semantic=None, instances=None)
+    semantic, instances = passes.labels()
+    assert (semantic[passes.paint >= 0.5] == CLASS_IDS["paint"]).all()
+    assert (semantic[passes.vehicle < 0.5] == CLASS_IDS["unlabelled"]).all()
+    assert np.array_equal(instances == 255, passes.vehicle >= 0.5)
+
+
+def test_every_file_of_a_frame_has_its_checksum(tmp_path):
+    save_frame(tmp_path / "f", a_frame(), replace(some_passes(), check_linear=None))
+    files = {path.name: file_digest(path) for path in (tmp_path / "f").iterdir() if path.name != "SHA256SUMS"}
+    assert read_sums(tmp_path / "f") == files
+    (tmp_path / "f" / "SHA256SUMS").write_text("nonsense\n")
+    with pytest.raises(RaucaError, match="SHA256SUMS: damaged"):
+        read_sums(tmp_path / "f")
+
+
+def test_a_check_needs_its_colour_and_its_render(tmp_path):
+    with pytest.raises(ValueError, match="both"):
+        save_frame(tmp_path / "f", a_frame(check_srgb=(1, 2, 3)), replace(some_passes(), check_linear=None))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("version", "message"), [(1, "older rauca.*make it again in another folder"), (9, "update rauca")]
+)
+def test_frames_of_another_version_are_refused(tmp_path, version, message):
+    save_frame(tmp_path / "f", a_frame(), replace(some_passes(), check_linear=None))
+    path = tmp_path / "f" / "frame.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "version": version}))
+    with pytest.raises(RaucaError, match=rf"frame\.json: .*version {version}.*{message}"):
+        load_frame(tmp_path / "f")
+
+
+def test_instances_come_from_their_pixels():
+    ids = np.zeros((20, 30), np.uint8)
+    ids[2:5, 3:9], ids[10:12, 20:30], ids[0, 0] = 4, 9, 255
+    categories = {4: "bus", 9: "truck"}
+    assert find_instances(ids, categories) == (
+        Instance(4, "bus", (3.0, 2.0, 9.0, 5.0), 18),
+        Instance(9, "truck", (20.0, 10.0, 30.0, 12.0), 20),
+    )
+    assert mask_box(ids == 255) is None
+
+
+def test_recolouring_is_the_affine_model_for_every_colour_at_once():
+    rng = np.random.default_rng(1)
+    A, B = rng.random((2, 5, 6, 3)).astype(np.float32)
+    colours = np.array(TRAIN)
+    images = recolour(A, B, colours)
+    assert images.shape == (9, 5, 6, 3)
+    assert np.array_equal(images[0], B)  # black adds nothing
+    assert np.allclose(images[7], A + B)
+    albedo = linear_from_srgb(np.array([255, 136, 0]) / 255)
+    assert np.allclose(recolour(A, B, (255, 136, 0)), A * albedo + B)
+    half = {"A": A.astype(np.float16), "B": B.astype(np.float16)}
+    assert recolour(**half, colours_srgb=(9, 9, 9)).dtype == np.float32
+
+
+def test_colour_sets_are_apart():
+    assert (len(TRAIN), len(TEST), len(set(TEST))) == (9, 32, 32)
+    distance = np.abs(np.array(TEST)[:, None] - np.array(TRAIN)).max(axis=-1)
+    assert distance.min() >= 48
+    assert find_colours("train") == TRAIN
+    assert find_colours("ff8800, #0a0b0c,ff8800") == ((255, 136, 0), (10, 11, 12))
+    assert hex_name((255, 136, 0)) == "ff8800"
+    with pytest.raises(RaucaError, match="colours 'red'"):
+        find_colours("red")
+
+
+def test_the_checked_share_is_kept_and_named_by_frame():
+    ids = [f"L00-V{i:03d}-day" for i in range(2000)]
+    chosen = [check_colour(3, 0.1, frame_id) for frame_id in ids]
+    assert sum(c is not None for c in chosen) == pytest.approx(200, abs=45)
+    assert {c for c in chosen if c} <= set(TEST)
+    assert chosen == [check_colour(3, 0.1, frame_id) for frame_id in ids]
+    assert not any(check_colour(3, 0.0, frame_id) for frame_id in ids)
+    assert all(check_colour(3, 1.0, frame_id) for frame_id in ids)
+
+
+def test_light_maps_do_not_change_with_labels(tmp_path):
+    passes = some_passes()
+    save_frame(tmp_path / "f", a_frame(check_srgb=(9, 9, 9)), passes)
+    assert np.allclose(load_passes(tmp_path / "f")["A"], passes.A, atol=1e-3)
