@@ -6,14 +6,18 @@ Nobody else parses or writes these files.
 
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
+from .carla import weather_from_carla
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
+from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
+from .presets import find_preset, load_weathers, preset_notes
 from .progress import Progress, parse_progress
 from .quality import Quality
 from .scenery import Scenery
 from .vehicle import Material, Vehicle, load_vehicle
-from .weather import Weather, find_preset, load_weathers
+from .weather import Weather
+from .work import PlannedFrame, Shard, chunks, in_rendering_order, planned_frames
 
 __all__ = [
     "Camera",
@@ -21,25 +25,36 @@ __all__ = [
     "Dataset",
     "Frame",
     "FramePasses",
+    "LedgerEntry",
     "Material",
     "Plan",
+    "PlannedFrame",
     "Progress",
     "Quality",
     "RaucaError",
     "Ring",
     "Scenery",
+    "Shard",
     "Vehicle",
     "Weather",
+    "append_entry",
+    "chunks",
     "claim_folder",
     "find_preset",
     "frame_folder",
+    "frame_states",
+    "in_rendering_order",
     "load_camouflage",
     "load_frame",
     "load_passes",
     "load_vehicle",
     "load_weathers",
     "parse_progress",
+    "planned_frames",
+    "preset_notes",
+    "read_ledger",
     "read_plan",
     "save_camouflage",
     "save_frame",
+    "weather_from_carla",
 ]

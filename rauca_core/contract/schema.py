@@ -44,6 +44,14 @@ class Fields:
     def _refuse(self, name: str, wanted: str) -> RaucaError:
         return RaucaError(f"{self.where}: {name} must be {wanted}, not {_shown(self._data.get(name))}")
 
+    def has(self, name: str) -> bool:
+        """True when the field is there: for fields that may be left out."""
+        return name in self._data
+
+    def without(self, name: str) -> dict[str, Any]:
+        """A copy of the object that lacks one field."""
+        return {key: value for key, value in self._data.items() if key != name}
+
     def is_null(self, name: str) -> bool:
         """True when the field is there and null."""
         return self._get(name) is None

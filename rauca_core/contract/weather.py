@@ -4,80 +4,144 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-from .errors import RaucaError
-from .schema import Fields, read_json
+import numpy as np
+from numpy.typing import NDArray
 
-PRESET_FORMAT = ("rauca-weathers", 1)
+from .errors import RaucaError
+from .schema import Fields
+
+NIGHT_ALTITUDE_DEG = -18.0  # the end of astronomical twilight: a lower sun lights nothing
+LAMPS_FULL_ALTITUDE_DEG = -6.0  # the end of civil twilight
+FOG_TOP_M = 12.0
+
+# Range of each number and what it is in a file that leaves it out; None: it must be there.
+LIMITS: dict[str, tuple[float, float, float | None]] = {
+    "sun_altitude_angle": (-90, 90, None),
+    "sun_azimuth_angle": (-360, 360, None),
+    "fog_density": (0, 100, None),
+    "cloudiness": (0, 100, 0.0),
+    "precipitation": (0, 100, 0.0),
+    "precipitation_deposits": (0, 100, 0.0),
+    "wetness": (0, 100, 0.0),
+    "wind_intensity": (0, 100, 0.0),
+    "fog_distance": (0, 1e6, 0.0),
+    "fog_falloff": (0, 1e3, 0.0),
+}
 
 
 @dataclass(frozen=True)
 class Weather:
     """One weather; the parameter names and ranges are CARLA's where they mean the same.
 
+    Like CARLA's, the parameters are independent: rain without clouds is granted to whoever asks for it.
+
     Attributes:
         name: identifies the weather in folders and reports.
-        sun_altitude_angle: degrees above the horizon, -90 to 90; below zero it is night.
-        sun_azimuth_angle: degrees counter-clockwise from world +x, seen from above.
-        fog_density: CARLA's 0 to 100; see :attr:`extinction`.
+        sun_altitude_angle: degrees above the horizon, -90 to 90; the light fades from 0 to -18, where night begins.
+        sun_azimuth_angle: degrees counter-clockwise from world +x, seen from above. CARLA's runs clockwise: its world
+            is left-handed (`carla.py` converts).
+        fog_density: 0 to 100; see :attr:`extinction`.
+        cloudiness: 0 (clear) to 100 (overcast, no sun).
+        precipitation: 0 to 100; rain of :attr:`rain_rate_mm_h`.
+        precipitation_deposits: 0 to 100, how much of the ground puddles cover.
+        wetness: 0 to 100, the film of water on everything; see :attr:`film`.
+        wind_intensity: 0 to 100; slants the rain, see `rain.py`.
+        fog_distance: metres around the camera that fog keeps clear of.
+        fog_falloff: how fast fog thins out upwards, 0 (not at all) up; see :meth:`extinction_at`.
     """
 
     name: str
     sun_altitude_angle: float
     sun_azimuth_angle: float = 60.0
     fog_density: float = 0.0
+    cloudiness: float = 0.0
+    precipitation: float = 0.0
+    precipitation_deposits: float = 0.0
+    wetness: float = 0.0
+    wind_intensity: float = 0.0
+    fog_distance: float = 0.0
+    fog_falloff: float = 0.0
 
     @property
     def extinction(self) -> float:
-        """Fog extinction coefficient, 1/m: 0.06 * (fog_density / 100)^2.
+        """Fog extinction coefficient on the ground, 1/m: 0.06 * (fog_density / 100)^2.
 
         Koschmieder's visibility, 3.912 / extinction, is 1040 m at density 25, 260 m at 50, 80 m at 90.
         """
         return 0.06 * (self.fog_density / 100.0) ** 2
 
+    def extinction_at(self, height_m: NDArray[np.floating[Any]] | float) -> NDArray[np.float64]:
+        """Fog extinction coefficient at a height, 1/m: ``extinction * 2^(-fog_falloff * height / 10 m)``.
+
+        The exponential height fog behind CARLA's parameter: falloff 1 halves the fog every 10 m, 5 every 2 m. The layer
+        ends at :data:`FOG_TOP_M`, so that daylight reaches the street without more scattering events than a renderer
+        follows.
+        """
+        height = np.asarray(height_m, float)
+        inside = (height >= 0) & (height <= FOG_TOP_M)
+        return np.where(inside, self.extinction * np.exp2(-self.fog_falloff * np.maximum(height, 0) / 10.0), 0.0)
+
+    @property
+    def fog_is_uniform(self) -> bool:
+        """True when the fog layer is the same everywhere in it (or there is none)."""
+        return self.extinction == 0.0 or (self.fog_falloff == 0.0 and self.fog_distance == 0.0)
+
     @property
     def is_night(self) -> bool:
+        """The sun is below the horizon; lamps are lit, as bright as :attr:`lamps` says."""
         return self.sun_altitude_angle < 0.0
+
+    @property
+    def lamps(self) -> float:
+        """How far street and vehicle lamps are turned up: 0 by day to 1 from the end of civil twilight on, smoothly."""
+        t = float(np.clip(self.sun_altitude_angle / LAMPS_FULL_ALTITUDE_DEG, 0.0, 1.0))
+        return t * t * (3.0 - 2.0 * t)
+
+    @property
+    def film(self) -> float:
+        """Water on surfaces, 0 to 1: the wetness, or what rain and puddles imply: neither leaves a surface dry."""
+        return max(self.wetness, 0.6 * self.precipitation_deposits, min(90.0, 6.0 * self.precipitation)) / 100.0
+
+    @property
+    def puddles(self) -> float:
+        """Puddles on flat ground, 0 to 1."""
+        return self.precipitation_deposits / 100.0
+
+    @property
+    def rain_rate_mm_h(self) -> float:
+        """Millimetres per hour: 50 * (precipitation / 100)^2, so 30 is moderate, 60 heavy, 100 violent rain."""
+        return 50.0 * (self.precipitation / 100.0) ** 2
+
+    def light_key(self) -> tuple[float, ...]:
+        """What a render depends on: weathers with equal keys are one render (rain streaks come after it).
+
+        The sun counts as long as it is above -18 degrees, its azimuth unless it stands in the zenith, the fog's shape
+        if there is fog, precipitation by the water it leaves.
+        """
+        dark, zenith = self.sun_altitude_angle <= NIGHT_ALTITUDE_DEG, self.sun_altitude_angle == 90.0
+        sun = max(self.sun_altitude_angle, NIGHT_ALTITUDE_DEG)
+        azimuth = 0.0 if dark or zenith else self.sun_azimuth_angle % 360.0
+        fog = (self.extinction, self.fog_falloff, self.fog_distance) if self.extinction > 0 else (0.0, 0.0, 0.0)
+        return (sun, azimuth, self.cloudiness, *fog, self.film, self.puddles)
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
     @staticmethod
     def from_json(fields: Fields) -> Weather:
-        weather = Weather(
-            name=fields.text("name"),
-            sun_altitude_angle=fields.number("sun_altitude_angle", -90, 90),
-            sun_azimuth_angle=fields.number("sun_azimuth_angle", -360, 360),
-            fog_density=fields.number("fog_density", 0, 100),
-        )
+        """Read one; numbers that :data:`LIMITS` has a default for may be left out."""
+        numbers: dict[str, float] = {}
+        for name, (low, high, default) in LIMITS.items():
+            if default is None or fields.has(name):
+                numbers[name] = fields.number(name, low, high)
+        weather = Weather(fields.text("name"), **numbers)
         fields.done()
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", weather.name):
-            raise RaucaError(f"{fields.where}: name {weather.name!r} may hold only letters, digits, '_', '.' and '-'")
-        return weather
+        return weather.checked(fields.where)
 
-
-def load_weathers(path: Path) -> list[Weather]:
-    """Read a preset file: a named list of weathers. Names must be unique and the list not empty."""
-    fields = read_json(path)
-    fields.format(*PRESET_FORMAT)
-    weathers = [
-        Weather.from_json(Fields(item, f"{path}: weathers[{i}]")) for i, item in enumerate(fields.items("weathers"))
-    ]
-    fields.done()
-    if not weathers or len({w.name for w in weathers}) != len(weathers):
-        raise RaucaError(f"{path}: weathers must be a list of at least one, each with a name of its own")
-    return weathers
-
-
-def find_preset(name_or_path: str, folder: Path) -> list[Weather]:
-    """A preset by name from ``folder``, or by path to a JSON file; an unknown name lists what there is."""
-    if name_or_path.endswith(".json"):
-        return load_weathers(Path(name_or_path))
-    known = sorted(p.stem for p in folder.glob("*.json"))
-    if name_or_path not in known:
-        raise RaucaError(
-            f"weather preset {name_or_path!r} is unknown; choose one of {', '.join(known)} or a .json file"
-        )
-    return load_weathers(folder / f"{name_or_path}.json")
+    def checked(self, where: str) -> Weather:
+        """Itself; raises :class:`RaucaError` when the name cannot name a folder."""
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", self.name):
+            raise RaucaError(f"{where}: name {self.name!r} may hold only letters, digits, '_', '.' and '-'")
+        return self
