@@ -19,6 +19,7 @@ import bpy
 
 from .arguments import apply_parser, dataset_parser, render_parser
 from .core import assets, contract, files
+from .jobs.messages import News
 from .scene.images import read_image_blender
 
 
@@ -56,7 +57,7 @@ def blender_arguments() -> list[str]:
 
 
 def _make_dataset(options: argparse.Namespace) -> None:
-    from .scene.dataset import render_dataset, require_space
+    from .scene.dataset import render_chunk
     from .scene.session import Session
 
     weathers = contract.find_preset(options.weathers, assets.assets_folder() / "weathers")
@@ -93,14 +94,26 @@ def _make_dataset(options: argparse.Namespace) -> None:
         recolour_share=options.recolour_share,
     )
     plan.check("options")
-    require_space(plan, options.out)
     session = Session(plan, vehicle, options.scene)
     contract.claim_folder(options.out, plan)
     if not (options.out / "vehicle" / "vehicle.json").is_file():
         vehicle.save(options.out / "vehicle")
     for note in vehicle.notes:
         print(f"note: {note}", flush=True)
-    render_dataset(session, options.out, _reporter(options.json_progress))
+    frames = contract.planned_frames(plan)
+    states = contract.frame_states(options.out)
+    report = _reporter(options.json_progress)
+    count = [len(states)]
+
+    def tell(news: News) -> None:
+        if news.event in ("done", "occluded"):
+            contract.append_entry(options.out, contract.LedgerEntry(news.frame, news.event))
+            count[0] += 1
+            report(count[0], len(frames), news.frame)
+
+    files.sweep_partials(options.out / "frames")
+    for chunk in contract.chunks(plan, [f for f in frames if f.id not in states], 200):
+        render_chunk(session, options.out, chunk, tell)
 
 
 def _render_camouflages(options: argparse.Namespace) -> None:

@@ -1,125 +1,80 @@
-"""Rendering a data set: every planned frame once, atomically, in an order that reuses what it can."""
+"""Rendering pieces of a data set, in an order that reuses what it can."""
 
 from __future__ import annotations
 
-import json
 import time
-from collections import defaultdict
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from ..core import colour, contract, files
-from .annotate import Annotation
-from .light_maps import light_maps
+from ..core import contract
+from ..jobs.messages import News
+from .frame import Sight, render_frame
 from .session import Session
 
-BYTES_PER_PIXEL = 24  # of a finished frame, generously
-
-Progress = Callable[[int, int, str], None]
+Tell = Callable[[News], None]
 
 
-def render_dataset(session: Session, folder: Path, progress: Progress) -> None:
-    """Render the frames of the session's plan that ``folder`` lacks.
-
-    The plan is already in ``folder`` (:func:`contract.claim_folder`). A killed job loses the frame in flight; running
-    it again continues. Frames whose paint is hidden beyond the plan's limit are kept out and noted in the ledger.
-
-    Args:
-        progress: called with (frames done, frames planned, last frame's id).
-    """
-    plan = session.plan
-    files.sweep_partials(folder / "frames")
-    finished = _finished(folder)
-    todo: dict[int, dict[contract.Weather, list[tuple[str, int]]]] = defaultdict(lambda: defaultdict(list))
-    for frame_id, location, view, weather in plan.frame_ids():
-        if frame_id not in finished:
-            todo[location][weather].append((frame_id, view))
-    done, total = len(finished), len(plan.frame_ids())
-    progress(done, total, "")
-
-    for location, by_weather in todo.items():
-        session.enter(location)
-        views = sorted({view for jobs in by_weather.values() for _, view in jobs})
-        visible = {view: session.visible(location, view) for view in views}
-        seen = [view for view in views if visible[view] >= plan.min_visible]
-        annotations = session.annotations(location, seen)
-        for weather, jobs in by_weather.items():
-            session.set_weather(weather)
-            for frame_id, view in jobs:
-                started = time.perf_counter()
-                if view in annotations:
-                    _render_frame(session, folder, frame_id, location, view, weather, annotations[view], visible[view])
-                    entry = {"frame": frame_id, "state": "done", "seconds": round(time.perf_counter() - started, 3)}
-                else:
-                    entry = {"frame": frame_id, "state": "occluded", "visible": round(visible[view], 3)}
-                files.append_line(folder / "ledger.jsonl", json.dumps(entry))
-                done += 1
-                progress(done, total, frame_id)
-
-
-def require_space(plan: contract.Plan, folder: Path) -> None:
-    """Raise :class:`RaucaError` before anything is written if the frames that ``folder`` lacks would fill the disk."""
-    missing = len(plan.frame_ids()) - len(_finished(folder))
-    files.require_space(folder, plan.size**2 * BYTES_PER_PIXEL * missing)
-
-
-def _render_frame(
+def render_chunk(
     session: Session,
     folder: Path,
-    frame_id: str,
-    location: int,
-    view: int,
-    weather: contract.Weather,
-    annotation: Annotation,
-    visible: float,
+    chunk: Sequence[contract.PlannedFrame],
+    tell: Tell,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> None:
-    plan, viewpoint = session.plan, session.viewpoint(location, view)
-    frame = contract.Frame(
-        id=frame_id,
-        location=location,
-        view=view,
-        camera=viewpoint.camera,
-        vehicle_to_world=session.place.pose(location),
-        weather=weather,
-        azimuth_deg=viewpoint.azimuth_deg,
-        elevation_deg=viewpoint.elevation_deg,
-        distance_m=viewpoint.distance_m,
-        box_xyxy=annotation.box_xyxy(),
-        visible=visible,
-        seed=session.seed(location, view, weather),
-    )
-    reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
-    A = B = None
-    if plan.light:
-        A, B, image = light_maps(session, location, view, weather, annotation.paint > 0, reference)
-    else:
-        session.vehicle.paint.set_colour(tuple(reference.tolist()))
-        image = session.render(location, view, weather)
-    passes = contract.FramePasses(
-        image_linear=image,
-        vehicle=annotation.vehicle.astype(np.float32) / 255,
-        paint=annotation.paint.astype(np.float32) / 255,
-        distance=annotation.distance.astype(np.float32),
-        A=A,
-        B=B,
-    )
-    contract.save_frame(contract.frame_folder(folder, frame_id), frame, passes)
+    """Render frames of one location into the data set ``folder``.
 
+    All coverage comes first: Cycles draws other noise before the first coverage render of a process than after it, and
+    a frame's bytes must not depend on what was rendered before. A frame whose paint is hidden beyond the plan's limit
+    is told ``occluded``; one at which Python raises is told ``failed``, and the others go on.
 
-def _finished(folder: Path) -> set[str]:
-    """Frames that need no work: a complete folder, or a ledger line that keeps them out."""
-    frames = folder / "frames"
-    finished = (
-        {entry.name for entry in frames.iterdir() if (entry / "frame.json").is_file()} if frames.is_dir() else set()
-    )
-    ledger = folder / "ledger.jsonl"
-    for line in ledger.read_text().splitlines() if ledger.is_file() else []:
+    Args:
+        chunk: frames of one location, as :func:`contract.chunks` gives them.
+        tell: is told what happens.
+        stopped: asked before each frame; True ends the work there.
+
+    Raises:
+        RaucaError: what only the user can mend: no space, no permission.
+    """
+    session.enter(chunk[0].location)
+    visible = {view: session.visible(chunk[0].location, view) for view in dict.fromkeys(task.view for task in chunk)}
+    annotations = session.annotations(chunk[0].location, _announced(session, chunk, visible, tell))
+    weather = None
+    for task in chunk:
+        if stopped():
+            return
+        if task.view not in annotations:
+            tell(News("occluded", task.id, visible=round(visible[task.view], 3)))
+            continue
+        tell(News("begin", task.id))
+        started = time.perf_counter()
         try:
-            entry = json.loads(line)
-        except json.JSONDecodeError:
-            continue  # the line in flight when a job was killed
-        if entry.get("state") == "occluded":
-            finished.add(entry["frame"])
-    return finished
+            if task.weather != weather:
+                weather = None  # until it is set: an exception on the way leaves the scene between two
+                session.set_weather(task.weather)
+                weather = task.weather
+            render_frame(session, folder, task, Sight(annotations[task.view], visible[task.view]))
+        except contract.RaucaError:
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            tell(News("failed", task.id, reason=_one_line(error)))
+        else:
+            tell(News("done", task.id, seconds=round(time.perf_counter() - started, 3)))
+
+
+def _announced(
+    session: Session, chunk: Sequence[contract.PlannedFrame], visible: dict[int, float], tell: Tell
+) -> Iterator[int]:
+    """The views worth looking at; each is told as its first frame's begin, so that a crash there has a name."""
+    first: dict[int, str] = {}
+    for task in chunk:
+        first.setdefault(task.view, task.id)
+    for view, frame_id in sorted(first.items()):
+        if visible[view] >= session.plan.min_visible:
+            tell(News("begin", frame_id))
+            yield view
+
+
+def _one_line(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -64,7 +65,7 @@ class Session:
             clear += not hit or thing.name == self.vehicle.object.name
         return clear / len(points)
 
-    def annotations(self, location: int, views: list[int]) -> dict[int, Annotation]:
+    def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:
         """Coverage and distance of several views of a location."""
         result = {}
         with geometry_only(self.scene, self.vehicle, [self.weather.fog]):

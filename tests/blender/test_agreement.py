@@ -7,23 +7,23 @@ from dataclasses import replace
 import pytest
 
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Dataset, Weather, claim_folder
+from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
 from rauca_core.evaluate.agreement import measure_agreement
 
 
 @pytest.mark.parametrize(("weather", "inside_db"), [(Weather("day", 45), 32.0), (Weather("fog", 45, 60, 50), 32.0)])
 def test_predicted_and_rendered_camouflage_agree(session, box_vehicle, tmp_path, weather, inside_db):
     from blender_addon.scene.camouflages import read_paintwork, render_camouflages
-    from blender_addon.scene.dataset import render_dataset
+    from blender_addon.scene.dataset import render_chunk
 
     def ignore(done, total, last):
         pass
 
-    session.plan = replace(session.plan, size=192, samples=16, weathers=(weather,))
+    session.plan = replace(session.plan, size=192, quality=Quality(16), weathers=(weather,))
     folder = tmp_path / "set"
     claim_folder(folder, session.plan)
     box_vehicle.save(folder / "vehicle")
-    render_dataset(session, folder, ignore)
+    render_chunk(session, folder, planned_frames(session.plan), lambda news: None)
     random_camouflage(tmp_path / "random.json", box_vehicle, size=64, seed=2, cell=4)
     paintwork = read_paintwork(tmp_path / "random.json", box_vehicle.atlas_id)
     render_camouflages(session, Dataset(folder), [paintwork], tmp_path / "renders", ignore)

@@ -1,0 +1,99 @@
+"""One frame of a data set: its light, what the weather adds before the lens, what is known of it, the folder.
+
+A frame's bytes depend on the plan alone, never on the frames rendered before it or by whom.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import colour, contract
+from .annotate import Annotation
+from .light_maps import light_maps
+from .session import Session
+
+
+@dataclass(eq=False)
+class Sight:
+    """What a camera sees without weather: coverage and distances, and the visible share of the paint."""
+
+    annotation: Annotation
+    visible: float
+
+
+@dataclass(eq=False)
+class Light:
+    """Linear radiance of a frame, (H, W, 3) each: ``image`` shows the reference paint, any paint x is ``A * x + B``.
+
+    A and B are None when the plan goes without light maps.
+    """
+
+    image: NDArray[np.float32]
+    A: NDArray[np.float32] | None = None
+    B: NDArray[np.float32] | None = None
+
+
+def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> None:
+    """Render a planned frame into its folder, atomically.
+
+    The session has entered the location and set the weather. Frames of the same camera with the same light and less
+    fog come first (:func:`contract.in_rendering_order`): they lie in ``folder`` unless they were quarantined.
+    """
+    light = render_light(session, folder, task, sight)
+    light = add_weather_effects(session, task, sight, light)
+    contract.save_frame(
+        contract.frame_folder(folder, task.id), describe(session, task, sight), collect_passes(sight, light)
+    )
+
+
+def render_light(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> Light:
+    """The frame's radiance by path tracing: both light maps, or the reference paint alone."""
+    plan = session.plan
+    reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+    if plan.light:
+        painted = sight.annotation.paint > 0
+        A, B, image = light_maps(session, task.location, task.view, task.weather, painted, reference)
+        return Light(image, A, B)
+    session.vehicle.paint.set_colour(tuple(reference.tolist()))
+    return Light(session.render(task.location, task.view, task.weather))
+
+
+def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Sight, light: Light) -> Light:
+    """What is composited over the rendered light, on A and B alike so that it stays affine in the paint."""
+    return light
+
+
+def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> contract.Frame:
+    """What ``frame.json`` says."""
+    viewpoint = session.viewpoint(task.location, task.view)
+    return contract.Frame(
+        id=task.id,
+        location=task.location,
+        view=task.view,
+        camera=viewpoint.camera,
+        vehicle_to_world=session.place.pose(task.location),
+        weather=task.weather,
+        azimuth_deg=viewpoint.azimuth_deg,
+        elevation_deg=viewpoint.elevation_deg,
+        distance_m=viewpoint.distance_m,
+        box_xyxy=sight.annotation.box_xyxy(),
+        visible=sight.visible,
+        seed=session.seed(task.location, task.view, task.weather),
+    )
+
+
+def collect_passes(sight: Sight, light: Light) -> contract.FramePasses:
+    """The images that the frame's folder holds."""
+    annotation = sight.annotation
+    return contract.FramePasses(
+        image_linear=light.image,
+        vehicle=annotation.vehicle.astype(np.float32) / 255,
+        paint=annotation.paint.astype(np.float32) / 255,
+        distance=annotation.distance.astype(np.float32),
+        A=light.A,
+        B=light.B,
+    )

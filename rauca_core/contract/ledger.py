@@ -1,0 +1,76 @@
+"""What became of each frame: ``ledger.jsonl``, and ``ledger-<i>of<n>.jsonl`` of each shard, appended line by line.
+
+A frame's folder is the proof that it is done; the ledger adds why a frame is missing and how long one took.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from .files import append_line
+
+STATES = ("done", "occluded", "failed", "quarantined")
+
+
+@dataclass(frozen=True)
+class LedgerEntry:
+    """One line.
+
+    Attributes:
+        frame: its id.
+        state: ``done``; ``occluded`` (kept out: too little of the paint is visible); ``failed`` (will be tried again);
+            ``quarantined`` (failed twice: left out until asked for).
+        seconds: it took to render; None if unknown.
+        visible: share of the paint that is visible, of occluded frames.
+        reason: of failed and quarantined frames.
+    """
+
+    frame: str
+    state: str
+    seconds: float | None = None
+    visible: float | None = None
+    reason: str | None = None
+
+
+def append_entry(folder: Path, entry: LedgerEntry, shard: str = "") -> None:
+    """Append to the ledger of a data set ``folder``, or of its shard labelled ``shard``; one writer per file."""
+    name = f"ledger-{shard}.jsonl" if shard else "ledger.jsonl"
+    known = {key: value for key, value in asdict(entry).items() if value is not None}
+    append_line(Path(folder) / name, json.dumps(known))
+
+
+def read_ledger(folder: Path) -> dict[str, LedgerEntry]:
+    """The last word of all ledgers of a data set on each frame.
+
+    Within a file the last line counts; between files ``occluded`` and ``done`` outweigh what failed elsewhere. Lines
+    cut off by a crash are skipped.
+    """
+    result: dict[str, LedgerEntry] = {}
+    for path in sorted(Path(folder).glob("ledger*.jsonl")):
+        for frame, entry in _last_lines(path).items():
+            if frame not in result or STATES.index(entry.state) < STATES.index(result[frame].state):
+                result[frame] = entry
+    return result
+
+
+def frame_states(folder: Path) -> dict[str, str]:
+    """State of every frame that needs no work or was given up: ``done`` if its folder is whole, else the ledger's."""
+    states = {entry.frame: entry.state for entry in read_ledger(folder).values() if entry.state != "done"}
+    frames = Path(folder) / "frames"
+    if frames.is_dir():
+        states |= {found.name: "done" for found in frames.iterdir() if (found / "frame.json").is_file()}
+    return states
+
+
+def _last_lines(path: Path) -> dict[str, LedgerEntry]:
+    entries = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            entry = LedgerEntry(**json.loads(line))
+        except (json.JSONDecodeError, TypeError):
+            continue  # the line in flight when a job was killed
+        if entry.state in STATES:
+            entries[entry.frame] = entry
+    return entries
