@@ -8,9 +8,17 @@ from __future__ import annotations
 
 try:
     from .rauca_core import contract, geometry  # type: ignore[import-untyped,import-not-found,unused-ignore]
-    from .rauca_core.contract import assets, colour, files, seeding  # type: ignore[import-untyped,import-not-found,unused-ignore]
+    from .rauca_core.contract import (  # type: ignore[import-untyped,import-not-found,unused-ignore]
+        annotations,
+        assets,
+        colour,
+        files,
+        recolour,
+        seeding,
+        semantics,
+    )
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import assets, colour, files, seeding
+    from rauca_core.contract import annotations, assets, colour, files, recolour, seeding, semantics
 
-__all__ = ["assets", "colour", "contract", "files", "geometry", "seeding"]
+__all__ = ["annotations", "assets", "colour", "contract", "files", "geometry", "recolour", "seeding", "semantics"]

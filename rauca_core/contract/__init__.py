@@ -4,6 +4,7 @@ NumPy and the standard library only, relative imports only: the Blender add-on c
 Nobody else parses or writes these files.
 """
 
+from .annotations import Instance
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
@@ -25,6 +26,7 @@ __all__ = [
     "Dataset",
     "Frame",
     "FramePasses",
+    "Instance",
     "LedgerEntry",
     "Material",
     "Plan",
