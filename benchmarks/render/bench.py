@@ -23,7 +23,7 @@ from .report import markdown_report, print_report, save_plot
 from .results import Results
 from .scenes import Car, Scene, prepare_car, prepare_scene
 from .settings import FULL, QUICK, Settings
-from .speed import pyramid_step, streamed_ms
+from .speed import levels_step, streamed_ms
 from .speedup import measure_speedup
 from .vehicles import open_vehicle, painted_all_over
 from .views import RINGS
@@ -90,7 +90,6 @@ def _measure_car(name: str, vehicle: Vehicle, settings: Settings, results: Resul
     """Everything but Blender; returns the largest paper scene, for pictures."""
     car = prepare_car(name, vehicle, settings)
     warm_up(car, contenders(settings.samples))
-    results.levels[name] = pyramid_step(car.pyramid, settings.repeats)
     for ring in RINGS:
         for size in settings.sizes:
             scene = _measure_ring(car, ring, size, settings, results)
@@ -136,6 +135,8 @@ def _measure_reach(car: Car, settings: Settings) -> dict[str, float]:
 def _measure_step(scene: Scene, two: Contender, settings: Settings, results: Results) -> None:
     """What a step of our 2x2 costs: against Algorithm 2, and from the cache."""
     name = scene.car.name
+    view = two.taps(scene.car.vehicle, scene.cameras[0], scene.car.pyramid)
+    results.levels[name] = levels_step(scene.car.pyramid, view, settings.repeats)
     results.reference_check_db[name] = reference_check(scene, settings.reference_samples)
     results.speedups[name] = measure_speedup(scene, two, settings.steps)
     results.streamed_ms[name] = streamed_ms(scene, two, settings.repeats)

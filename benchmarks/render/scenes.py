@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rauca_core.contract import Camera, Vehicle
-from rauca_core.render import Pyramid
+from rauca_core.render import Canvas, Pyramid
 
 from .embree import RayCaster
 from .reference import Reference, embree_sees, render_reference
@@ -35,6 +35,10 @@ class Car:
     caster: RayCaster
     maps: NDArray[np.float32]
     texels: list[Tensor]
+
+    def canvas(self) -> Canvas:
+        """The first texture, that asks for gradients."""
+        return Canvas(self.pyramid, self.texels[0][: len(self.pyramid.texels)].clone().requires_grad_())
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,8 @@ from typing import Any
 
 import torch
 
+from rauca_core.render import Canvas
+
 from .contenders import Contender
 from .published import UvTraversalStep
 from .scenes import Scene
@@ -21,7 +23,8 @@ class Speedup:
     Attributes:
         algorithm2_forward_ms, algorithm2_backward_ms: map to tensor to pixels, and back.
         ours_forward_ms, ours_backward_ms: mip levels to pixels, and back.
-        levels_forward_ms, levels_backward_ms: UV map to mip levels, and back: once per step for any batch.
+        levels_forward_ms, levels_backward_ms: UV map to mip levels, and back, which clears the gradient's buffer
+            for the next step: once per step for any batch.
     """
 
     algorithm2_forward_ms: float
@@ -68,17 +71,15 @@ def measure_speedup(scene: Scene, ours: Contender, repeats: int) -> Speedup:
         del colours, kept
         for _ in range(4):  # ours is short: the last of a few, its caches as warm as in a run
             clock.restart()
-            levels = pyramid(texels)
+            canvas = Canvas(pyramid, texels)
             clock.lap()
-            leaf = levels.detach().requires_grad_()
-            clock.restart()
-            pixels = taps.rows(leaf)
+            pixels = canvas.see([taps.rows])
             clock.lap()
             asked = torch.ones_like(pixels)
             clock.restart()
-            (gradient,) = torch.autograd.grad(pixels, leaf, asked)
+            (ticket,) = torch.autograd.grad(pixels, canvas.ticket, asked)
             clock.lap()
-            torch.autograd.grad(levels, texels, gradient)
+            torch.autograd.grad(canvas.ticket, texels, ticket)
             clock.lap()
         times.append(clock.laps[:2] + clock.laps[-4:])
     a2_forward, a2_backward, up, forward, backward, down = (median(t) for t in zip(*times[1:], strict=True))

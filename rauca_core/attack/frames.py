@@ -17,7 +17,7 @@ from ..contract import Dataset, Frame, RaucaError, load_vehicle
 from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
 from ..environment import load_exact
 from ..images import read_image
-from ..render import TapCache, Taps, TapSettings, apply_many, composite, display
+from ..render import Canvas, TapCache, Taps, TapSettings, composite, display
 from .settings import OptimiserSettings
 
 
@@ -111,13 +111,13 @@ class FrameStore:
         return ReadyFrame(frame, taps, torch.from_numpy(A[pixels]), torch.from_numpy(B[pixels]), background)
 
 
-def render_batch(batch: Sequence[ReadyFrame], pyramid_linear: Tensor) -> Tensor:
-    """Frames in a texture: the pyramid's texels (T, 3) linear -> sRGB images (B, 3, H, W) in [0, 1].
+def render_batch(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+    """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1].
 
     The paint is lit exactly; pixels that no tap reaches keep the frame's reference paint.
     """
     width, height = batch[0].taps.width, batch[0].taps.height
-    albedo = apply_many([f.taps.rows for f in batch], pyramid_linear)
+    albedo = canvas.see([f.taps.rows for f in batch])
     A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
     paint = display(composite(albedo, albedo.new_ones(()), A, B))
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255

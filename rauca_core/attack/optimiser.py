@@ -20,7 +20,7 @@ from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng, named_seed
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector, class_index
-from ..render import TAP_FORMAT, undisplay
+from ..render import TAP_FORMAT, Canvas, undisplay
 from .augmentation import Augmentation
 from .checkpoint import POINTER, Checkpoint, check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore, ReadyFrame, boxes_of, render_batch
@@ -138,7 +138,7 @@ class Run:
         begin, settings = time.perf_counter(), self.settings
         with threads(1):
             batch = [self.store.ready(i) for i in self._draw()]
-            images = render_batch(batch, self.store.pyramid(undisplay(self.limited())))
+            images = render_batch(batch, Canvas(self.store.pyramid, undisplay(self.limited())))
         # Two backward passes, cut at the images: the detector's share can be timed, and a bad frame named.
         before = time.perf_counter()
         detected = self._attack(images.detach(), batch)

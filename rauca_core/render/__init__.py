@@ -1,6 +1,7 @@
 """The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
 
 from .cache import TapCache, TapSettings
+from .canvas import Canvas
 from .composite import composite, display, undisplay
 from .pyramid import Pyramid
 from .raster.rasterise import Raster, rasterize
@@ -12,6 +13,7 @@ from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pa
 
 __all__ = [
     "TAP_FORMAT",
+    "Canvas",
     "Pyramid",
     "Raster",
     "Sampler",

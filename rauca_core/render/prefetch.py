@@ -14,7 +14,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-AHEAD = 64  # taps
+from .lanes import row_address
+
+AHEAD = 256  # taps: 16 KiB of texels on their way
 
 _READ, _KEEP, _DATA = 0, 3, 1  # arguments of the LLVM instruction: no write, all cache levels, not code
 
@@ -24,11 +26,9 @@ def _prefetch(_context: Any, array: Any, row: Any) -> Any:
     """Inside a kernel: start to fetch ``array[row]`` of a 2-D array, without waiting. ``row`` must lie inside."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        stride = cgutils.unpack_tuple(builder, array.strides, 2)[0]
-        start = builder.ptrtoint(array.data, stride.type)
-        offset = builder.mul(context.cast(builder, arguments[1], signature.args[1], types.intp), stride)
-        address = builder.inttoptr(builder.add(start, offset), ir.PointerType(ir.IntType(8)))
+        array_type, row_type = signature.args
+        place = row_address(context, builder, array_type, arguments[0], row_type, arguments[1])
+        address = builder.inttoptr(place, ir.PointerType(ir.IntType(8)))
         number = ir.IntType(32)
         of_type = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
         instruction = cgutils.get_or_insert_function(builder.module, of_type, "llvm.prefetch.p0")

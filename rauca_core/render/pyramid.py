@@ -18,7 +18,8 @@ from torch import Tensor
 
 from ..contract import RaucaError, Vehicle
 from .coverage import texel_coverage
-from .sparse import SparseOperator
+from .lanes import CHANNELS, add, black, load, store
+from .sparse import SparseOperator, with_rows
 
 DILATION_ROUNDS = 8  # texels around each chart that the renderer's bilinear filter and coarse mips may touch
 
@@ -50,6 +51,7 @@ class Pyramid:
         slots: per level (side, side) int32, the texel's place in the list of T, or -1.
         coverage: per level (side, side) float32 in [0, 1].
         tree: which coarse texel each texel goes into, and with what share.
+        spare: per type a buffer that is all zero, lent to the `canvas.Canvas` whose gradient is in work.
     """
 
     def __init__(self, coverage: NDArray[np.float32]) -> None:
@@ -71,6 +73,7 @@ class Pyramid:
         if not len(self.texels):
             raise RaucaError("vehicle: no texel of the UV map is paintable at this size; choose a larger map")
         self.tree = _grow_tree(self.slots, self.coverage)
+        self.spare: dict[np.dtype[Any], NDArray[Any]] = {}
 
     @staticmethod
     def of(vehicle: Vehicle, size: int) -> Pyramid:
@@ -169,33 +172,42 @@ class _Climb(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, texels: Tensor, tree: Tree) -> Tensor:
-        ctx.tree, ctx.finest = tree, len(texels)
-        every = texels.new_empty((len(tree.parent), texels.shape[1]))
-        every[: len(texels)] = texels
-        every[len(texels) :] = 0.0
-        _gather_children(every.numpy(), tree.parent, tree.share)
+        ctx.tree = tree
+        every = texels.new_empty((len(tree.parent), CHANNELS))
+        climb(with_rows(texels.detach()).numpy(), every.numpy(), tree.parent, tree.share)
         return every
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         every = gradients[0].clone(memory_format=torch.contiguous_format)
-        _hand_down(every.numpy(), ctx.tree.parent, ctx.tree.share)
-        return every[: ctx.finest], None
+        texels = every.new_empty((int(np.searchsorted(ctx.tree.level, 1)), CHANNELS))
+        hand_down(every.numpy(), ctx.tree.parent, ctx.tree.share, texels.numpy())
+        return texels, None
 
 
 @njit(cache=True, nogil=True)
-def _gather_children(every: Any, parent: Any, share: Any) -> None:
+def climb(texels: Any, every: Any, parent: Any, share: Any) -> None:
+    """All levels ``every`` (T, 3 or more) of ``texels`` (P, 3)."""
+    finest = texels.shape[0]
+    every[finest:] = 0
     for t in range(every.shape[0]):
+        if t < finest:
+            store(every, t, load(texels, t))
         p = parent[t]
         if p >= 0:
-            for c in range(every.shape[1]):
-                every[p, c] += share[t] * every[t, c]
+            store(every, p, add(load(every, p), share[t], load(every, t)))
 
 
 @njit(cache=True, nogil=True)
-def _hand_down(every: Any, parent: Any, share: Any) -> None:
+def hand_down(every: Any, parent: Any, share: Any, texels: Any) -> None:
+    """Gradient on the ``texels`` (P, 3) from gradients on ``every`` level (T, 3 or more), which is left all zero."""
+    finest = texels.shape[0]
     for t in range(every.shape[0] - 1, -1, -1):
         p = parent[t]
-        if p >= 0:
-            for c in range(every.shape[1]):
-                every[t, c] += share[t] * every[p, c]
+        total = add(load(every, t), share[t], load(every, p)) if p >= 0 else load(every, t)
+        if t >= finest:
+            store(every, t, total)
+        else:
+            store(texels, t, total)
+            store(every, t, black())
+    every[finest:] = 0

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
+from .lanes import CHANNELS, add, black, is_black, load, store
 from .prefetch import AHEAD, prefetch
 
 Ints = NDArray[np.int32]
@@ -81,21 +82,12 @@ class _Numba(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, operators: tuple[SparseOperator, ...], values: Tensor) -> Tensor:
         ctx.operators, ctx.shape = operators, values.shape
-        result = values.new_empty((sum(op.shape[0] for op in operators), values.shape[1]))
-        source, target, start = values.detach().contiguous().numpy(), result.numpy(), 0
-        for op in operators:
-            _gather(op.indptr, op.columns, op.weights, source, target[start : start + op.shape[0]])
-            start += op.shape[0]
-        return result
+        return gather(operators, with_rows(values.detach()).numpy())
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[None, Tensor]:
-        gradient = gradients[0].contiguous()
-        result = gradient.new_zeros(ctx.shape)
-        source, target, start = gradient.numpy(), result.numpy(), 0
-        for op in ctx.operators:
-            _scatter(op.indptr, op.columns, op.weights, source[start : start + op.shape[0]], target)
-            start += op.shape[0]
+        result = gradients[0].new_zeros(ctx.shape)
+        scatter(ctx.operators, gradients[0], result.numpy())
         return None, result
 
 
@@ -112,30 +104,48 @@ class _Torch(torch.autograd.Function):
         return None, torch.stack([op.tensors(g.device, g.dtype)[1] @ g for op, g in pairs]).sum(0)
 
 
+def with_rows(values: Tensor) -> Tensor:
+    """Values whose rows lie in memory without gaps, as the kernels read them; rows themselves may lie apart."""
+    return values if values.stride(1) == 1 else values.contiguous()
+
+
+def gather(operators: Sequence[SparseOperator], values: NDArray[np.floating]) -> Tensor:
+    """The operators' products with ``values`` (columns, 3 or more), stacked (sum of rows, 3)."""
+    result = np.empty((sum(op.shape[0] for op in operators), CHANNELS), values.dtype)
+    start = 0
+    for op in operators:
+        _gather(op.indptr, op.columns, op.weights, values, result[start : start + op.shape[0]])
+        start += op.shape[0]
+    return torch.from_numpy(result)
+
+
+def scatter(operators: Sequence[SparseOperator], gradient: Tensor, sums: NDArray[np.floating]) -> None:
+    """Add the transposed operators' products with ``gradient`` (sum of rows, 3) to ``sums`` (columns, 3 or more)."""
+    source, start = with_rows(gradient).numpy(), 0
+    for op in operators:
+        _scatter(op.indptr, op.columns, op.weights, source[start : start + op.shape[0]], sums)
+        start += op.shape[0]
+
+
 @njit(cache=True, nogil=True)
 def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -> None:
     last = columns.shape[0] - 1
     for row in range(result.shape[0]):
-        red = green = blue = 0.0
-        for k in range(indptr[row], indptr[row + 1]):
-            prefetch(values, columns[min(k + AHEAD, last)])
-            weight, texel = weights[k], columns[k]
-            red += weight * values[texel, 0]
-            green += weight * values[texel, 1]
-            blue += weight * values[texel, 2]
-        result[row, 0], result[row, 1], result[row, 2] = red, green, blue
+        total = black()
+        # Unsigned: of every signed place numba asks whether it counts from the end.
+        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + 1])):
+            prefetch(values, columns[np.uint64(min(np.int64(k) + AHEAD, last))])
+            total = add(total, weights[k], load(values, columns[k]))
+        store(result, row, total)
 
 
 @njit(cache=True, nogil=True)
-def _scatter(indptr: Any, columns: Any, weights: Any, gradient: Any, result: Any) -> None:
+def _scatter(indptr: Any, columns: Any, weights: Any, gradient: Any, sums: Any) -> None:
     last = columns.shape[0] - 1
     for row in range(gradient.shape[0]):
-        red, green, blue = gradient[row, 0], gradient[row, 1], gradient[row, 2]
-        if red == 0.0 and green == 0.0 and blue == 0.0:
-            continue  # NaN is not equal to zero, so it is passed on
-        for k in range(indptr[row], indptr[row + 1]):
-            prefetch(result, columns[min(k + AHEAD, last)])
-            weight, texel = weights[k], columns[k]
-            result[texel, 0] += weight * red
-            result[texel, 1] += weight * green
-            result[texel, 2] += weight * blue
+        asked = load(gradient, row)
+        if is_black(asked):
+            continue
+        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + 1])):
+            prefetch(sums, columns[np.uint64(min(np.int64(k) + AHEAD, last))])
+            store(sums, columns[k], add(load(sums, columns[k]), weights[k], asked))

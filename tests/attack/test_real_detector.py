@@ -15,7 +15,7 @@ from rauca_core.contract import Dataset, RaucaError, load_camouflage, load_vehic
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import Detector, car_score, fetch, load_detector
 from rauca_core.images import read_image
-from rauca_core.render import undisplay
+from rauca_core.render import Canvas, undisplay
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,8 @@ def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_fact
     batch = [store.ready(i) for i in range(len(store))]
 
     def score(uv_map: torch.Tensor) -> float:
-        texels = store.pyramid(undisplay(store.pyramid.from_map(uv_map)))
-        return float(car_score(yolo, render_batch(batch, texels), boxes_of(batch)).mean())
+        canvas = Canvas(store.pyramid, undisplay(store.pyramid.from_map(uv_map)))
+        return float(car_score(yolo, render_batch(batch, canvas), boxes_of(batch)).mean())
 
     image = torch.tensor(read_image(load_camouflage(path)[1])).permute(2, 0, 1) / 255
     before, after = score(torch.full((3, 256, 256), 0.5)), score(image)

@@ -10,7 +10,7 @@ from rauca_core.attack import Augmentation, SmoothLoss, attack_loss, detection_s
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset
 from rauca_core.contract.seeding import named_rng
-from rauca_core.render import undisplay
+from rauca_core.render import Canvas, undisplay
 
 
 def test_gradient_of_the_total_loss(dataset: Dataset, small_detector: Any) -> None:
@@ -20,7 +20,7 @@ def test_gradient_of_the_total_loss(dataset: Dataset, small_detector: Any) -> No
     smooth = SmoothLoss(store.pyramid.texels, 32)
 
     def total(texels: torch.Tensor) -> torch.Tensor:
-        images, boxes = roa(render_batch(batch, store.pyramid(undisplay(texels))), boxes_of(batch).double())
+        images, boxes = roa(render_batch(batch, Canvas(store.pyramid, undisplay(texels))), boxes_of(batch).double())
         losses = attack_loss(detection_score(small_detector.dense(images), boxes, 1))
         return losses.mean() + 0.01 * smooth(texels)
 

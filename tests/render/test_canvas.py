@@ -1,0 +1,85 @@
+"""The canvas of a step: the same numbers as levels and views one by one, and a buffer that is always left clear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import Camera, Vehicle
+from rauca_core.render import Canvas, Pyramid, Taps, apply_many, build_taps
+
+MAP = 64
+
+
+@pytest.fixture
+def pyramid(box_vehicle: Vehicle) -> Pyramid:
+    return Pyramid.of(box_vehicle, MAP)
+
+
+@pytest.fixture
+def views(box_vehicle: Vehicle, pyramid: Pyramid) -> list[Taps]:
+    eyes = np.array([[5.0, 3.5, 2.0], [-6.0, 2.0, 1.0]])
+    cameras = [Camera.look_at(eye, np.array([0.0, 0.0, 0.7]), 50, 48, 40) for eye in eyes]
+    return [build_taps(box_vehicle, camera, MAP, 2, pyramid=pyramid) for camera in cameras]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64, torch.float16])
+def test_sees_and_learns_what_levels_and_operators_do(pyramid: Pyramid, views: list[Taps], dtype: torch.dtype) -> None:
+    operators = [view.rows for view in views]
+    start = torch.rand(len(pyramid.texels), 3, generator=torch.Generator().manual_seed(0)).to(dtype)
+    texels, others = start.clone().requires_grad_(), start.clone().requires_grad_()
+    seen, wanted = Canvas(pyramid, texels).see(operators), apply_many(operators, pyramid(others))
+    assert torch.equal(seen, wanted)
+    asked = torch.rand_like(seen)
+    seen.backward(asked)
+    wanted.backward(asked)
+    assert texels.grad.dtype == dtype
+    assert torch.equal(texels.grad, others.grad)
+
+
+def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: list[Taps]) -> None:
+    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
+    together = Canvas(pyramid, texels)
+    one, two = (together.see([view.rows]) for view in views)
+    (both,) = torch.autograd.grad(one.square().sum() + two.sum(), texels, retain_graph=True)
+    kept = both.clone()
+    assert not next(iter(pyramid.spare.values())).any()
+    (first,) = torch.autograd.grad(one.square().sum(), texels, retain_graph=True)
+    (second,) = torch.autograd.grad(two.sum(), texels)
+    assert torch.allclose(first + second, both, atol=1e-5)
+    assert torch.equal(both, kept)  # what was handed out stays the caller's
+
+
+def test_two_canvases_may_be_in_work(pyramid: Pyramid, views: list[Taps]) -> None:
+    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
+    left, right = (Canvas(pyramid, texels).see([view.rows]).square().sum() for view in views)
+    apart = [torch.autograd.grad(x, texels, retain_graph=True)[0] for x in (left, right)]
+    (joint,) = torch.autograd.grad(left + right, texels)
+    assert torch.allclose(joint, apart[0] + apart[1], atol=1e-5)
+    assert not next(iter(pyramid.spare.values())).any()
+
+
+def test_nan_does_not_stay_in_the_buffer(pyramid: Pyramid, views: list[Taps]) -> None:
+    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
+    operators = [view.rows for view in views]
+    pixels = Canvas(pyramid, texels).see(operators)
+    (bad,) = torch.autograd.grad(pixels, texels, torch.full_like(pixels, torch.nan))
+    assert bad.isnan().any()
+    (good,) = torch.autograd.grad(Canvas(pyramid, texels).see(operators).sum(), texels)
+    assert torch.isfinite(good).all()
+
+
+def test_an_unused_canvas_has_no_gradient(pyramid: Pyramid) -> None:
+    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
+    pixels = Canvas(pyramid, texels).see([])
+    assert pixels.shape == (0, 3)
+    pixels.sum().backward()
+    assert not texels.grad.any()
+    assert not Canvas(pyramid, texels.detach()).see([]).requires_grad
+
+
+def test_gradients_by_finite_differences(pyramid: Pyramid, views: list[Taps]) -> None:
+    texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, requires_grad=True)
+    see = lambda t: Canvas(pyramid, t).see([view.rows for view in views])  # noqa: E731
+    assert torch.autograd.gradcheck(see, (texels,), fast_mode=True)
