@@ -9,8 +9,9 @@ from pathlib import Path
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from .car import CARS, build_car
+from .shapes import SHAPES, build_shape
 
-BUILDERS = {name: partial(build_car, name) for name in CARS}
+BUILDERS = {name: partial(build_car, name) for name in CARS} | {name: partial(build_shape, name) for name in SHAPES}
 
 
 def main(arguments: list[str]) -> int:

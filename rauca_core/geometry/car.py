@@ -10,10 +10,11 @@ from ..contract.assets import assets_folder
 from .assemble import assemble
 from .car_body import Body
 from .car_panels import SCREEN_LINE
-from .car_parts import add_box, add_mirror, add_plate, add_roof_rail, add_wheel
+from .car_parts import add_mirror, add_plate, add_roof_rail, add_wheel
 from .car_trim import add_trim
 from .materials import CAR
 from .mesh import MeshParts
+from .solids import add_box
 
 CARS = ("sedan", "hatchback", "suv", "van")
 CENTRAL_PANELS = ("nose", "tail", "bonnet", "roof", "boot")

@@ -68,7 +68,8 @@ def deck_materials(body: Body) -> Names:
     names[between([features["bonnet_gap"], screen[1]]) & (line < SCREEN_LINE)] = "paint/front pillar"
     names[between([window[0], features["boot_gap"]]) & (line < SCREEN_LINE)] = "paint/rear pillar"
     names[between([window[1], features["boot_gap"]]) & (line >= SCREEN_LINE)] = "paint/boot"
-    if features["boot_gap"] > window[0]:  # a tailgate: it carries the rear window, the pillars stand beside it
+    tailgate = features["boot_gap"] > window[0]
+    if tailgate:  # it carries the rear window, the pillars stand beside it
         names[(middle < features["boot_gap"]) & (line < SCREEN_LINE)] = "paint/rear pillar"
     # A panelled side is door and quarter up to the roof; elsewhere those end below the windows.
     side = np.where(middle < features["panelled_from"], GLASS_LINES[1], GLASS_LINES[0])
@@ -82,8 +83,8 @@ def deck_materials(body: Body) -> Names:
     for pane in (screen, window):
         names[between(pane) & (line >= SCREEN_LINE)] = "glass"
     names[between([features["bonnet_gap"], screen[0]]) & (line >= SCREEN_LINE)] = "trim"
-    for gap in (features["bonnet_gap"], features["boot_gap"]):
-        names[(np.abs(middle - gap) < 0.002) & (line >= 4)] = "gap"
+    for gap, edge in ((features["bonnet_gap"], 4), (features["boot_gap"], SCREEN_LINE if tailgate else 4)):
+        names[(np.abs(middle - gap) < 0.002) & (line >= edge)] = "gap"
     return names
 
 

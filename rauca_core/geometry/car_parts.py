@@ -8,50 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .mesh import MeshParts
+from .solids import add_box, add_tube, lathe
 
 Points = NDArray[np.float64]
 RAIL_LIFT_M = 0.05
-
-
-def lathe(profile: Points, segments: int) -> Points:
-    """Turn a profile (N, 2) of (radius, y) around the y axis: (segments + 1, N, 3) grid."""
-    angle = np.linspace(0, 2 * np.pi, segments + 1)[:, None]
-    angle[-1] = 0.0  # the last column is the first, to the bit
-    return np.stack(
-        [
-            profile[:, 0] * np.cos(angle),
-            np.broadcast_to(profile[:, 1], (segments + 1, len(profile))),
-            profile[:, 0] * np.sin(angle),
-        ],
-        axis=-1,
-    )
-
-
-def add_box(
-    parts: MeshParts, centre: tuple[float, ...], size: tuple[float, ...], material: str, bevel: float = 0.0
-) -> None:
-    """Add a box, its four long edges seen along x chamfered by ``bevel``; metres."""
-    half = np.array(size) / 2
-    b = min(bevel, half[1] * 0.9, half[2] * 0.9)
-    ring = np.array(
-        [
-            [half[1] - b, -half[2]],
-            [half[1], -half[2] + b],
-            [half[1], half[2] - b],
-            [half[1] - b, half[2]],
-            [-half[1] + b, half[2]],
-            [-half[1], half[2] - b],
-            [-half[1], -half[2] + b],
-            [-half[1] + b, -half[2]],
-        ]
-    )
-    scale = np.array([0.0, 1 - b / max(half[1], half[2]), 1.0, 1.0, 1 - b / max(half[1], half[2]), 0.0])
-    x = np.array([-half[0], -half[0], -half[0] + b, half[0] - b, half[0], half[0]])
-    ring = np.vstack([ring, ring[:1]])
-    points = np.empty((len(x), len(ring), 3))
-    points[..., 0] = x[:, None]
-    points[..., 1:] = ring * scale[:, None, None]
-    parts.grid(points + np.array(centre), material, flip=True)
 
 
 def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
@@ -149,11 +109,7 @@ def add_roof_rail(parts: MeshParts, roof: Points, span: list[float]) -> None:
     x = np.linspace(span[0], span[1], 15)
     path = np.stack([x, *(np.interp(-x, -roof[:, 0], roof[:, i]) for i in (1, 2))], axis=-1)
     path[1:-1, 2] += RAIL_LIFT_M * np.minimum(1, 0.7 + 0.3 * np.minimum(np.arange(13), np.arange(13)[::-1]))
-    half_width, half_height = 0.018, 0.012
-    around = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [half_width, half_height]
-    points = np.repeat(path[:, None], len(around), axis=1)
-    points[..., 1:] += around
-    parts.grid(points, "trim")
+    add_tube(parts, path, 0.016, "trim")
 
 
 def add_plate(parts: MeshParts, x: float, z: float, facing: int) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .car_body import Body
-from .car_parts import lathe
 from .mesh import MeshParts
+from .solids import lathe
 
 
 def add_trim(parts: MeshParts, body: Body) -> None:

@@ -37,6 +37,13 @@ def monotone_curve(table: Points, at: Points) -> Points:
     )
 
 
+def curve_through(points: Points, at: Points) -> Points:
+    """Points (N, D) of the smooth curve through control ``points`` (M, D); ``at`` (N,) runs from 0 to 1, evenly spaced
+    between the control points."""
+    knots = np.linspace(0.0, 1.0, len(points))
+    return np.stack([monotone_curve(np.stack([knots, column], axis=1), at) for column in points.T], axis=-1)
+
+
 def half_outline(control: Points, samples: int = 64) -> Points:
     """A dense polyline (N, 2) through ``control`` (M, 2), which starts and ends on the axis y = 0.
 

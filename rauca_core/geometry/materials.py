@@ -25,3 +25,31 @@ CAR = [
     Material("plate", "plate", (0.75, 0.75, 0.72), roughness=0.45),
     Material("ink", "other", (0.01, 0.01, 0.012), roughness=0.5),
 ]
+
+SHAPE = [
+    Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6),
+    Material("bare", "other", (0.05, 0.05, 0.05), roughness=0.8),
+]
+
+BOAT = [
+    Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6),
+    Material("glass", "glass", (0.012, 0.014, 0.018), roughness=0.04),
+    Material("deck", "other", (0.33, 0.25, 0.16), roughness=0.7),
+    Material("rubber", "trim", (0.018, 0.018, 0.020), roughness=0.6),
+    Material("dark", "other", (0.012, 0.012, 0.014), roughness=0.5),
+    Material("steel", "rim", (0.62, 0.63, 0.65), roughness=0.2, metallic=1.0),
+    Material("wood", "other", (0.16, 0.09, 0.045), roughness=0.7),
+    Material("engine", "trim", (0.022, 0.022, 0.024), roughness=0.3, coat=0.4),
+    Material("port lamp", "taillamp", (0.36, 0.006, 0.010), roughness=0.12),
+    Material("seat", "other", (0.40, 0.38, 0.35), roughness=0.6),
+]
+
+AEROPLANE = [
+    Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6),
+    Material("glass", "glass", (0.012, 0.014, 0.018), roughness=0.04),
+    Material("gap", "trim", (0.004, 0.004, 0.004), roughness=0.8),
+    Material("dark", "other", (0.012, 0.012, 0.014), roughness=0.5),
+    Material("steel", "rim", (0.62, 0.63, 0.65), roughness=0.2, metallic=1.0),
+    Material("tyre", "tyre", (0.012, 0.012, 0.012), roughness=0.8),
+    Material("lamp", "headlamp", (0.80, 0.83, 0.87), roughness=0.08),
+]
