@@ -9,16 +9,16 @@ from __future__ import annotations
 try:
     from .rauca_core import contract, geometry  # type: ignore[import-untyped,import-not-found,unused-ignore]
     from .rauca_core.contract import (  # type: ignore[import-untyped,import-not-found,unused-ignore]
-        annotations,
         assets,
         colour,
         files,
+        instances,
         recolour,
         seeding,
         semantics,
     )
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import annotations, assets, colour, files, recolour, seeding, semantics
+    from rauca_core.contract import assets, colour, files, instances, recolour, seeding, semantics
 
-__all__ = ["annotations", "assets", "colour", "contract", "files", "geometry", "recolour", "seeding", "semantics"]
+__all__ = ["assets", "colour", "contract", "files", "geometry", "instances", "recolour", "seeding", "semantics"]

@@ -1,7 +1,11 @@
-"""Coverage and distance of every pixel, from a render in which nothing but geometry is left.
+"""What every pixel shows: coverage, distance and ids, from renders in which nothing but geometry is left.
 
-Every material is exchanged for an emitter whose red is "vehicle", green "paint", blue the distance to the camera; no
-light bounces and there is no fog, so a pixel's value is exactly the renderer's own anti-aliased coverage.
+Every material is exchanged for an emitter of numbers; no light bounces and there is no fog. The emitters have two
+modes, so that a location's surfaces are exchanged once for all its cameras:
+
+- *coverage*: red is "vehicle", green "paint", blue the distance to the camera. With the image's own pixel filter a
+  pixel's value is exactly the renderer's anti-aliased coverage.
+- *ids*: red is the semantic class, green the instance. One sample through the middle of the pixel: ids never blend.
 """
 
 from __future__ import annotations
@@ -14,88 +18,206 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import colour, contract, instances, semantics
 from . import nodes
+from .exchange import exchanged_materials, is_volume, shown_objects
 from .render import render_linear
 from .vehicle import SceneVehicle
 
 SAMPLES = 64
-FAR_M = 5000.0
+SMALLEST_FILTER = 0.01  # pixels; Cycles takes no less
+MODE = "rauca mode"
 
 
 @dataclass(eq=False)
 class Annotation:
-    """Coverage of the vehicle and of its paint in [0, 1], and distance along the view ray in metres (infinity: sky).
+    """What a camera sees without weather; (H, W) each, kept small: a location's worth waits in memory.
 
-    Kept as (H, W) uint8, uint8 and float16: a location's worth of them waits in memory for its weathers.
+    Attributes:
+        vehicle, paint: uint8 coverage of the vehicle and of its paint, 255 is all.
+        distance: float16 metres along the view ray, infinity for sky.
+        semantic: uint8 class seen at the pixel's centre.
+        instances: uint8 vehicle seen there: 255 ours, 0 none.
+        others: the other vehicles in ``instances``.
+        visible: paint pixels seen divided by those expected without occluders (see `visibility.py`).
     """
 
     vehicle: NDArray[np.uint8]
     paint: NDArray[np.uint8]
     distance: NDArray[np.float16]
+    semantic: NDArray[np.uint8]
+    instances: NDArray[np.uint8]
+    others: tuple[contract.Instance, ...]
+    visible: float
 
-    def box_xyxy(self) -> tuple[float, float, float, float] | None:
+    def box_xyxy(self) -> instances.Box | None:
         """The tight box of pixels at least half covered by the vehicle; None when fewer than 16 are."""
-        rows, columns = np.nonzero(self.vehicle >= 128)
-        if rows.size < 16:
-            return None
-        return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
+        return instances.mask_box(self.vehicle >= 128)
 
 
-def annotate(scene: bpy.types.Scene, seed: int) -> Annotation:
-    """Render the scene's camera inside :func:`geometry_only`."""
-    pixels = render_linear(scene, contract.Quality(SAMPLES, denoise=False, bounces=0), seed)
-    solid = pixels[..., 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
-    return Annotation(
-        vehicle=colour.to_bytes(pixels[..., 0]),
-        paint=colour.to_bytes(pixels[..., 1]),
-        distance=distance.astype(np.float16),
-    )
+@dataclass(eq=False)
+class Ids:
+    """Semantic and instance ids at the pixels' centres, (H, W) uint8, and the vehicles that the ids name."""
+
+    semantic: NDArray[np.uint8]
+    instances: NDArray[np.uint8]
+    others: tuple[contract.Instance, ...]
+
+
+class GeometryView:
+    """The scene while its surfaces emit numbers; made by :func:`geometry_only`."""
+
+    def __init__(self, scene: bpy.types.Scene, materials: list[bpy.types.Material], categories: dict[int, str]) -> None:
+        self._scene, self._categories = scene, categories
+        self._modes = [material.node_tree.nodes[MODE].outputs[0] for material in materials]
+
+    def ids(self) -> Ids:
+        """Render the ids that the scene's camera sees."""
+        self._switch(1.0)
+        cycles = self._scene.cycles
+        usual, cycles.filter_width = cycles.filter_width, SMALLEST_FILTER
+        try:
+            pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
+        finally:
+            cycles.filter_width = usual
+        numbers = np.rint(pixels).astype(np.uint8)
+        sky = pixels[..., 3] < 0.5
+        semantic = np.where(sky, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])
+        which = np.ascontiguousarray(numbers[..., 1])
+        return Ids(semantic, which, instances.find_instances(which, self._categories))
+
+    def annotate(self, ids: Ids, visible: float, seed: int) -> Annotation:
+        """Render coverage and distance for the scene's camera, beside what is known of it."""
+        self._switch(0.0)
+        pixels = render_linear(self._scene, contract.Quality(SAMPLES, denoise=False, bounces=0), seed)
+        solid = pixels[..., 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
+        return Annotation(
+            colour.to_bytes(pixels[..., 0]),
+            colour.to_bytes(pixels[..., 1]),
+            distance.astype(np.float16),
+            ids.semantic,
+            ids.instances,
+            ids.others,
+            visible,
+        )
+
+    def _switch(self, mode: float) -> None:
+        for socket in self._modes:
+            if socket.default_value != mode:  # writing the same value would still make Cycles rebuild the shader
+                socket.default_value = mode
 
 
 @contextlib.contextmanager
-def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.types.Object]) -> Iterator[None]:
-    """Within: surfaces emit their annotation, the sky is transparent, light and fog are off. After: all as before."""
-    background = _emitter("rauca background", 0.0, None)
-    other = _emitter("rauca vehicle", 1.0, None)
-    painted = _emitter("rauca paint", 1.0, vehicle)
-    slots = [(slot, slot.material) for thing in scene.objects if thing.type == "MESH" for slot in thing.material_slots]
+def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.types.Object]) -> Iterator[GeometryView]:
+    """Within: surfaces emit numbers, the sky is transparent, light and fog are off. After: all as before.
+
+    Raises:
+        RaucaError: an object's instance id is not a vehicle's, or two categories share one.
+    """
+    things = shown_objects(scene)
+    categories = _categories(things)
+    emitters = _Emitters(vehicle)
     cycles, render = scene.cycles, scene.render
     before = cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world
-    hidden = [(thing, thing.hide_render) for thing in [*fog, *(o for o in scene.objects if o.type == "LIGHT")]]
+    unlit = [o for o in things if o.type in ("LIGHT", "VOLUME") or is_volume(o)]
+    hidden = [(thing, thing.hide_render) for thing in {*fog, *unlit, *(o for o in scene.objects if o.type == "LIGHT")}]
+    ours = vehicle.object.get(semantics.INSTANCE_PROPERTY)
     try:
-        for slot, material in slots:
-            if slot.id_data == vehicle.object:
-                slot.material = painted if _is_paint(vehicle, material) else other
-            else:
-                slot.material = background
-        for thing, _ in hidden:
-            thing.hide_render = True
-        cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = 0, 1.0, True, None
-        yield
+        vehicle.object[semantics.INSTANCE_PROPERTY] = semantics.TARGET_INSTANCE
+        with exchanged_materials([thing for thing in things if thing not in unlit], emitters.of):
+            for thing, _ in hidden:
+                thing.hide_render = True
+            cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = 0, 1.0, True, None
+            yield GeometryView(scene, emitters.materials, categories)
     finally:
-        for slot, material in slots:
-            slot.material = material
         for thing, was in hidden:
             thing.hide_render = was
         cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = before
-        for material in (background, other, painted):
+        del vehicle.object[semantics.INSTANCE_PROPERTY]
+        if ours is not None:
+            vehicle.object[semantics.INSTANCE_PROPERTY] = ours
+        emitters.remove()
+
+
+def _categories(things: list[bpy.types.Object]) -> dict[int, str]:
+    """COCO class of every other vehicle's id."""
+    found: dict[int, str] = {}
+    for thing in things:
+        number = thing.get(semantics.INSTANCE_PROPERTY)
+        if number is None or number == semantics.TARGET_INSTANCE:
+            continue
+        category = str(thing.get(semantics.CATEGORY_PROPERTY, ""))
+        if not 0 < number < semantics.TARGET_INSTANCE or not category or found.get(number, category) != category:
+            raise contract.RaucaError(
+                f"object {thing.name}: {semantics.INSTANCE_PROPERTY} {number} with "
+                f"{semantics.CATEGORY_PROPERTY} {category!r}; give each vehicle a number from 1 to 254 and a category"
+            )
+        found[number] = category
+    return found
+
+
+class _Emitters:
+    """Emitters of numbers, one for each kind of surface that occurs."""
+
+    def __init__(self, vehicle: SceneVehicle) -> None:
+        self._vehicle = vehicle
+        self._by_kind: dict[tuple[str, bool, bool], bpy.types.Material] = {}
+
+    @property
+    def materials(self) -> list[bpy.types.Material]:
+        return list(self._by_kind.values())
+
+    def of(self, thing: bpy.types.Object, material: bpy.types.Material | None) -> bpy.types.Material:
+        """The emitter that stands for a material on an object."""
+        ours = thing == self._vehicle.object
+        name = str(material.get(semantics.CLASS_PROPERTY, "other")) if material else "other"
+        if not ours and semantics.INSTANCE_PROPERTY in thing:
+            name = "other_vehicle"
+        kind = (name if name in semantics.CLASS_IDS else "other", ours, ours and _is_paint(self._vehicle, material))
+        if kind not in self._by_kind:
+            self._by_kind[kind] = self._emitter(*kind)
+        return self._by_kind[kind]
+
+    def _emitter(self, name: str, ours: bool, paint: bool) -> bpy.types.Material:
+        material = bpy.data.materials.new(f"rauca {name}")
+        material.cycles.emission_sampling = "NONE"
+        tree = nodes.fresh_tree(material)
+        coverage = nodes.add(tree, "ShaderNodeCombineXYZ", X=float(ours), Y=0.0)
+        tree.links.new(nodes.add(tree, "ShaderNodeCameraData").outputs["View Distance"], coverage.inputs["Z"])
+        ids = nodes.add(tree, "ShaderNodeCombineXYZ", X=float(semantics.CLASS_IDS[name]))
+        instance = tree.nodes.new("ShaderNodeAttribute")
+        instance.attribute_type, instance.attribute_name = "INSTANCER", semantics.INSTANCE_PROPERTY
+        tree.links.new(instance.outputs["Fac"], ids.inputs["Y"])
+        if paint:
+            mask = self._vehicle.paint.mask_socket(tree)
+            tree.links.new(mask, coverage.inputs["Y"])
+            tree.links.new(_class_of_paint(tree, mask), ids.inputs["X"])
+        mode = tree.nodes.new("ShaderNodeValue")
+        mode.name = MODE
+        shown = nodes.mix_colour(tree, mode.outputs[0], coverage.outputs[0], ids.outputs[0])
+        nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission", Color=shown).outputs[0])
+        return material
+
+    def remove(self) -> None:
+        for material in self.materials:
             bpy.data.materials.remove(material)
 
 
-def _is_paint(vehicle: SceneVehicle, material: bpy.types.Material) -> bool:
+def _class_of_paint(tree: bpy.types.NodeTree, mask: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """``paint`` where the mask lets the camouflage in, else ``vehicle_part``: no blend along the mask's edge."""
+    chosen = nodes.add(tree, "ShaderNodeMath")
+    chosen.operation = "GREATER_THAN"
+    tree.links.new(mask, chosen.inputs[0])
+    chosen.inputs[1].default_value = 0.5
+    part, paint = semantics.CLASS_IDS["vehicle_part"], semantics.CLASS_IDS["paint"]
+    number = nodes.add(tree, "ShaderNodeMath")
+    number.operation = "MULTIPLY_ADD"
+    tree.links.new(chosen.outputs[0], number.inputs[0])
+    number.inputs[1].default_value, number.inputs[2].default_value = float(paint - part), float(part)
+    return number.outputs[0]
+
+
+def _is_paint(vehicle: SceneVehicle, material: bpy.types.Material | None) -> bool:
     return vehicle.vehicle.materials[vehicle.materials.index(material)].kind == "paint"
-
-
-def _emitter(name: str, vehicle: float, paint: SceneVehicle | None) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    material.cycles.emission_sampling = "NONE"
-    tree = nodes.fresh_tree(material)
-    channels = nodes.add(tree, "ShaderNodeCombineXYZ", X=vehicle, Y=0.0)
-    tree.links.new(nodes.add(tree, "ShaderNodeCameraData").outputs["View Distance"], channels.inputs["Z"])
-    if paint is not None:
-        tree.links.new(paint.paint.mask_socket(tree), channels.inputs["Y"])
-    nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission", Color=channels.outputs[0]).outputs[0])
-    return material

@@ -36,15 +36,16 @@ def render_chunk(
     Raises:
         RaucaError: what only the user can mend: no space, no permission.
     """
+    tell(News("begin", chunk[0].id))
     session.enter(chunk[0].location)
-    visible = {view: session.visible(chunk[0].location, view) for view in dict.fromkeys(task.view for task in chunk)}
-    annotations = session.annotations(chunk[0].location, _announced(session, chunk, visible, tell))
+    annotations = session.annotations(chunk[0].location, _announced(chunk, tell))
     weather = None
     for task in chunk:
         if stopped():
             return
-        if task.view not in annotations:
-            tell(News("occluded", task.id, visible=round(visible[task.view], 3)))
+        annotation = annotations[task.view]
+        if annotation.visible < session.plan.min_visible:
+            tell(News("occluded", task.id, visible=round(annotation.visible, 3)))
             continue
         tell(News("begin", task.id))
         started = time.perf_counter()
@@ -53,7 +54,7 @@ def render_chunk(
                 weather = None  # until it is set: an exception on the way leaves the scene between two
                 session.set_weather(task.weather)
                 weather = task.weather
-            render_frame(session, folder, task, Sight(annotations[task.view], visible[task.view]))
+            render_frame(session, folder, task, Sight(annotation))
         except contract.RaucaError:
             raise
         except Exception as error:
@@ -63,17 +64,14 @@ def render_chunk(
             tell(News("done", task.id, seconds=round(time.perf_counter() - started, 3)))
 
 
-def _announced(
-    session: Session, chunk: Sequence[contract.PlannedFrame], visible: dict[int, float], tell: Tell
-) -> Iterator[int]:
-    """The views worth looking at; each is told as its first frame's begin, so that a crash there has a name."""
+def _announced(chunk: Sequence[contract.PlannedFrame], tell: Tell) -> Iterator[int]:
+    """The views to look at; each is told as its first frame's begin, so that a crash there has a name."""
     first: dict[int, str] = {}
     for task in chunk:
         first.setdefault(task.view, task.id)
     for view, frame_id in sorted(first.items()):
-        if visible[view] >= session.plan.min_visible:
-            tell(News("begin", frame_id))
-            yield view
+        tell(News("begin", frame_id))
+        yield view
 
 
 def _one_line(error: Exception) -> str:

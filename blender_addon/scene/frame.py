@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import colour, contract, recolour
 from .annotate import Annotation
 from .light_maps import light_maps
 from .session import Session
@@ -19,10 +19,9 @@ from .session import Session
 
 @dataclass(eq=False)
 class Sight:
-    """What a camera sees without weather: coverage and distances, and the visible share of the paint."""
+    """What a camera sees without weather."""
 
     annotation: Annotation
-    visible: float
 
 
 @dataclass(eq=False)
@@ -45,9 +44,9 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
     """
     light = render_light(session, folder, task, sight)
     light = add_weather_effects(session, task, sight, light)
-    contract.save_frame(
-        contract.frame_folder(folder, task.id), describe(session, task, sight), collect_passes(sight, light)
-    )
+    frame, passes = describe(session, task, sight), collect_passes(sight, light)
+    passes.check_linear = render_check(session, task, sight, frame.check_srgb)
+    contract.save_frame(contract.frame_folder(folder, task.id), frame, passes)
 
 
 def render_light(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> Light:
@@ -62,6 +61,18 @@ def render_light(session: Session, folder: Path, task: contract.PlannedFrame, si
     return Light(session.render(task.location, task.view, task.weather))
 
 
+def render_check(
+    session: Session, task: contract.PlannedFrame, sight: Sight, colour_srgb: recolour.Colour | None
+) -> NDArray[np.float32] | None:
+    """The frame in uniform paint for real, nothing composed or predicted: what the light maps are held against."""
+    if colour_srgb is None:
+        return None
+    red, green, blue = colour.linear_from_srgb(np.array(colour_srgb) / 255).tolist()
+    session.vehicle.paint.set_colour((red, green, blue))
+    rendered = Light(session.render(task.location, task.view, task.weather))
+    return add_weather_effects(session, task, sight, rendered).image
+
+
 def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Sight, light: Light) -> Light:
     """What is composited over the rendered light, on A and B alike so that it stays affine in the paint."""
     return light
@@ -69,7 +80,8 @@ def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Si
 
 def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> contract.Frame:
     """What ``frame.json`` says."""
-    viewpoint = session.viewpoint(task.location, task.view)
+    viewpoint, plan = session.viewpoint(task.location, task.view), session.plan
+    checked = recolour.check_colour(plan.seed, plan.recolour_share, task.id) if plan.light else None
     return contract.Frame(
         id=task.id,
         location=task.location,
@@ -81,8 +93,10 @@ def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> con
         elevation_deg=viewpoint.elevation_deg,
         distance_m=viewpoint.distance_m,
         box_xyxy=sight.annotation.box_xyxy(),
-        visible=sight.visible,
+        visible=sight.annotation.visible,
         seed=session.seed(task.location, task.view, task.weather),
+        instances=sight.annotation.others,
+        check_srgb=checked,
     )
 
 
@@ -96,4 +110,6 @@ def collect_passes(sight: Sight, light: Light) -> contract.FramePasses:
         distance=annotation.distance.astype(np.float32),
         A=light.A,
         B=light.B,
+        semantic=annotation.semantic,
+        instances=annotation.instances,
     )

@@ -7,18 +7,16 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Vector
 from numpy.typing import NDArray
 
 from ..core import contract, seeding
 from . import camera, render
-from .annotate import Annotation, annotate, geometry_only
+from .annotate import Annotation, geometry_only
 from .place import build_place
 from .ring import Viewpoint, viewpoint
 from .vehicle import SceneVehicle
+from .visibility import PaintVisibility
 from .weather import SceneWeather
-
-SIGHT_LINES = 256
 
 
 class Session:
@@ -40,7 +38,7 @@ class Session:
         self.place = build_place(self.scene, plan, blend)
         self.vehicle = SceneVehicle(self.scene, vehicle)
         self.weather = SceneWeather(self.scene, self.place.lamps)
-        self._sight_points = _points_on_paint(vehicle, seeding.named_rng(plan.seed, "sight lines"))
+        self._visibility = PaintVisibility(vehicle)
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
         """The camera of a view, jitter included."""
@@ -52,26 +50,18 @@ class Session:
         self.vehicle.place(self.place.pose(location))
         self._update()
 
-    def visible(self, location: int, view: int) -> float:
-        """Share of sight lines from the camera to points spread evenly over the paint that no other object blocks."""
-        eye = Vector(self.viewpoint(location, view).camera.position)
-        pose = self.place.pose(location)
-        points = self._sight_points @ pose[:3, :3].T + pose[:3, 3]
-        depsgraph = self._update()
-        clear = 0
-        for point in points:
-            ray = Vector(point) - eye
-            hit, _, _, _, thing, _ = self.scene.ray_cast(depsgraph, eye, ray.normalized(), distance=ray.length)
-            clear += not hit or thing.name == self.vehicle.object.name
-        return clear / len(points)
-
     def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:
-        """Coverage and distance of several views of a location."""
+        """What several views of a location see, whatever the weather."""
         result = {}
-        with geometry_only(self.scene, self.vehicle, [self.weather.fog]):
+        pose = self.place.pose(location)
+        with geometry_only(self.scene, self.vehicle, [self.weather.fog]) as geometry:
             for view in views:
-                camera.place(self.scene, self.viewpoint(location, view).camera)
-                result[view] = annotate(self.scene, seeding.named_seed(self.plan.seed, "coverage", location, view))
+                seen_by = self.viewpoint(location, view).camera
+                camera.place(self.scene, seen_by)
+                ids = geometry.ids()
+                visible = self._visibility.share(seen_by.relative_to(pose), ids.instances)
+                seed = seeding.named_seed(self.plan.seed, "coverage", location, view)
+                result[view] = geometry.annotate(ids, visible, seed)
         return result
 
     def render(self, location: int, view: int, weather: contract.Weather) -> NDArray[np.float32]:
@@ -92,14 +82,3 @@ class Session:
         layer = self.scene.view_layers[0]
         layer.update()
         return layer.depsgraph
-
-
-def _points_on_paint(vehicle: contract.Vehicle, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points (N, 3) spread evenly over the painted faces' area, vehicle frame."""
-    corners = vehicle.positions[vehicle.triangles[vehicle.paint_faces()]].astype(np.float64)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    faces = rng.choice(len(corners), SIGHT_LINES, p=areas / areas.sum())
-    a, b = rng.random((2, SIGHT_LINES, 1))
-    a, b = np.where(a + b > 1, 1 - a, a), np.where(a + b > 1, 1 - b, b)
-    chosen = corners[faces]
-    return chosen[:, 0] + a * (chosen[:, 1] - chosen[:, 0]) + b * (chosen[:, 2] - chosen[:, 0])

@@ -4,13 +4,13 @@ NumPy and the standard library only, relative imports only: the Blender add-on c
 Nobody else parses or writes these files.
 """
 
-from .annotations import Instance
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
+from .instances import Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
 from .presets import find_preset, load_weathers, preset_notes
 from .progress import Progress, parse_progress
@@ -18,7 +18,7 @@ from .quality import Quality
 from .scenery import Scenery
 from .vehicle import Material, Vehicle, load_vehicle
 from .weather import Weather
-from .work import PlannedFrame, Shard, chunks, in_rendering_order, planned_frames
+from .work import PlannedFrame, Shard, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
     "Camera",
@@ -40,6 +40,7 @@ __all__ = [
     "Vehicle",
     "Weather",
     "append_entry",
+    "cameras_of",
     "chunks",
     "claim_folder",
     "find_preset",

@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .annotations import Box, Instance
 from .camera import Camera
 from .checksums import write_sums
 from .colour import srgb_from_linear, to_bytes
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
+from .instances import Box, Instance
 from .schema import Fields, read_json
 from .semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE
 from .vehicle import load_arrays

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, load_passes, save_frame
-from rauca_core.contract.annotations import Instance, find_instances, mask_box
 from rauca_core.contract.checksums import file_digest, read_sums
 from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.instances import Instance, find_instances, mask_box
 from rauca_core.contract.recolour import TEST, TRAIN, check_colour, find_colours, hex_name, recolour
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
 from rauca_core.images import read_image
