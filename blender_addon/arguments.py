@@ -6,6 +6,10 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from .core import contract
+
+WHOLE = contract.Shard()
+
 
 def dataset_parser() -> argparse.ArgumentParser:
     """Arguments of ``make_dataset``."""
@@ -39,7 +43,19 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
+    _add_crew(add)
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    return parser
+
+
+def worker_parser() -> argparse.ArgumentParser:
+    """Arguments of the workers that ``make_dataset`` starts."""
+    parser = argparse.ArgumentParser(prog="dataset_worker", allow_abbrev=False)
+    add = parser.add_argument
+    add("--plan", type=Path, required=True, help="folder with dataset.json and vehicle/")
+    add("--out", type=Path, required=True, help="folder that frames are written to")
+    add("--threads", type=int, default=0, help="0: as many as there are cores")
+    _add_scene(add)
     return parser
 
 
@@ -78,6 +94,13 @@ def _add_vehicle(add: Callable[..., object]) -> None:
     add("--paint-material", help="name of the material to camouflage")
 
 
+def _add_crew(add: Callable[..., object]) -> None:
+    add("--workers", type=_whole, default=1, help="Blender processes at once; they share the cores")
+    add("--recycle", type=_whole, default=200, help="frames after which a worker is replaced by a fresh one")
+    add("--shard", type=_shard, default=WHOLE, help="i/n: only part i, counted from 1, of n that cover the data set")
+    add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
+
+
 def _add_scene(add: Callable[..., object]) -> None:
     add(
         "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
@@ -89,6 +112,13 @@ def _whole(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError("must be at least 1")
     return value
+
+
+def _shard(text: str) -> contract.Shard:
+    try:
+        return contract.Shard.parse(text)
+    except contract.RaucaError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _numbers(text: str) -> tuple[float, ...]:

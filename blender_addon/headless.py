@@ -17,10 +17,11 @@ from typing import NoReturn
 
 import bpy
 
-from .arguments import apply_parser, dataset_parser, render_parser
-from .core import assets, contract, files
-from .jobs.messages import News
+from .arguments import apply_parser, dataset_parser, render_parser, worker_parser
+from .core import contract, files
+from .jobs.pace import spoken
 from .scene.images import read_image_blender
+from .vehicles import find_vehicle
 
 
 def make_dataset(arguments: Sequence[str]) -> int:
@@ -38,10 +39,16 @@ def apply_camouflage(arguments: Sequence[str]) -> int:
     return _guarded(_apply_camouflage, apply_parser().parse_args(arguments))
 
 
+def work_on_dataset(arguments: Sequence[str]) -> int:
+    """Entry of a worker that :func:`make_dataset` starts; returns the exit code."""
+    return _guarded(_work_on_dataset, worker_parser().parse_args(arguments))
+
+
 def main() -> int:
     """Entry of a child process: the first argument names the job."""
     jobs = {
         "make_dataset": make_dataset,
+        "dataset_worker": work_on_dataset,
         "render_camouflages": render_camouflages,
         "apply_camouflage": apply_camouflage,
     }
@@ -57,63 +64,15 @@ def blender_arguments() -> list[str]:
 
 
 def _make_dataset(options: argparse.Namespace) -> None:
-    from .scene.dataset import render_chunk
-    from .scene.session import Session
+    from .dataset_job import make
 
-    weathers = contract.find_preset(options.weathers, assets.assets_folder() / "weathers")
-    ring = contract.Ring(
-        azimuths_deg=options.azimuths,
-        elevations_deg=options.elevations,
-        distances_m=options.distances,
-        jitter_azimuth_deg=options.jitter_azimuth,
-        jitter_elevation_deg=options.jitter_elevation,
-        jitter_distance=options.jitter_distance,
-        jitter_aim_m=options.jitter_aim,
-        jitter_roll_deg=options.jitter_roll,
-        fov_deg=options.fov,
-    )
-    vehicle = find_vehicle(options.vehicle, options.paint_mask, options.paint_material)
-    plan = contract.Plan(
-        name=options.out.name,
-        vehicle_name=vehicle.name,
-        atlas_id=vehicle.atlas_id,
-        size=options.size,
-        quality=contract.Quality(
-            options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
-        ),
-        light=options.light,
-        weathers=tuple(weathers),
-        ring=ring,
-        locations=options.locations,
-        reference_srgb=options.reference,
-        min_visible=options.min_visible,
-        seed=options.seed,
-        blender=bpy.app.version_string,
-        scenery=contract.Scenery.of_file(options.scene) if options.scene else contract.Scenery(),
-        finish=options.finish,
-        recolour_share=options.recolour_share,
-    )
-    plan.check("options")
-    session = Session(plan, vehicle, options.scene)
-    contract.claim_folder(options.out, plan)
-    if not (options.out / "vehicle" / "vehicle.json").is_file():
-        vehicle.save(options.out / "vehicle")
-    for note in vehicle.notes:
-        print(f"note: {note}", flush=True)
-    frames = contract.planned_frames(plan)
-    states = contract.frame_states(options.out)
-    report = _reporter(options.json_progress)
-    count = [len(states)]
+    make(options, _reporter(options.json_progress))
 
-    def tell(news: News) -> None:
-        if news.event in ("done", "occluded"):
-            contract.append_entry(options.out, contract.LedgerEntry(news.frame, news.event))
-            count[0] += 1
-            report(count[0], len(frames), news.frame)
 
-    files.sweep_partials(options.out / "frames")
-    for chunk in contract.chunks(plan, [f for f in frames if f.id not in states], 200):
-        render_chunk(session, options.out, chunk, tell)
+def _work_on_dataset(options: argparse.Namespace) -> None:
+    from .dataset_job import work
+
+    work(options)
 
 
 def _render_camouflages(options: argparse.Namespace) -> None:
@@ -129,7 +88,12 @@ def _render_camouflages(options: argparse.Namespace) -> None:
     samples = dataset.plan.quality.samples if options.samples is None else options.samples
     quality = replace(dataset.plan.quality, samples=samples, denoise=options.denoise)
     session = Session(replace(dataset.plan, quality=quality), vehicle, options.scene)
-    render_camouflages(session, dataset, paintworks, options.out, _reporter(options.json_progress), options.every)
+    report = _reporter(options.json_progress)
+
+    def progress(done: int, total: int, last: str) -> None:
+        report(contract.Progress(done, total, last))
+
+    render_camouflages(session, dataset, paintworks, options.out, progress, options.every)
 
 
 def _apply_camouflage(options: argparse.Namespace) -> None:
@@ -142,31 +106,14 @@ def _apply_camouflage(options: argparse.Namespace) -> None:
     )
 
 
-def find_vehicle(name_or_path: str, paint_mask: Path | None, paint_material: str | None) -> contract.Vehicle:
-    """A shipped vehicle by name, or any vehicle file."""
-    shipped = assets.assets_folder() / "vehicles"
-    known = sorted(p.parent.name for p in shipped.glob("*/vehicle.json"))
-    if name_or_path in known:
-        if paint_mask or paint_material:
-            raise contract.RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
-        return contract.load_vehicle(shipped / name_or_path, read_image_blender)
-    path = Path(name_or_path)
-    if not path.exists():
-        raise contract.RaucaError(
-            f"{path}: no such vehicle; give an .obj, .glb or .blend file, or one of {', '.join(known)}"
-        )
-    from .scene.vehicle_import import import_vehicle
-
-    return import_vehicle(path, paint_mask, paint_material)
-
-
 def _guarded(job: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> int:
     """Run a job; a :class:`RaucaError` or an interruption becomes one line on standard error and exit code 2."""
 
     def interrupt(number: int, stack: FrameType | None) -> NoReturn:
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGTERM, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):  # in Blender, Ctrl-C is Blender's own until it is taken over
+        signal.signal(number, interrupt)
     try:
         with files.disk_errors(getattr(options, "out", Path())):
             job(options)
@@ -176,15 +123,18 @@ def _guarded(job: Callable[[argparse.Namespace], None], options: argparse.Namesp
     except KeyboardInterrupt:
         print("interrupted: finished frames are kept; run the same command to go on", file=sys.stderr, flush=True)
         return 2
+    except BrokenPipeError:
+        return 2  # who started us is gone, and nobody is left to be told
     return 0
 
 
-def _reporter(as_json: bool) -> Callable[[int, int, str], None]:
-    def report(done: int, total: int, last: str) -> None:
+def _reporter(as_json: bool) -> Callable[[contract.Progress], None]:
+    def report(progress: contract.Progress) -> None:
         if as_json:
-            print(contract.Progress(done, total, last).line(), flush=True)
+            print(progress.line(), flush=True)
         else:
-            print(f"[{done}/{total}] {last}", flush=True)
+            left = "" if progress.left_s is None else f", about {spoken(progress.left_s)} left"
+            print(f"[{progress.done}/{progress.total}] {progress.last}{left}", flush=True)
 
     return report
 

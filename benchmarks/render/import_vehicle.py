@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from blender_addon.core import contract
-from blender_addon.headless import find_vehicle
+from blender_addon.vehicles import find_vehicle
 
 if __name__ == "__main__":
     name, mask, material, out = sys.argv[1:]

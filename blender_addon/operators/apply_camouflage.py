@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..core import contract
-from ..headless import find_vehicle
+from ..vehicles import find_vehicle
 from ..scene.apply import apply_camouflage
 
 

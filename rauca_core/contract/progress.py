@@ -10,11 +10,12 @@ _MARK = "rauca-progress "
 
 @dataclass(frozen=True)
 class Progress:
-    """``done`` of ``total`` items; ``last`` names the newest."""
+    """``done`` of ``total`` items; ``last`` names the newest, ``left_s`` estimates the seconds left, if known."""
 
     done: int
     total: int
     last: str
+    left_s: float | None = None
 
     def line(self) -> str:
         """The line to print."""

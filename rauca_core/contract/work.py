@@ -62,15 +62,18 @@ class Shard:
 WHOLE = Shard()
 
 
-def planned_frames(plan: Plan, shard: Shard = WHOLE) -> list[PlannedFrame]:
-    """The frames of a shard, in the plan's order.
+def cameras_of(plan: Plan, shard: Shard) -> tuple[int, int]:
+    """First and one past the last of a shard's cameras; camera ``location * views + view``.
 
-    The cameras, location after location, are cut into ``count`` runs whose lengths differ by at most one: a shard
-    visits few locations, and every split of a plan gives the same frames.
+    The cameras are cut into ``count`` runs whose lengths differ by at most one, so a shard visits few locations.
     """
-    views = len(plan.ring)
-    cameras = plan.locations * views
-    first, end = ((shard.index - 1 + i) * cameras // shard.count for i in (0, 1))
+    cameras = plan.locations * len(plan.ring)
+    return (shard.index - 1) * cameras // shard.count, shard.index * cameras // shard.count
+
+
+def planned_frames(plan: Plan, shard: Shard = WHOLE) -> list[PlannedFrame]:
+    """The frames of a shard, in the plan's order; the shards of any split together are the plan."""
+    views, (first, end) = len(plan.ring), cameras_of(plan, shard)
     frames = (PlannedFrame(*frame) for frame in plan.frame_ids())
     return [frame for frame in frames if first <= frame.location * views + frame.view < end]
 
