@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..core import colour, contract
 from . import nodes
 from .finish import finish_of
+from .wetness import wet
 
 UV_LAYER = "rauca"
 
@@ -91,11 +92,12 @@ def paint_material(spec: contract.Material, paint: Paint, finish: str = "own") -
     tree = nodes.fresh_tree(material)
     unpainted = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
     surface = finish_of(spec, finish)
+    base, roughness = wet(tree, paint.connect(tree, unpainted), surface.roughness, porosity=0.0)
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",
-        Base_Color=paint.connect(tree, unpainted),
-        Roughness=surface.roughness,
+        Base_Color=base,
+        Roughness=roughness,
         Metallic=0.0,  # a metallic base tints its highlights: radiance would no longer be affine in the colour
         Specular_IOR_Level=surface.specular,
         Coat_Weight=surface.coat,

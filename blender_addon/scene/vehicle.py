@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..core import contract
 from . import nodes
 from .paint import UV_LAYER, Paint, paint_material
+from .wetness import wet
 
 SEMANTIC_CLASSES = {"paint": "paint", "glass": "glass", "tyre": "tyre"}  # by kind; every other kind is vehicle_part
 LAMP_RADIANCE = {"headlamp": 12.0, "taillamp": 2.5}  # lit at night, relative to a sunlit white surface
@@ -79,11 +80,12 @@ def _plain_material(spec: contract.Material, paint: Paint) -> bpy.types.Material
     material = bpy.data.materials.new(f"rauca {spec.name}")
     tree = nodes.fresh_tree(material)
     colour = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
+    base, roughness = wet(tree, colour, spec.roughness, porosity=0.0)
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",
-        Base_Color=colour,
-        Roughness=spec.roughness,
+        Base_Color=base,
+        Roughness=roughness,
         Metallic=spec.metallic,
         Coat_Weight=spec.coat,
         Emission_Color=(*spec.base_color, 1.0),
