@@ -50,7 +50,7 @@ class Annotation:
     others: tuple[contract.Instance, ...]
     visible: float
 
-    def box_xyxy(self) -> instances.Box | None:
+    def box_xyxy(self) -> contract.Box | None:
         """The tight box of pixels at least half covered by the vehicle; None when fewer than 16 are."""
         return instances.mask_box(self.vehicle >= 128)
 

@@ -48,7 +48,7 @@ def exchanged_materials(things: list[bpy.types.Object], choose: Choice) -> Itera
         for _, slot, material in slots:
             slot.material = material
         for data in set(bare):
-            data.materials.pop()
+            data.materials.clear()  # pop would leave the objects their slot
 
 
 def _only_volume(material: bpy.types.Material) -> bool:

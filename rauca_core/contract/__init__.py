@@ -10,7 +10,7 @@ from .carla import weather_from_carla
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
-from .instances import Instance
+from .instances import Box, Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
 from .presets import find_preset, load_weathers, preset_notes
 from .progress import Progress, parse_progress
@@ -21,6 +21,7 @@ from .weather import Weather
 from .work import PlannedFrame, Shard, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
+    "Box",
     "Camera",
     "Camouflage",
     "Dataset",

@@ -97,17 +97,6 @@ def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
     assert np.abs(difference).max() <= 1
 
 
-def test_sight_lines_notice_what_stands_in_the_way(session, bpy_module):
-    assert session.visible(0, 0) == 1.0
-    pose = session.place.pose(0)
-    eye = session.viewpoint(0, 0).camera.position
-    middle = (eye + pose[:3, 3]) / 2
-    bpy_module.ops.mesh.primitive_cube_add(size=3.0, location=tuple(middle))
-    wall = bpy_module.context.object
-    session.scene.collection.objects.link(wall)
-    assert session.visible(0, 0) < 0.2
-
-
 @pytest.mark.parametrize("altitude", [0, 5, 10, 30, 45, 90])
 def test_exposure_puts_a_grey_card_in_the_middle(bpy_module, altitude):
     from blender_addon.scene import camera, nodes, render

@@ -1,0 +1,123 @@
+"""Ids and the visible share of the paint: exact numbers, from geometry alone."""
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.contract.semantics import CLASS_IDS
+
+
+def add_cube(session, bpy_module, location, size, **properties):
+    mesh = bpy_module.data.meshes.new("cube")
+    half = size / 2
+    corners = [(x, y, z) for z in (-half, half) for y in (-half, half) for x in (-half, half)]
+    mesh.from_pydata(corners, [], [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
+    thing = bpy_module.data.objects.new("cube", mesh)
+    thing.location = tuple(location)
+    for name, value in properties.items():
+        thing[name] = value
+    session.scene.collection.objects.link(thing)
+    return thing
+
+
+def beside(session, sideways_m, towards_camera):
+    """A point off the line from the vehicle to the camera of view 0; 0 is at the vehicle, 1 at the camera."""
+    centre = session.place.pose(0)[:3, 3] + [0, 0, 0.75]
+    eye = session.viewpoint(0, 0).camera.position
+    right = session.viewpoint(0, 0).camera.R[0]
+    return centre + (eye - centre) * towards_camera + right * sideways_m
+
+
+def test_ids_are_whole_and_agree_with_coverage(session):
+    seen = session.annotations(0, [0])[0]
+    ours = np.isin(seen.semantic, [CLASS_IDS["paint"], CLASS_IDS["vehicle_part"]])
+    assert np.array_equal(ours, seen.instances == 255)
+    inside, outside = seen.vehicle == 255, seen.vehicle == 0
+    assert ours[inside].all()
+    assert not ours[outside].any()
+    assert (seen.semantic[seen.paint == 255] == CLASS_IDS["paint"]).all()
+    assert (seen.semantic[inside & (seen.paint == 0)] == CLASS_IDS["vehicle_part"]).all()
+    assert (
+        np.array_equal(seen.semantic == CLASS_IDS["sky"], np.isinf(seen.distance))
+        or ((seen.semantic == CLASS_IDS["sky"]) != np.isinf(seen.distance)).mean() < 0.01
+    )  # they differ on edges only: one is a sample, the other half of an area
+    assert seen.others == ()
+
+
+def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(session, bpy_module):
+    add_cube(session, bpy_module, beside(session, -3.0, 0.2), 1.5, rauca_instance=7, rauca_category="truck")
+    post = add_cube(session, bpy_module, beside(session, 2.6, 0.2), 0.8)
+    material = bpy_module.data.materials.new("post")
+    material["rauca_class"] = "pole"
+    post.data.materials.append(material)
+    seen = session.annotations(0, [0])[0]
+    truck = seen.instances == 7
+    (found,) = seen.others
+    assert (found.id, found.category, found.pixels) == (7, "truck", truck.sum())
+    rows, columns = np.nonzero(truck)
+    assert found.box_xyxy == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    assert (seen.semantic[truck] == CLASS_IDS["other_vehicle"]).all()
+    assert (seen.semantic == CLASS_IDS["pole"]).sum() > 20
+    assert set(np.unique(seen.instances)) == {0, 7, 255}
+    assert post.material_slots[0].material == material
+    assert len(session.scene.objects["cube"].material_slots) == 0  # the bare cube is bare again
+
+
+@pytest.mark.parametrize("properties", [{"rauca_instance": 300, "rauca_category": "bus"}, {"rauca_instance": 3}])
+def test_a_vehicle_without_number_or_category_is_refused_by_name(session, bpy_module, properties):
+    add_cube(session, bpy_module, (0, 0, 9), 1.0, **properties)
+    with pytest.raises(RaucaError, match=r"object cube: rauca_instance \d+ .*1 to 254"):
+        session.annotations(0, [0])
+
+
+def test_the_visible_share_is_pixels_seen_over_pixels_expected(session, bpy_module):
+    alone = session.annotations(0, [0])[0]
+    assert alone.visible == 1.0
+    wall = add_cube(session, bpy_module, beside(session, 0.9, 0.5), 1.0)
+    hidden = session.annotations(0, [0])[0]
+    paint = CLASS_IDS["paint"]
+    counted = (hidden.semantic == paint).sum() / (alone.semantic == paint).sum()
+    assert 0.2 < counted < 0.8
+    assert hidden.visible == pytest.approx(counted, abs=0.02)
+    wall.scale = (4, 4, 4)
+    assert session.annotations(0, [0])[0].visible < 0.05
+
+
+def test_a_container_of_fog_hides_nothing(session, bpy_module):
+    from blender_addon.scene import nodes
+
+    before = session.annotations(0, [0])[0]
+    haze = add_cube(session, bpy_module, beside(session, 0.0, 0.5), 3.0)
+    material = bpy_module.data.materials.new("haze")
+    tree = nodes.fresh_tree(material)
+    nodes.output(tree, Volume=nodes.add(tree, "ShaderNodeVolumeScatter").outputs[0])
+    haze.data.materials.append(material)
+    after = session.annotations(0, [0])[0]
+    assert np.array_equal(after.semantic, before.semantic)
+    assert np.array_equal(after.paint, before.paint)
+    assert after.visible == 1.0
+    assert not haze.hide_render
+
+
+def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, tmp_path):
+    from dataclasses import replace
+
+    from blender_addon.scene.frame import Sight, render_frame
+    from rauca_core.contract import PlannedFrame, load_frame, load_passes
+    from rauca_core.contract.colour import srgb_from_linear
+    from rauca_core.contract.recolour import TEST, recolour
+    from rauca_core.images import read_image
+
+    session.plan = replace(session.plan, recolour_share=1.0)
+    task = PlannedFrame(*session.plan.frame_ids()[0])
+    sight = Sight(session.annotations(0, [0])[0])
+    render_frame(session, tmp_path, task, sight)
+    folder = tmp_path / "frames" / task.id
+    frame, maps = load_frame(folder), load_passes(folder)
+    assert frame.check_srgb in TEST
+    painted = sight.annotation.paint == 255
+    predicted = srgb_from_linear(recolour(maps["A"], maps["B"], frame.check_srgb))[painted]
+    real = read_image(folder / "check.png")[painted] / 255
+    assert -10 * np.log10(np.mean((predicted - real) ** 2)) > 34
+    reference = read_image(folder / "image.png")[painted] / 255
+    assert np.mean((reference - real) ** 2) > 20 * np.mean((predicted - real) ** 2)  # it is another colour
