@@ -1,10 +1,27 @@
 """The light of a frame: how much of it reaches the paint and comes back (A), and everything else (B).
 
-Linear radiance of a frame is ``A * x + B`` for a paint of albedo x. `exact.py` reads A and B from a frame that Blender
-rendered. The environment feature extractor (the paper's EFE, a U-Net) will predict the same two maps from the reference
-image alone, for frames that have no light maps: photographs and other simulators.
+Linear radiance of a frame is ``A * x + B`` for a paint of albedo x. `exact` reads A and B from a frame that Blender
+rendered. An environment feature extractor (the paper's EFE) predicts the same two maps from the reference image alone,
+for frames that have no light maps: photographs and other simulators. `extractor` is ours, `published` the paper's.
 """
 
+from .estimate import estimate, estimate_image
 from .exact import Light, load_exact
+from .extractor import LightSplitter
+from .published import PublishedEfe
+from .settings import TrainingSettings, make_training_settings
+from .weights import ModelCard, load_extractor, save_extractor
 
-__all__ = ["Light", "load_exact"]
+__all__ = [
+    "Light",
+    "LightSplitter",
+    "ModelCard",
+    "PublishedEfe",
+    "TrainingSettings",
+    "estimate",
+    "estimate_image",
+    "load_exact",
+    "load_extractor",
+    "make_training_settings",
+    "save_extractor",
+]

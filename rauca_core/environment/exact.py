@@ -23,16 +23,21 @@ class Light:
     B: NDArray[np.float32]
 
 
+def require_light(dataset: Dataset) -> None:
+    """Raise :class:`RaucaError` when a data set was made without light maps."""
+    if not dataset.plan.light:
+        raise RaucaError(
+            f"{dataset.folder}: made without light maps, to evaluate on; make a data set with light to optimise on"
+        )
+
+
 def load_exact(dataset: Dataset, frame_id: str) -> Light:
     """Read a frame's light maps.
 
     Raises:
         RaucaError: the data set was made without light maps, or the frame's are missing, damaged or not finite.
     """
-    if not dataset.plan.light:
-        raise RaucaError(
-            f"{dataset.folder}: made without light maps, to evaluate on; make a data set with light to optimise on"
-        )
+    require_light(dataset)
     folder = dataset.frame_folder(frame_id)
     arrays = load_passes(folder, ("A", "B"))
     size = (dataset.plan.size, dataset.plan.size, 3)

@@ -64,7 +64,13 @@ def tone(linear: Tensor) -> Tensor:
     return torch.where(x <= knee, 12.92 * x, curve) + slope_at_one * (x - 1).clamp(min=0.0)
 
 
-def light_loss(predicted: tuple[Tensor, Tensor], exact: tuple[Tensor, Tensor], albedo: Tensor, mask: Tensor) -> Tensor:
+def light_loss(
+    predicted: tuple[Tensor, Tensor],
+    exact: tuple[Tensor, Tensor],
+    albedo: Tensor,
+    mask: Tensor,
+    weighted: bool = True,
+) -> Tensor:
     """How far predicted light maps are from the exact ones, as seen on paints of given colours.
 
     One inference serves every colour: the maps are compared through what a detector would see, ``tone(A * x + B)``, for
@@ -73,11 +79,12 @@ def light_loss(predicted: tuple[Tensor, Tensor], exact: tuple[Tensor, Tensor], a
     Args:
         predicted, exact: A and B, (B, 3, H, W) linear.
         albedo: (C, B, 3, 1, 1) or (C, B, 3, H, W) linear albedo in [0, 1] of C paints.
-        mask: (B, 1, H, W) coverage of the paint; each frame counts by its mean over it, so W of Eq. 5 is built in.
+        mask: (B, 1, H, W) coverage of the paint; with W each frame counts by its mean over the paint.
+        weighted: leave W of Eq. 5 out for the ablation: frames then count by the paint's area.
     """
     A, B = predicted
     A_exact, B_exact = exact
     seen, truth = tone(albedo * A + B), tone(albedo * A_exact + B_exact)
     error = torch.nn.functional.huber_loss(seen, truth.clamp(max=1.5), reduction="none", delta=0.1)
-    weight = vehicle_weight(mask)[:, None, None, None] * mask
+    weight = vehicle_weight(mask)[:, None, None, None] * mask if weighted else mask
     return (error * weight).mean()

@@ -1,0 +1,81 @@
+"""Several processes on one training, as ``torchrun`` starts them; without it, one process and nothing to do."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import torch
+import torch.distributed as dist
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Team:
+    """The processes of a run.
+
+    Attributes:
+        rank: this process's number; 0 writes files.
+        size: how many there are.
+        device: this process's own.
+    """
+
+    rank: int
+    size: int
+    device: torch.device
+
+    @property
+    def leads(self) -> bool:
+        return self.rank == 0
+
+    def share(self, items: Sequence[T]) -> list[T]:
+        """This process's part of a batch."""
+        return list(items[self.rank :: self.size])
+
+    def wrap(self, net: nn.Module) -> nn.Module:
+        """The network as the team trains it: gradients are averaged over the processes at every backward."""
+        if self.size == 1:
+            return net
+        # Buffers are the running statistics of batch normalisation: each process keeps its own, process 0's are saved.
+        return DistributedDataParallel(net, broadcast_buffers=False)
+
+    def any(self, flag: bool) -> bool:
+        """Whether any process says so; every process must ask."""
+        if self.size == 1:
+            return flag
+        votes = torch.tensor(int(flag), device=self.device)
+        dist.all_reduce(votes, dist.ReduceOp.MAX)
+        return bool(votes.item())
+
+    def broadcast(self, values: list[float]) -> list[float]:
+        """Process 0's numbers, in every process; all give as many."""
+        if self.size == 1:
+            return values
+        tensor = torch.tensor(values, dtype=torch.float64, device=self.device)
+        dist.broadcast(tensor, 0)
+        return [float(v) for v in tensor.tolist()]
+
+
+@contextlib.contextmanager
+def team() -> Iterator[Team]:
+    """Join the processes that ``torchrun`` started, by gloo on CPUs and NCCL on GPUs; leaves them at the end."""
+    size = int(os.environ.get("WORLD_SIZE", "1"))
+    gpu = torch.cuda.is_available()
+    local = int(os.environ.get("LOCAL_RANK", "0"))
+    device = torch.device("cuda", local % max(torch.cuda.device_count(), 1)) if gpu else torch.device("cpu")
+    if size == 1:
+        yield Team(0, 1, device)
+        return
+    if gpu:
+        torch.cuda.set_device(device)
+    dist.init_process_group("nccl" if gpu else "gloo")
+    try:
+        yield Team(dist.get_rank(), size, device)
+    finally:
+        dist.destroy_process_group()

@@ -1,0 +1,183 @@
+"""Frames to learn light from: the image, the masks and the exact maps, of one or several data sets."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..contract import Dataset, Frame, RaucaError, Vehicle, load_vehicle
+from ..contract.colour import linear_from_srgb
+from ..contract.seeding import named_rng
+from ..images import read_image
+from .exact import load_exact, require_light
+from .shading import PlainShading, plain_shading
+
+SplitBy = Literal["location", "view"]
+
+
+@dataclass(frozen=True, eq=False)
+class LightFrame:
+    """One frame, small in memory: 17 bytes per pixel.
+
+    Attributes:
+        name: the frame's folder, for messages.
+        weather, distance_m: of the frame.
+        image: (3, H, W) uint8 sRGB, in the reference paint.
+        paint, vehicle: (1, H, W) uint8 coverage.
+        A, B: (3, H, W) float16 linear, exact.
+        reference: (3,) float32 linear albedo of the reference paint.
+    """
+
+    name: str
+    weather: str
+    distance_m: float
+    image: Tensor
+    paint: Tensor
+    vehicle: Tensor
+    A: Tensor
+    B: Tensor
+    reference: Tensor
+
+    @property
+    def nbytes(self) -> int:
+        return sum(t.nbytes for t in (self.image, self.paint, self.vehicle, self.A, self.B))
+
+
+class Place(NamedTuple):
+    """Where a frame comes from: which data set, and its metadata."""
+
+    dataset: int
+    frame: Frame
+
+
+class LightFrames:
+    """The frames of data sets that show the vehicle; read on first use and kept while memory lasts.
+
+    Args:
+        folders: data sets with light maps, frames of one size.
+        memory_mb: of frames kept in memory, MiB.
+
+    Raises:
+        RaucaError: a data set made without light, without frames, or of another image size.
+    """
+
+    def __init__(self, folders: Sequence[Path], memory_mb: int = 2048) -> None:
+        if not folders:
+            raise RaucaError("data sets: none given; make one with `rauca dataset make`")
+        self.datasets = [Dataset(folder) for folder in folders]
+        self.size = self.datasets[0].plan.size
+        self.places: list[Place] = []
+        for number, dataset in enumerate(self.datasets):
+            require_light(dataset)
+            if dataset.plan.size != self.size:
+                raise RaucaError(
+                    f"{dataset.folder}: frames of {dataset.plan.size} pixels, those of {self.datasets[0].folder} have "
+                    f"{self.size}; make them with one --size"
+                )
+            found = [Place(number, f) for f in dataset.frames() if f.box_xyxy is not None]
+            if not found:
+                raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
+            self.places += found
+        self._budget = memory_mb * 2**20
+        self._frames: OrderedDict[int, LightFrame] = OrderedDict()
+        self._shadings: OrderedDict[tuple[int, bytes], PlainShading] = OrderedDict()
+        self._vehicles: dict[int, Vehicle] = {}
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def get(self, index: int) -> LightFrame:
+        """The frame at ``index``, from memory or from disk; raises :class:`RaucaError` naming a damaged file."""
+        frame = self._frames.pop(index, None) or self._read(self.places[index])
+        self._frames[index] = frame
+        while sum(f.nbytes for f in self._frames.values()) > self._budget and len(self._frames) > 1:
+            self._frames.popitem(last=False)
+        return frame
+
+    def vehicle(self, index: int) -> Vehicle:
+        """The vehicle in the frame at ``index``."""
+        number = self.places[index].dataset
+        if number not in self._vehicles:
+            self._vehicles[number] = load_vehicle(self.datasets[number].vehicle_folder, read_image)
+        return self._vehicles[number]
+
+    def render_plain(self, index: int) -> PlainShading:
+        """Rasterise and shade the frame's view, anew at every call."""
+        return plain_shading(self.vehicle(index), self.places[index].frame.camera_in_vehicle)
+
+    def plain(self, index: int) -> PlainShading:
+        """The same, kept per camera: weathers and locations share it."""
+        place = self.places[index]
+        camera = place.frame.camera_in_vehicle
+        pose = np.round(np.concatenate([camera.R, camera.t.reshape(3, 1)], 1), 9) + 0.0
+        key = place.dataset, pose.tobytes() + camera.K.tobytes()
+        found = self._shadings.pop(key, None) or self.render_plain(index)
+        self._shadings[key] = found
+        per_view = 5 * 4 * self.size**2
+        while len(self._shadings) * per_view > self._budget and len(self._shadings) > 1:
+            self._shadings.popitem(last=False)
+        return found
+
+    def split(self, by: SplitBy, share: float = 0.25, seed: int = 0) -> tuple[list[int], list[int]]:
+        """Frames to train on and frames to test on, as indices.
+
+        Whole locations, or whole views of the camera ring, are held out of every data set: ``share`` of them, at least
+        one, drawn by ``seed``. Weathers are on both sides.
+
+        Raises:
+            RaucaError: a data set has a single location or view.
+        """
+        train: list[int] = []
+        test: list[int] = []
+        for number, dataset in enumerate(self.datasets):
+            members = [i for i, place in enumerate(self.places) if place.dataset == number]
+            names = sorted({self._name(i, by) for i in members})
+            if len(names) < 2:
+                raise RaucaError(f"{dataset.folder}: has one {by}, none can be held out to test; choose another split")
+            order = named_rng(seed, "split", by, dataset.folder.name).permutation(len(names))
+            held_out = {names[k] for k in order[: max(1, round(share * len(names)))]} - {names[order[-1]]}
+            for i in members:
+                (test if self._name(i, by) in held_out else train).append(i)
+        return train, test
+
+    @cached_property
+    def digest(self) -> str:
+        """Names the data: plans and lists of frames."""
+        plans = [dataset.plan.to_json() for dataset in self.datasets]
+        text = json.dumps([plans, [(p.dataset, p.frame.id) for p in self.places]], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def _name(self, index: int, by: SplitBy) -> int:
+        frame = self.places[index].frame
+        return frame.location if by == "location" else frame.view
+
+    def _read(self, place: Place) -> LightFrame:
+        dataset, frame = self.datasets[place.dataset], place.frame
+        folder, light = dataset.frame_folder(frame.id), load_exact(dataset, frame.id)
+        image = read_picture(folder / "image.png", self.size)
+        paint, vehicle = (read_picture(folder / f"{name}.png", self.size, grey=True) for name in ("paint", "vehicle"))
+        A, B = (torch.from_numpy(m.transpose(2, 0, 1).astype(np.float16)) for m in (light.A, light.B))
+        reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+        named = str(folder), frame.weather.name, frame.distance_m
+        return LightFrame(*named, image, paint, vehicle, A, B, torch.from_numpy(reference))
+
+
+def read_picture(path: Path, size: int, grey: bool = False) -> Tensor:
+    """An image of ``size`` x ``size`` pixels as uint8 (3, H, W), or (1, H, W) if grey."""
+    pixels: NDArray[np.uint8] = read_image(path)
+    wanted = (size, size) if grey else (size, size, 3)
+    if pixels.shape != wanted:
+        raise RaucaError(f"{path}: has shape {pixels.shape}, expected {wanted}; remove the frame and render it again")
+    planes = pixels[None] if grey else pixels.transpose(2, 0, 1)
+    return torch.from_numpy(planes.copy())

@@ -1,0 +1,65 @@
+"""Every way to light a vehicle, behind one call: what a frame looks like in any paint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from ..render import display, undisplay
+from .affine_transfer import transfer_light
+from .batches import collate
+from .extractor import LightSplitter
+from .frames import LightFrame
+from .published import PublishedEfe, fuse_published
+from .shading import PlainShading
+
+Render = Callable[[Tensor], Tensor]
+"""Linear albedo (C, 3, 1, 1) or (C, 3, H, W) -> the frame in C paints, (C, 3, H, W) sRGB, float32."""
+
+
+def affine_render(A: Tensor, B: Tensor) -> Render:
+    """Light maps (3, H, W) as a :data:`Render`: display(A * x + B)."""
+    return lambda albedo: display(A * albedo + B)
+
+
+def exact_render(frame: LightFrame) -> Render:
+    """The maps that Blender rendered: the truth of every other method, but for what is not affine."""
+    return affine_render(frame.A.float(), frame.B.float())
+
+
+def transfer_render(frame: LightFrame) -> Render:
+    """Colour transfer without training; see `affine_transfer`."""
+    image = undisplay(frame.image.float() / 255)
+    return affine_render(*transfer_light(image, frame.paint.float() / 255, frame.reference))
+
+
+def splitter_render(net: LightSplitter, frame: LightFrame) -> Render:
+    """Our extractor, one inference for all paints."""
+    device = next(net.parameters()).device
+    batch = collate([frame]).to(device)
+    with torch.no_grad():
+        A, B = net(batch.image, batch.paint, batch.reference)
+    return affine_render(A[0].cpu(), B[0].cpu())
+
+
+def plain_render(frame: LightFrame, plain: PlainShading) -> Render:
+    """No environment: Neural Renderer's shading, on the frame's own background."""
+    background = frame.image.float() / 255 * (1 - plain.coverage)
+    return lambda albedo: plain.x_nr(display(albedo)) + background
+
+
+def published_render(net: PublishedEfe, frame: LightFrame, plain: PlainShading) -> Render:
+    """The published extractor, one inference for all paints; the vehicle is put back on the frame's background."""
+    device = next(net.parameters()).device
+    image, vehicle = frame.image.float() / 255, frame.vehicle.float() / 255
+    with torch.no_grad():
+        A, B = (m[0].cpu() for m in net((image * vehicle)[None].to(device)))
+
+    def render(albedo: Tensor) -> Tensor:
+        # The network is taught images with a black background, so its own are dark by coverage already.
+        fused = fuse_published(plain.x_nr(display(albedo)), A, B) * (vehicle > 0)
+        return (fused + image * (1 - vehicle)).clamp(max=1.0)
+
+    return render

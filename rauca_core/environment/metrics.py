@@ -1,0 +1,94 @@
+"""How far a lit vehicle is from the truth, on the paint's pixels, in sRGB values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..contract.colour import linear_from_srgb
+from ..contract.recolour import Colour
+from .frames import LightFrame, LightFrames
+from .losses import EPSILON
+from .methods import Render, exact_render
+
+LEAST_MSE = 1e-10  # 100 dB: what float32 can tell apart
+
+
+@dataclass(frozen=True)
+class Error:
+    """Sums over the values (pixels times channels) of paint; an error of 1 is the display's whole range.
+
+    Attributes:
+        values: how many.
+        squared, absolute, entropy: sums of (p - q)^2, |p - q| and the binary cross-entropy of Eq. 5, unweighted.
+    """
+
+    values: int = 0
+    squared: float = 0.0
+    absolute: float = 0.0
+    entropy: float = 0.0
+
+    @staticmethod
+    def between(seen: Tensor, truth: Tensor, paint: Tensor) -> Error:
+        """Images (C, 3, H, W) sRGB on the pixels where ``paint`` (1, H, W) is above 0."""
+        inside = paint[0] > 0
+        p, q = seen[..., inside].double(), truth[..., inside].double()
+        squeezed = EPSILON + (1 - 2 * EPSILON) * p
+        entropy = -(q * squeezed.log() + (1 - q) * (1 - squeezed).log())
+        return Error(p.numel(), float((p - q).square().sum()), float((p - q).abs().sum()), float(entropy.sum()))
+
+    def __add__(self, other: Error) -> Error:
+        mine, theirs = vars(self), vars(other)
+        return Error(**{name: mine[name] + theirs[name] for name in mine})
+
+    @property
+    def mse(self) -> float:
+        return self.squared / max(self.values, 1)
+
+    @property
+    def mae(self) -> float:
+        return self.absolute / max(self.values, 1)
+
+    @property
+    def bce(self) -> float:
+        return self.entropy / max(self.values, 1)
+
+    @property
+    def psnr_db(self) -> float:
+        return -10 * math.log10(max(self.mse, LEAST_MSE))
+
+    def to_json(self) -> dict[str, float]:
+        """Rounded to what a reader can use; ``psnr_db`` is that of the mean squared error."""
+        named = {"psnr_db": self.psnr_db, "mse": self.mse, "mae": self.mae, "bce": self.bce}
+        return {name: float(f"{value:.5g}") for name, value in named.items()}
+
+
+def total(errors: Iterable[Error]) -> Error:
+    """The error over all values of several."""
+    return sum(errors, Error())
+
+
+def albedos(colours: Sequence[Colour]) -> Tensor:
+    """8-bit sRGB colours as linear albedo (C, 3, 1, 1)."""
+    return torch.from_numpy(linear_from_srgb(np.array(colours) / 255.0))[:, :, None, None]
+
+
+def measure(
+    frames: LightFrames,
+    indices: Sequence[int],
+    render_of: Callable[[int, LightFrame], Render],
+    colours: Sequence[Colour],
+) -> dict[str, Error]:
+    """Errors in solid colours against the exact maps, per weather; frames without paint count for nothing."""
+    found: dict[str, Error] = {}
+    paints = albedos(colours)
+    for index in indices:
+        frame = frames.get(index)
+        error = Error.between(render_of(index, frame)(paints), exact_render(frame)(paints), frame.paint)
+        found[frame.weather] = found.get(frame.weather, Error()) + error
+    return found

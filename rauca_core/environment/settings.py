@@ -1,0 +1,78 @@
+"""What a user may choose about the training of an extractor."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ..contract import RaucaError
+
+
+class TrainingSettings(BaseModel):
+    """Settings of :func:`training.train`.
+
+    Attributes:
+        method: our extractor; or the published one by its first, ``published-base``, or its last, ``published-final``,
+            training loop.
+        epochs: at most.
+        batch: frames per step, over all processes.
+        lr: of the optimiser; Adam 0.01 as published, AdamW for ours.
+        weight_decay: of AdamW.
+        schedule: ``cosine`` down to 0 over ``epochs`` with a warm-up of 5 %, or ``constant``.
+        clip: largest norm of the gradient; 0 leaves it alone.
+        loss: of the published extractor: ``bce``, Eq. 5, or ``mse``, the published code's.
+        weighted: W of Eq. 5; without it every frame counts by its vehicle's area.
+        colours: albedos that one inference of ours is compared in.
+        crop: train on random squares of this side, pixels; 0 on whole frames.
+        augment: show our extractor the frames in other light and reference paint as well.
+        split, test_share: how frames are held out to test on, see ``LightFrames.split``.
+        precision: ``auto`` is bfloat16 where a GPU has it, else float32.
+        stop_early: end by the paper's criterion, see `convergence`.
+        seed: names every random stream.
+        threads: of torch on the CPU; None leaves torch's own choice.
+        memory_mb: of frames kept in memory, MiB.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    method: Literal["ours", "published-base", "published-final"] = "ours"
+    epochs: int = Field(40, ge=1)
+    batch: int = Field(4, ge=1, le=1024)
+    lr: float = Field(2e-3, gt=0, le=1)
+    weight_decay: float = Field(1e-4, ge=0)
+    schedule: Literal["cosine", "constant"] = "cosine"
+    clip: float = Field(1.0, ge=0)
+    loss: Literal["bce", "mse"] = "bce"
+    weighted: bool = True
+    colours: int = Field(6, ge=1, le=64)
+    crop: int = Field(0, ge=0)
+    augment: bool = True
+    split: Literal["location", "view"] = "location"
+    test_share: float = Field(0.25, gt=0, lt=1)
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    stop_early: bool = True
+    seed: int = Field(0, ge=0)
+    threads: int | None = Field(None, ge=1)
+    memory_mb: int = Field(2048, ge=64)
+
+    def identity(self) -> dict[str, Any]:
+        """The settings that a resumed run must share to end as one that never stopped."""
+        free = {"stop_early", "threads", "memory_mb"} | ({"epochs"} if self.schedule == "constant" else set())
+        return self.model_dump(mode="json", exclude=free)
+
+
+def make_training_settings(**chosen: Any) -> TrainingSettings:
+    """Check settings from a command line; raises :class:`RaucaError` naming the first bad one.
+
+    Those left out, or None, take the default of their method: the published loops learn by plain Adam at 0.01.
+    """
+    given = {name: value for name, value in chosen.items() if value is not None}
+    if str(given.get("method", "ours")).startswith("published"):
+        given = {"lr": 0.01, "weight_decay": 0.0, "schedule": "constant", "clip": 0.0, "batch": 16} | given
+    try:
+        return TrainingSettings(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None

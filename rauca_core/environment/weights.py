@@ -1,0 +1,132 @@
+"""Weights of our extractor on disk: a safetensors file, and beside it a model card that says where they come from."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import safetensors.torch
+from safetensors import SafetensorError
+from torch import Tensor, nn
+
+from .. import __version__
+from ..contract import RaucaError
+from ..contract.assets import assets_folder
+from ..contract.files import write_bytes, write_json
+from ..contract.schema import Fields, read_json
+from .extractor import LightSplitter
+
+FORMAT = ("rauca-efe-weights", 1)
+SHIPPED = Path("environment") / "light-splitter.safetensors"
+REMEDY = "train it again with `rauca efe train`"
+
+
+@dataclass(frozen=True)
+class ModelCard:
+    """Where weights come from.
+
+    Attributes:
+        widths, detail: of the network.
+        data: per data set: name, vehicle, weathers, frames, size.
+        command: that made them, folders by their last names.
+        seed: names every random stream of the training.
+        epochs: trained for.
+        settings: of the training.
+        metrics: on held-out frames per weather, and over ``all``: psnr_db, mse, mae, bce.
+        remarks: for people.
+        rauca: version that wrote them.
+    """
+
+    widths: tuple[int, ...] = (24, 40, 64, 96)
+    detail: int = 12
+    data: list[dict[str, Any]] = field(default_factory=list)
+    command: str = ""
+    seed: int = 0
+    epochs: int = 0
+    settings: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, dict[str, float]] = field(default_factory=dict)
+    remarks: str = ""
+    rauca: str = __version__
+
+
+def card_path(weights: Path) -> Path:
+    return weights.with_suffix(".json")
+
+
+def save_extractor(path: Path, net: LightSplitter, card: ModelCard) -> None:
+    """Write weights and card; the card, which names the weights' sha256, comes last."""
+    name, version = FORMAT
+    tensors: dict[str, Tensor] = {k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}
+    data = safetensors.torch.save(tensors)
+    write_bytes(path, data)
+    digest = hashlib.sha256(data).hexdigest()
+    write_json(card_path(path), {"format": name, "version": version, "sha256": digest, **asdict(card)})
+
+
+def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
+    """Read weights, by default those that rauca ships; the network is ready to infer on the CPU.
+
+    Raises:
+        RaucaError: missing, damaged, or not what their card describes.
+    """
+    path = assets_folder() / SHIPPED if path is None else Path(path)
+    if not path.is_file():
+        raise RaucaError(f"{path}: no such weights; {REMEDY}")
+    card, digest = read_card(card_path(path))
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {REMEDY}")
+    try:
+        net = LightSplitter(card.widths, card.detail)
+        net.load_state_dict(safetensors.torch.load(data))
+    except (SafetensorError, RuntimeError, ValueError) as error:
+        raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
+    if not all(p.isfinite().all() for p in net.parameters()):
+        raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
+    return net.eval(), card
+
+
+def read_card(path: Path) -> tuple[ModelCard, str]:
+    """The model card and the sha256 of the weights it describes."""
+    if not path.is_file():
+        raise RaucaError(f"{path}: the weights' model card is missing; keep the two files together")
+    fields = read_json(path)
+    fields.format(*FORMAT)
+    digest = fields.text("sha256")
+    widths = tuple(_width(path, w) for w in fields.items("widths"))
+    card = ModelCard(
+        widths=widths,
+        detail=_width(path, fields.raw("detail")),
+        data=list(fields.items("data")),
+        command=fields.text("command"),
+        seed=fields.integer("seed"),
+        epochs=fields.integer("epochs"),
+        settings=_object(fields, "settings"),
+        metrics=_object(fields, "metrics"),
+        remarks=fields.text("remarks"),
+        rauca=fields.text("rauca"),
+    )
+    fields.done()
+    if not 2 <= len(widths) <= 8:
+        raise RaucaError(f"{path}: widths must name 2 to 8 levels, not {len(widths)}; {REMEDY}")
+    return card, digest
+
+
+def parameters(net: nn.Module) -> int:
+    """How many numbers a network learns."""
+    return sum(p.numel() for p in net.parameters())
+
+
+def _width(path: Path, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 4 <= value <= 1024 or value % 4:
+        raise RaucaError(f"{path}: a width must be a multiple of 4 between 4 and 1024, not {value!r}; {REMEDY}")
+    return value
+
+
+def _object(fields: Fields, name: str) -> dict[str, Any]:
+    value = fields.raw(name)
+    if not isinstance(value, dict):
+        raise RaucaError(f"{fields.where}: {name} must be a JSON object; {REMEDY}")
+    return value

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import RaucaError
+from rauca_core.environment.batches import augment, collate, crop, draw_albedos, join
+from rauca_core.environment.frames import LightFrames
+from rauca_core.render import display
+
+
+def test_a_frame_holds_the_data_set(dataset):
+    frames = LightFrames([dataset.folder])
+    frame = frames.get(0)
+    assert len(frames) == 8
+    assert frame.A.dtype == frame.B.dtype == torch.float16
+    again = display(frame.A.float() * frame.reference[:, None, None] + frame.B.float())
+    assert torch.allclose(again, frame.image / 255, atol=0.01)
+    assert frame.weather == "clear"
+    assert (frame.paint <= frame.vehicle).all()
+
+
+def test_memory_is_bounded(dataset):
+    frames = LightFrames([dataset.folder])
+    frames._budget = 2 * frames.get(0).nbytes
+    for i in range(len(frames)):
+        frames.get(i)
+    assert len(frames._frames) == 2
+
+
+def test_weathers_and_locations_share_a_cameras_shading(dataset):
+    frames = LightFrames([dataset.folder])
+    shadings = {id(frames.plain(i)) for i in range(len(frames))}
+    assert len(shadings) == 2
+
+
+@pytest.mark.parametrize("by", ["location", "view"])
+def test_the_split_holds_out_whole_places(dataset, by):
+    frames = LightFrames([dataset.folder])
+    train, test = frames.split(by)
+    assert sorted(train + test) == list(range(8))
+    names = [{getattr(frames.places[i].frame, by) for i in part} for part in (train, test)]
+    assert not names[0] & names[1]
+    assert {frames.places[i].frame.weather.name for i in test} == {"clear", "fog"}
+    assert frames.split(by) == (train, test)
+
+
+def test_mistakes_are_named(tmp_path, box_vehicle, dataset, dataset_factory):
+    dark = dataset_factory(tmp_path / "dark", box_vehicle, light=False)
+    with pytest.raises(RaucaError, match="dark: made without light maps"):
+        LightFrames([dark.folder])
+    small = dataset_factory(tmp_path / "small", box_vehicle, size=16, locations=1)
+    with pytest.raises(RaucaError, match="small: frames of 16 pixels"):
+        LightFrames([dataset.folder, small.folder])
+    with pytest.raises(RaucaError, match="small: has one location"):
+        LightFrames([small.folder]).split("location")
+    with pytest.raises(RaucaError, match="none given"):
+        LightFrames([])
+
+
+def test_augmented_frames_are_frames(dataset):
+    frames = LightFrames([dataset.folder])
+    batch = collate([frames.get(i) for i in range(8)])
+    seen = augment(batch, np.random.default_rng(0), share=1.0)
+    assert torch.allclose(display(seen.A * seen.reference[:, :, None, None] + seen.B), seen.image, atol=0.003)
+    assert not torch.allclose(seen.reference, batch.reference)
+    assert (seen.A[(seen.paint == 0).expand_as(seen.A)] == 0).all()
+    same = augment(batch, np.random.default_rng(0), share=0.0)
+    assert torch.allclose(same.A.sum(-1), batch.A.sum(-1))  # at most mirrored
+    assert torch.equal(same.image.sort(-1).values, batch.image.sort(-1).values)
+
+
+def test_crops_show_paint_and_join_to_a_batch(dataset):
+    frames = LightFrames([dataset.folder])
+    cut = [crop(collate([frames.get(i)]), 16, np.random.default_rng(i)) for i in range(8)]
+    assert all(c.paint.sum() > 0 for c in cut)
+    assert join(cut).image.shape == (8, 3, 16, 16)
+    assert crop(cut[0], 64, np.random.default_rng(0)) is cut[0]
+
+
+def test_albedos_are_solid_and_per_pixel():
+    drawn = draw_albedos(np.random.default_rng(0), 6, 2, 8, 8)
+    assert drawn.shape == (6, 2, 3, 8, 8)
+    assert ((drawn >= 0) & (drawn <= 1)).all()
+    spread = drawn.flatten(3).std(3).amax((1, 2))
+    assert (spread[:3] > 0.1).all()
+    assert (spread[3:] == 0).all()

@@ -1,0 +1,167 @@
+"""The loop on drawn data: it learns, stops, resumes after a kill to the same bits, and names what is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from rauca_core.contract import RaucaError
+from rauca_core.environment import LightSplitter, PublishedEfe, make_training_settings
+from rauca_core.environment.distributed import team
+from rauca_core.environment.frames import LightFrames
+from rauca_core.environment.learner import SplitterLearner
+from rauca_core.environment.published_training import BaseLearner, FinalLearner
+from rauca_core.environment.training import Job, Outcome, train
+from rauca_core.environment.training_state import load_state
+
+COLOURS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
+TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}
+
+
+def job(folder: Path, out: Path, **chosen) -> Job:
+    settings = make_training_settings(**(TINY | chosen))
+    frames = LightFrames([folder])
+    torch.manual_seed(7)
+    if settings.method == "ours":
+        learner = SplitterLearner(LightSplitter((8, 8), 4), frames, settings)
+    else:
+        kind = BaseLearner if settings.method == "published-base" else FinalLearner
+        learner = kind(PublishedEfe((4, 6)), frames, settings, COLOURS)
+    return Job(learner, frames, *frames.split("location"), settings, out)
+
+
+def run(work: Job, resume: bool = False, **callbacks) -> Outcome:
+    with team() as alone:
+        return train(work, alone, resume, **callbacks)
+
+
+def weights(work: Job) -> torch.Tensor:
+    return torch.cat([p.detach().flatten() for p in work.learner.net.parameters()])
+
+
+@pytest.mark.parametrize("method", ["ours", "published-base", "published-final"])
+def test_every_loop_learns(dataset, tmp_path, method):
+    work = job(dataset.folder, tmp_path / "run", method=method, epochs=8, lr=0.01)
+    seen = []
+    outcome = run(work, on_epoch=seen.append)
+    assert outcome.errors[outcome.best_epoch] < 0.85 * outcome.errors[0]
+    assert [report.epoch for report in seen] == list(range(9))
+    assert len((tmp_path / "run" / "epochs.jsonl").read_text().splitlines()) == 9
+    assert list((tmp_path / "run" / "tensorboard").iterdir())
+
+
+def test_the_base_loop_infers_once_per_colour(dataset, tmp_path):
+    base, final = (job(dataset.folder, tmp_path, method=f"published-{kind}") for kind in ("base", "final"))
+    assert len(base.learner.items(base.train)) == len(COLOURS) * len(final.learner.items(final.train))
+    # One item of each colour has, together, the loss of the shared inference: the loops differ in cost alone.
+    index, net = base.train[0], final.learner.net.eval()
+    items = base.learner.items([index])
+    apart = torch.stack([base.learner.loss(net, [item], None) for item in items]).mean()
+    together = final.learner.loss(net, final.learner.items([index]), None)
+    assert torch.allclose(apart, together)
+
+
+def test_a_resumed_run_ends_in_the_same_bits(dataset, tmp_path):
+    whole = job(dataset.folder, tmp_path / "whole", schedule="constant")
+    errors = run(whole).errors
+    run(job(dataset.folder, tmp_path / "parts", schedule="constant", epochs=1))
+    rest = job(dataset.folder, tmp_path / "parts", schedule="constant")
+    assert run(rest, resume=True).errors == errors
+    assert torch.equal(weights(whole), weights(rest))
+
+
+CHILD = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_training import job, run
+run(job(Path({data!r}), Path({out!r}), epochs=4, schedule="constant"))
+"""
+
+
+def child(dataset, out, **environment) -> subprocess.Popen:
+    code = CHILD.format(tests=str(Path(__file__).parent), data=str(dataset.folder), out=str(out))
+    return subprocess.Popen([sys.executable, "-c", code], env=os.environ | environment)
+
+
+def test_a_killed_run_ends_in_the_same_bits(dataset, tmp_path):
+    process = child(dataset, tmp_path / "killed")
+    pointer = tmp_path / "killed" / "checkpoints" / "checkpoint.json"
+    while process.poll() is None and not (pointer.is_file() and json.loads(pointer.read_text())["epoch"] >= 1):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    whole = job(dataset.folder, tmp_path / "whole", epochs=4, schedule="constant")
+    rest = job(dataset.folder, tmp_path / "killed", epochs=4, schedule="constant")
+    assert run(rest, resume=True).errors == run(whole).errors
+    assert torch.equal(weights(whole), weights(rest))
+
+
+def test_two_processes_end_where_one_does(dataset, tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    common = {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+    pair = [child(dataset, tmp_path / "pair", RANK=str(r), LOCAL_RANK=str(r), **common) for r in range(2)]
+    assert [p.wait(timeout=120) for p in pair] == [0, 0]
+    alone = job(dataset.folder, tmp_path / "alone", epochs=4, schedule="constant")
+    errors = run(alone).errors
+    identity = json.loads((tmp_path / "pair" / "checkpoints" / "checkpoint.json").read_text())["identity"]
+    assert identity["processes"] == 2
+    state = load_state(tmp_path / "pair" / "checkpoints", identity)
+    assert state.errors == pytest.approx(errors, abs=1e-4)
+    together = torch.cat([state.tensors[f"net.{n}"].flatten() for n, _ in alone.learner.net.named_parameters()])
+    assert (together - weights(alone)).abs().max() < 1e-3
+
+
+def test_the_best_weights_are_kept(dataset, tmp_path):
+    kept = []
+    work = job(dataset.folder, tmp_path / "run", epochs=4)
+    outcome = run(Job(**{**vars(work), "keep": lambda epoch, errors: kept.append((epoch, set(errors)))}))
+    assert kept[-1] == (outcome.best_epoch, {"clear", "fog"})
+    assert outcome.errors[outcome.best_epoch] == min(outcome.errors)
+
+
+def test_a_flat_run_stops_early(dataset, tmp_path):
+    work = job(dataset.folder, tmp_path / "run", lr=1e-9, epochs=40, stop_early=True, schedule="constant")
+    outcome = run(work)
+    assert outcome.converged == 5
+    assert len(outcome.errors) == 6
+
+
+def test_a_loss_that_is_not_finite_names_the_frame(dataset, tmp_path):
+    work = job(dataset.folder, tmp_path / "run", augment=False)
+    broken = work.train[1]
+    work.frames.get(broken).A[:] = float("inf")
+    with pytest.raises(RaucaError, match=work.frames.places[broken].frame.id):
+        run(work)
+
+
+def test_mistakes_are_named(dataset, tmp_path):
+    work = job(dataset.folder, tmp_path / "run", epochs=1)
+    with pytest.raises(RaucaError, match="holds no training"):
+        run(work, resume=True)
+    run(work)
+    with pytest.raises(RaucaError, match="resume it"):
+        run(work)
+    with pytest.raises(RaucaError, match="another seed"):
+        run(job(dataset.folder, tmp_path / "run", epochs=1, seed=5), resume=True)
+    with pytest.raises(RaucaError, match="batch: "):
+        make_training_settings(batch=0)
+    with pytest.raises(RaucaError, match="method: "):
+        make_training_settings(method="theirs")
+
+
+def test_published_loops_take_the_published_settings():
+    published = make_training_settings(method="published-final", epochs=None)
+    assert (published.lr, published.batch, published.weight_decay, published.schedule) == (0.01, 16, 0.0, "constant")
+    assert make_training_settings(method="published-base", lr=0.1).lr == 0.1
