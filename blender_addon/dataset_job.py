@@ -160,6 +160,7 @@ class _Run:
             if not (self.options.out / "vehicle" / "vehicle.json").is_file():
                 self.vehicle.save(self.options.out / "vehicle")
             contract.claim_folder(self.options.out, self.plan)
+            contract.seal_dataset(self.options.out)
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ Nobody else parses or writes these files.
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
+from .checksums import seal_dataset
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
 from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
@@ -60,5 +61,6 @@ __all__ = [
     "read_plan",
     "save_camouflage",
     "save_frame",
+    "seal_dataset",
     "weather_from_carla",
 ]

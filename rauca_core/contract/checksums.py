@@ -43,3 +43,10 @@ def read_sums(folder: Path) -> dict[str, str]:
     if not found or not all(found):
         raise RaucaError(f"{path}: damaged, not lines of digest and name")
     return {match[2]: match[1] for match in found if match}
+
+
+def seal_dataset(folder: Path) -> None:
+    """Write the checksums of a data set's plan and vehicle, once: both stay as first written."""
+    if not (Path(folder) / SUMS_FILE).is_file():
+        vehicle = sorted(path.name for path in (Path(folder) / "vehicle").iterdir())
+        write_sums(folder, ["dataset.json", *(f"vehicle/{name}" for name in vehicle)])
