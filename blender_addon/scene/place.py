@@ -27,6 +27,9 @@ class Place(Protocol):
     def enter(self, location: int) -> None:
         """Show what surrounds a location; called before anything there is rendered."""
 
+    def light_windows(self, lit: bool) -> None:
+        """Switch what shines after dark without being a lamp."""
+
 
 def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None) -> Place:
     """Add the plan's surroundings to the scene.
@@ -38,9 +41,9 @@ def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None)
         RaucaError: the file is missing, is not the one the plan was made with, or marks no location.
     """
     if plan.scenery.kind == "town":
-        from .street import build_street
+        from .town import Town
 
-        return build_street(scene, plan.seed)
+        return Town(scene, plan.seed)
     if blend is None:
         raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
     if contract.Scenery.of_file(blend) != plan.scenery:

@@ -77,6 +77,7 @@ class Session:
     def set_weather(self, weather: contract.Weather) -> None:
         self.weather.apply(weather)
         self.vehicle.light_lamps(weather.is_night)
+        self.place.light_windows(weather.is_night)
 
     def _update(self) -> bpy.types.Depsgraph:
         layer = self.scene.view_layers[0]

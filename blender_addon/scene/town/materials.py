@@ -1,0 +1,127 @@
+"""Blender materials of the town's surfaces and windows, made when first asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import nodes
+from ..wetness import wet
+from .night import glow
+from .surfaces import GLAZINGS, SURFACES, Albedo, Glazing, Surface
+
+GLASS_ALBEDO: Albedo = (0.018, 0.022, 0.026)
+CURTAIN_ALBEDO: Albedo = (0.30, 0.28, 0.24)
+LIT_RADIANCE = 0.42  # of a lit window, before the film's exposure; a lamp-lit pavement has about 0.1
+LIT_COLOURS: tuple[Albedo, Albedo] = ((1.0, 0.62, 0.28), (0.95, 0.88, 0.75))
+
+
+class Materials(dict[str, bpy.types.Material]):
+    """Materials by the names of :mod:`surfaces`."""
+
+    def __missing__(self, name: str) -> bpy.types.Material:
+        glazing = GLAZINGS.get(name)
+        shows_as = "window" if glazing else SURFACES[name].shows_as
+        material = bpy.data.materials.new(f"rauca {name}")
+        material["rauca_class"] = shows_as
+        # Windows and signs are seen and reflected, but not sampled as lamps: they are faint and many.
+        material.cycles.emission_sampling = "NONE"
+        tree = nodes.fresh_tree(material)
+        nodes.output(tree, Surface=_window(tree, glazing) if glazing else _surface(tree, SURFACES[name]))
+        self[name] = material
+        return material
+
+
+def _scaled(albedo: Albedo, factor: float) -> tuple[float, float, float, float]:
+    red, green, blue = (min(c * factor, 0.9) for c in albedo)
+    return red, green, blue, 1.0
+
+
+def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
+    colour: Any = _scaled(spec.albedo, 1.0)
+    if spec.contrast:
+        position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
+        noise = nodes.add(tree, "ShaderNodeTexNoise", Vector=position, Scale=spec.noise_per_m, Detail=3.0)
+        dark, light = _scaled(spec.albedo, 1 - spec.contrast), _scaled(spec.albedo, 1 + spec.contrast)
+        colour = nodes.mix_colour(tree, noise.outputs[0], dark, light)
+    if spec.joints[0]:
+        colour = _jointed(tree, spec, colour)
+    colour, roughness = wet(tree, colour, spec.roughness, spec.porosity)
+    shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=colour, Roughness=roughness, Metallic=spec.metallic)
+    if spec.glow:
+        strength = nodes.compute(tree, "MULTIPLY", glow(tree), spec.glow)
+        tree.links.new(strength, shader.inputs["Emission Strength"])
+        shader.inputs["Emission Color"].default_value = (1.0, 0.82, 0.6, 1.0)
+    return shader.outputs[0]
+
+
+def _jointed(tree: bpy.types.NodeTree, spec: Surface, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Stones that differ a little in albedo, with joints between them."""
+    width, height, joint = spec.joints
+    uv = nodes.add(tree, "ShaderNodeUVMap").outputs[0]
+    stones = nodes.add(
+        tree,
+        "ShaderNodeTexBrick",
+        Vector=uv,
+        Color1=(0.85, 0.85, 0.85, 1.0),
+        Color2=(1.15, 1.15, 1.15, 1.0),
+        Mortar=(spec.joint_shade, spec.joint_shade, spec.joint_shade, 1.0),
+        Scale=1.0,
+        Mortar_Size=joint / 2,
+        Mortar_Smooth=0.2,
+        Brick_Width=width,
+        Row_Height=height,
+    )
+    product = nodes.add(tree, "ShaderNodeVectorMath")
+    product.operation = "MULTIPLY"
+    tree.links.new(colour, product.inputs[0])
+    tree.links.new(stones.outputs["Color"], product.inputs[1])
+    return product.outputs[0]
+
+
+def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
+    """A pane in its frame: curtains by day behind some, light after dark behind others."""
+    uv = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=nodes.add(tree, "ShaderNodeUVMap").outputs[0]).outputs
+    cell = nodes.add(tree, "ShaderNodeVectorMath")
+    cell.operation = "FLOOR"
+    tree.links.new(nodes.add(tree, "ShaderNodeUVMap").outputs[0], cell.inputs[0])
+    chance = nodes.add(tree, "ShaderNodeTexWhiteNoise", Vector=cell.outputs[0])
+    chance.noise_dimensions = "2D"
+    frame = _frame(tree, spec, uv["X"], uv["Y"])
+    other = nodes.add(tree, "ShaderNodeSeparateColor", Color=chance.outputs["Color"]).outputs
+    curtained = nodes.compute(tree, "LESS_THAN", other[0], spec.curtained)
+    behind = nodes.mix_colour(tree, curtained, (*GLASS_ALBEDO, 1.0), (*CURTAIN_ALBEDO, 1.0))
+    colour = nodes.mix_colour(tree, frame, behind, (*spec.frame, 1.0))
+    roughness = nodes.compute(tree, "MULTIPLY_ADD", frame, 0.5, 0.06)
+    lit = nodes.compute(tree, "LESS_THAN", chance.outputs["Value"], spec.lit_share)
+    open_to_view = nodes.compute(tree, "SUBTRACT", 1.0, frame)
+    bright = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", lit, open_to_view), glow(tree))
+    shader = nodes.add(
+        tree,
+        "ShaderNodeBsdfPrincipled",
+        Base_Color=colour,
+        Roughness=roughness,
+        Emission_Color=nodes.mix_colour(tree, other[1], (*LIT_COLOURS[0], 1.0), (*LIT_COLOURS[1], 1.0)),
+        Emission_Strength=nodes.compute(tree, "MULTIPLY", bright, LIT_RADIANCE),
+    )
+    return shader.outputs[0]
+
+
+def _frame(
+    tree: bpy.types.NodeTree, spec: Glazing, u: bpy.types.NodeSocket, v: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
+    """1 on the frame and its bars, 0 on the glass."""
+    half = 0.5 - spec.frame_share
+    marks = []
+    for axis, bar_at in ((u, 0.5), (v, 0.66)):
+        along = nodes.compute(tree, "FRACT", axis)
+        from_middle = nodes.compute(tree, "ABSOLUTE", nodes.compute(tree, "SUBTRACT", along, 0.5))
+        marks.append(nodes.compute(tree, "GREATER_THAN", from_middle, half))
+        if spec.bars:
+            from_bar = nodes.compute(tree, "ABSOLUTE", nodes.compute(tree, "SUBTRACT", along, bar_at))
+            marks.append(nodes.compute(tree, "LESS_THAN", from_bar, spec.frame_share / 2))
+    result = marks[0]
+    for mark in marks[1:]:
+        result = nodes.compute(tree, "MAXIMUM", result, mark)
+    return result

@@ -1,0 +1,134 @@
+"""What stands along both sides of a street, and what closes the horizon."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..massing import MeshParts, turned
+from . import buildings
+from .districts import District
+from .layout import SIDE_ROAD_HALF_M, Path
+from .site import Site
+from .streets import SIDE_ROAD_M
+
+BESIDE_M = 16.0  # along the street, on each side of the vehicle, where cameras stand
+NEAR_M = 55.0  # fronts further than this from the vehicle are drawn flat
+BUILT_HALF_M = 100.0
+
+Builder = Callable[[MeshParts, np.random.Generator, District, float, bool], None]
+
+# Builder, least and largest width, least and largest gap to the next.
+ROWS: dict[str, tuple[Builder, tuple[float, float], tuple[float, float]]] = {
+    "row": (buildings.town_house, (6.0, 12.0), (0.0, 0.0)),
+    "houses": (buildings.house, (10.0, 14.5), (5.0, 10.0)),
+    "towers": (buildings.tower, (18.0, 34.0), (4.0, 14.0)),
+    "slabs": (buildings.slab, (26.0, 42.0), (9.0, 16.0)),
+    "halls": (buildings.hall, (24.0, 44.0), (6.0, 14.0)),
+    "containers": (buildings.containers, (14.0, 26.0), (3.0, 9.0)),
+    "fields": (buildings.house, (10.0, 14.0), (45.0, 80.0)),
+    "park": (buildings.house, (10.0, 14.0), (30.0, 60.0)),
+}
+SETBACK_M = {"park": 26.0, "fields": 0.0}  # beyond the district's own
+
+
+def build_sides(site: Site) -> None:
+    """Buildings along the main road, and along the side road behind them."""
+    layout = site.layout
+    for side in (-1, 1):
+        rng = layout.rng("side", side)
+        for low, high in site.stretches(BUILT_HALF_M, SIDE_ROAD_HALF_M + 2.2):
+            _row(site, rng, layout.path, side, layout.sides[side], (low, high), beside_vehicle=True)
+        if layout.sides[side] == "fields":
+            _fields(site, rng, side)
+    behind = layout.district.front_m[1] + 16.0
+    for number, arm in enumerate(layout.side_roads):
+        for hand in (-1, 1):
+            kind = layout.sides[hand]
+            rng = layout.rng("side road", number, hand)
+            _row(site, rng, arm, hand, kind, (behind, SIDE_ROAD_M - 5.0), beside_vehicle=False)
+
+
+def _row(
+    site: Site,
+    rng: np.random.Generator,
+    path: Path,
+    side: int,
+    kind: str,
+    stretch: tuple[float, float],
+    beside_vehicle: bool,
+) -> None:
+    district = site.layout.district
+    build, widths, gaps = ROWS[kind]
+    along = stretch[0] + (rng.uniform(0, gaps[1] / 2) if gaps[1] else 0.0)
+    while along < stretch[1] - widths[0]:
+        width = min(rng.uniform(*widths), stretch[1] - along)
+        away = rng.uniform(*district.front_m) + SETBACK_M.get(kind, 0.0)
+        if not beside_vehicle:
+            away = SIDE_ROAD_HALF_M + max(2.5, district.front_m[0] - district.road_half_m)
+        elif along < BESIDE_M and along + width > -BESIDE_M:
+            away = max(away, district.clear_m + SETBACK_M.get(kind, 0.0))
+        length = width / (1 - path.curvature * side * away)
+        frame = _plot(path, along + length / 2, side, away, width)
+        frame[2, 3] = site.ground_m(away)
+        near = site.layout.from_vehicle((frame @ [width / 2, 0, 0, 1])[:3]) < NEAR_M
+        with site.parts.at(frame):
+            build(site.parts, rng, district, width, near)
+        along += length + (rng.uniform(*gaps) / (1 - path.curvature * side * away) if gaps[1] else 0.0)
+
+
+def _plot(path: Path, middle: float, side: int, away: float, width: float) -> NDArray[np.float64]:
+    """The frame of a building whose front's middle is ``away`` from the path, looking at it."""
+    return path.frame(middle, side * away, 0.0 if side > 0 else math.pi) @ turned(0.0, -width / 2)
+
+
+def _fields(site: Site, rng: np.random.Generator, side: int) -> None:
+    """Strips of crops beyond the verge."""
+    outer = site.layout.district.road_half_m + 5.0
+    along = -140.0
+    while along < 140.0:
+        length, crop = rng.uniform(35, 90), ("wheat", "soil", "meadow")[rng.integers(3)]
+        frame = site.layout.path.frame(along + length / 2, side * outer, 0.0 if side > 0 else math.pi)
+        if crop != "meadow":
+            with site.parts.at(frame):
+                top = 0.35 if crop == "wheat" else 0.0
+                site.parts.box(crop, (-length / 2, 0.0, -0.3), (length / 2 - 1.5, rng.uniform(60, 120), top))
+        along += length
+
+
+def build_skyline(site: Site) -> None:
+    """Blocks around the district, away from its streets."""
+    layout = site.layout
+    rng = layout.rng("skyline")
+    district = layout.district
+    line = layout.path.points(np.linspace(-130, 130, 40), 0.0, 0.0)
+    roads = [line, *(arm.points(np.linspace(0, 150, 30), 0.0, 0.0) for arm in layout.side_roads)]
+    taken = np.concatenate(roads)[:, :2]
+    for angle in np.arange(0.0, 360.0, 9.0):
+        azimuth, reach = math.radians(angle + rng.uniform(-4, 4)), rng.uniform(120, 210)
+        spot = reach * np.array([math.cos(azimuth), math.sin(azimuth)])
+        if np.linalg.norm(taken - spot, axis=1).min() < 34 and reach < 150:
+            continue
+        width, height = rng.uniform(12, 30), rng.uniform(*district.skyline_m)
+        with site.parts.at(turned(azimuth - math.pi / 2, *spot) @ turned(0.0, -width / 2)):
+            buildings.far_block(site.parts, rng, district, width, height)
+    if district.name in ("country road", "suburb"):
+        _hills(site, rng)
+
+
+def _hills(site: Site, rng: np.random.Generator) -> None:
+    """A wooded ridge around everything."""
+    angles = np.linspace(0, 2 * math.pi, 73)
+    heights = 8 + 9 * np.abs(np.sin(angles * 2.5 + rng.uniform(0, 6))) + rng.uniform(0, 4, len(angles))
+    heights[-1] = heights[0]
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    foot, crest = 250 * ring, 300 * ring + heights[:, None] * [0, 0, 1]
+    for low, high, material in (
+        (foot, crest, "meadow"),
+        (crest, 330 * ring + heights[:, None] * [0, 0, 1.4], "leaves dark"),
+    ):
+        corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
+        site.parts.quads(material, corners)

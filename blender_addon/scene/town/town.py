@@ -1,0 +1,110 @@
+"""The town as a place: one district in the scene at a time."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from ..massing import MeshParts
+from . import night
+from .furniture import build_furniture
+from .greenery import Nursery, build_greenery
+from .layout import Layout, layout
+from .materials import Materials
+from .parked import build_parked
+from .sides import build_sides, build_skyline
+from .site import Site
+from .streets import build_ground
+
+LAMP_WATTS = 260.0
+LAMP_COLOUR = (1.0, 0.78, 0.52)
+LAMP_CONE_RAD = 2.5
+
+
+class Town:
+    """Districts by location, built when entered and removed when left.
+
+    Attributes:
+        lamps: the present district's street lamps; always the same list.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, seed: int) -> None:
+        self.lamps: list[bpy.types.Object] = []
+        self._scene, self._seed = scene, seed
+        self._collection = bpy.data.collections.new("rauca town")
+        scene.collection.children.link(self._collection)
+        self._materials = Materials()
+        self._nursery = Nursery(seed, self._materials)
+        self._layouts: dict[int, Layout] = {}
+        self._inside: int | None = None
+        self._lit = False
+
+    def layout(self, location: int) -> Layout:
+        """Where a location's street runs; nothing is built for it."""
+        if location not in self._layouts:
+            self._layouts[location] = layout(self._seed, location)
+        return self._layouts[location]
+
+    def pose(self, location: int) -> NDArray[np.float64]:
+        """(4, 4) vehicle-to-world transform of a location: on its lane, a few degrees off the lane's line."""
+        chosen = self.layout(location)
+        return chosen.world @ chosen.pose
+
+    def enter(self, location: int) -> None:
+        """Build a location's district in place of the one before it."""
+        if location == self._inside:
+            return
+        self._leave()
+        site = Site(self.layout(location))
+        build_ground(site)
+        build_sides(site)
+        parked = build_parked(site)
+        build_furniture(site)
+        build_greenery(site)
+        build_skyline(site)
+        self._show(site, parked)
+        self._inside = location
+
+    def light_windows(self, lit: bool) -> None:
+        """Switch windows, signs and lamp heads; the lamps' light is the weather's to switch."""
+        self._lit = lit
+        night.set_lit(lit)
+
+    def _leave(self) -> None:
+        """Remove the present district, and what Cycles keeps of it.
+
+        Cycles would keep its old order of objects and lights, and a frame's bits would depend on where one came from.
+        """
+        meshes = {thing.data for thing in self._collection.objects if thing.name.startswith("rauca town")}
+        lights = [lamp.data for lamp in self.lamps]
+        bpy.data.batch_remove([*self._collection.objects, *meshes, *lights])
+        self.lamps.clear()
+        if self._scene.render.use_persistent_data:
+            self._scene.render.use_persistent_data = False
+            self._scene.render.use_persistent_data = True
+
+    def _show(self, site: Site, parked: list[tuple[str, MeshParts, NDArray[np.float64]]]) -> None:
+        world = site.layout.world
+        self._add(bpy.data.objects.new("rauca town", site.parts.to_mesh("rauca town", self._materials)), world)
+        for number, (category, parts, frame) in enumerate(parked, 1):
+            name = f"rauca town {category} {number}"
+            vehicle = bpy.data.objects.new(name, parts.to_mesh(name, self._materials))
+            vehicle["rauca_instance"], vehicle["rauca_category"] = number, category
+            self._add(vehicle, world @ frame)
+        for number, (model, frame) in enumerate(site.trees):
+            kind, _, which = model.partition(":")
+            self._add(self._nursery.plant(f"rauca tree {number}", kind, int(which)), world @ frame)
+        for number, frame in enumerate(site.lamps):
+            light = bpy.data.lights.new(f"rauca lamp {number}", "SPOT")
+            light.energy, light.color = LAMP_WATTS, LAMP_COLOUR
+            light.spot_size, light.shadow_soft_size = LAMP_CONE_RAD, 0.15
+            lamp = bpy.data.objects.new(f"rauca lamp {number}", light)
+            lamp.hide_render = not self._lit
+            self._add(lamp, world @ frame)
+            self.lamps.append(lamp)
+
+    def _add(self, thing: bpy.types.Object, frame: NDArray[np.float64]) -> None:
+        thing.matrix_world = Matrix(frame.tolist())
+        self._collection.objects.link(thing)
