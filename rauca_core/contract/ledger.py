@@ -66,7 +66,7 @@ def frame_states(folder: Path) -> dict[str, str]:
 
 def _last_lines(path: Path) -> dict[str, LedgerEntry]:
     entries = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
             entry = LedgerEntry(**json.loads(line))
         except (json.JSONDecodeError, TypeError):
