@@ -1,0 +1,1 @@
+"""Looking after data sets: check them, look at them, hand them to other tools. NumPy and Pillow only."""

@@ -1,0 +1,177 @@
+"""``rauca dataset check``: is a data set whole, and does it mean what it says?"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..contract import (
+    Dataset,
+    PlannedFrame,
+    Progress,
+    RaucaError,
+    Vehicle,
+    frame_states,
+    load_vehicle,
+    planned_frames,
+    read_ledger,
+)
+from ..contract.files import TEMPORARY_PREFIX
+from ..images import read_image
+from .check_frame import FrameResult, check_frame, checksums
+from .findings import MAKE_AGAIN, Finding
+from .ledger_lines import check_ledgers
+
+MIN_PSNR_DB = 28.0
+"""Recolouring checks below this fail a weather; the renders themselves are noisy at few samples."""
+
+STATES = ("planned", "done", "occluded", "quarantined", "missing")
+
+
+@dataclass
+class WeatherResult:
+    """One weather's frames.
+
+    Attributes:
+        counts: of frames by state.
+        squared_error, values: of all its recolouring checks.
+        checked: frames with a recolouring check.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    squared_error: float = 0.0
+    values: int = 0
+    checked: int = 0
+
+    @property
+    def psnr_db(self) -> float | None:
+        """Predicted against rendered colours on the paint, display space; None without a check."""
+        if not self.values:
+            return None
+        return -10 * math.log10(max(self.squared_error / self.values, 1e-12))
+
+
+@dataclass
+class CheckResult:
+    """The whole examination.
+
+    Attributes:
+        findings: what is wrong, by frame in plan order.
+        weathers: by name, in plan order.
+    """
+
+    findings: list[Finding]
+    weathers: dict[str, WeatherResult]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "findings": [{"file": f.file, "what": f.what, "remedy": f.remedy} for f in self.findings],
+            "weathers": {
+                name: {state: w.counts[state] for state in STATES}
+                | {"checked": w.checked, "recolour_psnr_db": w.psnr_db}
+                for name, w in self.weathers.items()
+            },
+        }
+
+
+def check_dataset(
+    folder: Path,
+    min_psnr_db: float = MIN_PSNR_DB,
+    unfinished: bool = False,
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> CheckResult:
+    """Read every file of a data set and hold them against each other, the plan and the ledger.
+
+    Args:
+        min_psnr_db: a weather whose recolouring checks fall below is a finding.
+        unfinished: frames not rendered yet are no finding.
+
+    Raises:
+        RaucaError: ``folder`` is not a data set, or its plan cannot be read.
+    """
+    dataset = Dataset(folder)
+    findings = list(_top_level(dataset))
+    vehicle = _vehicle(dataset, findings)
+    planned = planned_frames(dataset.plan)
+    states = frame_states(folder)
+    present = [frame for frame in planned if dataset.frame_folder(frame.id).is_dir()]
+    weathers = {weather.name: WeatherResult() for weather in dataset.plan.weathers}
+    for frame, result in _examined(dataset, present, vehicle, progress):
+        findings += result.findings
+        weather = weathers[frame.weather.name]
+        weather.squared_error += result.squared_error
+        weather.values += result.values
+        weather.checked += result.values > 0
+    for frame in planned:
+        state = states.get(frame.id, "missing")
+        weathers[frame.weather.name].counts.update(("planned", state if state in STATES else "missing"))
+    findings += check_ledgers(folder, {frame.id for frame in planned}, {frame.id for frame in present})
+    findings += _left_out(dataset, weathers, unfinished)
+    findings += _poor_recolouring(weathers, min_psnr_db)
+    return CheckResult(findings, weathers)
+
+
+def _examined(
+    dataset: Dataset, frames: list[PlannedFrame], vehicle: Vehicle | None, progress: Callable[[Progress], None]
+) -> Iterator[tuple[PlannedFrame, FrameResult]]:
+    """Every frame with its result, in order; several at a time, as hashing and inflating let other threads run."""
+    progress(Progress(0, len(frames), ""))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = pool.map(lambda frame: check_frame(dataset, frame, vehicle), frames)
+        for done, (frame, result) in enumerate(zip(frames, results, strict=True), 1):
+            progress(Progress(done, len(frames), frame.id))
+            yield frame, result
+
+
+def _top_level(dataset: Dataset) -> Iterator[Finding]:
+    """Plan and vehicle are the bytes that were written; nothing lies about that does not belong."""
+    found: list[Finding] = []
+    vehicle = dataset.vehicle_folder
+    names = {"dataset.json", *(f"vehicle/{path.name}" for path in vehicle.glob("*"))}
+    checksums(lambda file, what: found.append(Finding(file, what, MAKE_AGAIN)), dataset.folder, names)
+    yield from found
+    frames = dataset.folder / "frames"
+    known = {frame_id for frame_id, *_ in dataset.plan.frame_ids()}
+    for path in sorted(frames.iterdir()) if frames.is_dir() else ():
+        if path.name.startswith(TEMPORARY_PREFIX):
+            yield Finding(f"frames/{path.name}", "left by a killed job", "run the same `rauca dataset make` again")
+        elif path.name not in known:
+            yield Finding(f"frames/{path.name}", "is no frame of the plan", "remove it")
+
+
+def _vehicle(dataset: Dataset, findings: list[Finding]) -> Vehicle | None:
+    """The data set's vehicle, or None and a finding."""
+    try:
+        vehicle = load_vehicle(dataset.vehicle_folder, read_image)
+    except RaucaError as error:
+        findings.append(Finding("vehicle", str(error).removeprefix(f"{dataset.vehicle_folder}/"), MAKE_AGAIN))
+        return None
+    if vehicle.atlas_id != dataset.plan.atlas_id:
+        findings.append(Finding("vehicle", "its UV atlas is not the one the plan was made with", MAKE_AGAIN))
+    return vehicle
+
+
+def _left_out(dataset: Dataset, weathers: dict[str, WeatherResult], unfinished: bool) -> Iterator[Finding]:
+    for entry in read_ledger(dataset.folder).values():
+        if entry.state == "quarantined":
+            again = "run the same `rauca dataset make` with --retry-quarantined"
+            yield Finding(f"frames/{entry.frame}", f"failed twice: {entry.reason or 'no reason given'}", again)
+    missing = sum(weather.counts["missing"] for weather in weathers.values())
+    if missing and not unfinished:
+        planned = sum(weather.counts["planned"] for weather in weathers.values())
+        again = "run the same `rauca dataset make` to go on, or check with --unfinished"
+        yield Finding("frames", f"{missing} of {planned} frames are not rendered", again)
+
+
+def _poor_recolouring(weathers: dict[str, WeatherResult], min_psnr_db: float) -> Iterator[Finding]:
+    for name, weather in weathers.items():
+        psnr = weather.psnr_db
+        if psnr is not None and psnr < min_psnr_db:
+            what = f"recoloured frames are {psnr:.1f} dB from rendered ones in weather {name}, below {min_psnr_db:g}"
+            yield Finding("frames", what, "make the data set again with more --samples")

@@ -1,0 +1,55 @@
+"""The ledgers line by line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from ..contract import RaucaError, read_ledger
+from ..contract.ledger import STATES
+from .findings import Finding
+
+DROP_LINE = "remove the line; frames in folders are not affected"
+GO_ON = "run the same `rauca dataset make` to render it again"
+
+
+def check_ledgers(folder: Path, planned: Collection[str], present: Collection[str]) -> Iterator[Finding]:
+    """Every line is whole, known and true.
+
+    Args:
+        planned: ids of all frames of the plan.
+        present: ids of the frames that have a folder.
+    """
+    for path in sorted(Path(folder).glob("ledger*.jsonl")):
+        yield from _lines(path, planned)
+    try:
+        entries = read_ledger(folder)
+    except (RaucaError, UnicodeDecodeError):
+        return  # the lines told
+    for frame, entry in entries.items():
+        if entry.state == "done" and frame in planned and frame not in present:
+            yield Finding(f"frames/{frame}", "the ledger says done, its folder is gone", GO_ON)
+        if entry.state == "occluded" and frame in present:
+            yield Finding(f"frames/{frame}", "the ledger says occluded, yet its folder is there", "remove the folder")
+
+
+def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
+    *lines, rest = path.read_bytes().split(b"\n")
+    if rest:
+        yield Finding(path.name, "its last line is cut off", "run the same `rauca dataset make` again")
+    for number, line in enumerate(lines, 1):
+        problem = _problem(line, planned)
+        if problem:
+            yield Finding(path.name, f"line {number} {problem}", DROP_LINE)
+
+
+def _problem(line: bytes, planned: Collection[str]) -> str | None:
+    try:
+        entry = json.loads(line.decode())
+        frame, state = entry["frame"], entry["state"]
+    except (UnicodeDecodeError, json.JSONDecodeError, TypeError, KeyError):
+        return "is damaged"
+    if state not in STATES:
+        return f"has the unknown state {state!r}"
+    return None if frame in planned else f"names {frame!r}, which is no frame of the plan"
