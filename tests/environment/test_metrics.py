@@ -5,8 +5,8 @@ import torch
 
 from rauca_core.contract.recolour import TEST
 from rauca_core.environment.frames import LightFrames
-from rauca_core.environment.metrics import Error, albedos, measure, total
 from rauca_core.environment.methods import exact_render, plain_render, transfer_render
+from rauca_core.environment.metrics import Error, albedos, measure, total
 
 
 def test_errors_are_the_papers_on_the_paint():
