@@ -22,12 +22,6 @@ def has_denoiser(scene: bpy.types.Scene) -> bool:
     return bool(getattr(bpy.app.build_options, "openimagedenoise", True))
 
 
-def march_volumes(scene: bpy.types.Scene) -> None:
-    """Sample volumes as before 5.0, which tracks collisions instead: the same result in our homogeneous fog, faster."""
-    if hasattr(scene.cycles, "volume_biased"):
-        scene.cycles.volume_biased = True
-
-
 def use_single_layer_exr(settings: bpy.types.ImageFormatSettings) -> None:
     """Ask for one uncompressed 32-bit RGBA layer; 5.0 wants the media type chosen first."""
     if hasattr(settings, "media_type"):

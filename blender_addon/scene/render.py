@@ -17,6 +17,7 @@ from .. import compat
 from ..core import contract
 
 MEMORY_FOLDER = Path("/dev/shm")
+BRIGHTEST_BOUNCE = 10.0  # display whites a path may bring after its first bounce; brighter ones are fireflies
 
 
 def prepare(scene: bpy.types.Scene) -> None:
@@ -28,12 +29,10 @@ def prepare(scene: bpy.types.Scene) -> None:
     render.film_transparent = False
     cycles.device = "CPU"
     cycles.transmission_bounces = cycles.volume_bounces = 2
-    cycles.sample_clamp_indirect = 10.0
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
     cycles.use_auto_tile = False
     scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
-    compat.march_volumes(scene)
     compat.use_single_layer_exr(render.image_settings)
 
 
@@ -57,6 +56,9 @@ def render_linear(scene: bpy.types.Scene, quality: contract.Quality, seed: int) 
     if quality.adaptive_threshold > 0:
         cycles.adaptive_threshold = quality.adaptive_threshold
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = quality.bounces
+    # Cycles clamps before it exposes. A fixed limit would cut into daylight, where white is 20 before exposure, and
+    # darken fog, whose light all comes by bounces, by some 4 %.
+    cycles.sample_clamp_indirect = BRIGHTEST_BOUNCE / cycles.film_exposure
     cycles.use_denoising = quality.denoise
     if quality.denoise:
         # Filtering the guides fast costs 0.4 dB and saves a third of the time of a small frame.
