@@ -17,9 +17,11 @@ class Place(Protocol):
 
     Attributes:
         lamps: light objects that the weather switches on at night.
+        notes: what was left out or assumed, for people.
     """
 
     lamps: list[bpy.types.Object]
+    notes: list[str]
 
     def pose(self, location: int) -> NDArray[np.float64]:
         """(4, 4) rigid vehicle-to-world transform of a location; wheels on the ground, front along its +x."""
@@ -48,4 +50,6 @@ def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None)
         raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
     if contract.Scenery.of_file(blend) != plan.scenery:
         raise contract.RaucaError(f"{blend}: not the scene this data set was made in ({plan.scenery.name})")
-    raise contract.RaucaError(f"{blend}: scenes of one's own are not read yet")
+    from .user_scene import UserScene
+
+    return UserScene(scene, blend, plan.locations)

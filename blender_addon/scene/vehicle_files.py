@@ -36,7 +36,7 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
         raise contract.RaucaError(f"{path}: not found")
     if path.suffix.lower() not in SUFFIXES:
         raise contract.RaucaError(f"{path}: format {path.suffix!r} is not read; use {', '.join(SUFFIXES)}")
-    before = {block.as_pointer() for block in _blocks()}
+    before = {block.as_pointer() for block in all_blocks()}
     known = {o.as_pointer() for o in bpy.data.objects}
     try:
         try:
@@ -49,7 +49,7 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
         bpy.context.view_layer.update()
         yield [o for o in bpy.data.objects if o.as_pointer() not in known]
     finally:
-        bpy.data.batch_remove([block for block in _blocks() if block.as_pointer() not in before])
+        bpy.data.batch_remove([block for block in all_blocks() if block.as_pointer() not in before])
 
 
 def _require_finite(path: Path) -> None:
@@ -93,7 +93,7 @@ def _append(path: Path) -> None:
         preferences.use_scripts_auto_execute = trusted
 
 
-def _blocks() -> list[bpy.types.ID]:
+def all_blocks() -> list[bpy.types.ID]:
     """Every data block of the session."""
     collections = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
     return [block for name in collections for block in getattr(bpy.data, name)]

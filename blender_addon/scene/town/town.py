@@ -28,10 +28,12 @@ class Town:
 
     Attributes:
         lamps: the present district's street lamps; always the same list.
+        notes: nothing is left out of a town.
     """
 
     def __init__(self, scene: bpy.types.Scene, seed: int) -> None:
         self.lamps: list[bpy.types.Object] = []
+        self.notes: list[str] = []
         self._scene, self._seed = scene, seed
         self._collection = bpy.data.collections.new("rauca town")
         scene.collection.children.link(self._collection)

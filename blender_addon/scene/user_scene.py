@@ -1,0 +1,187 @@
+"""The user's own ``.blend`` as a place: empties mark where the vehicle stands.
+
+The file's objects are added to the data set's scene; its world and suns stay behind, as the weather brings its own. No
+script of the file is run: texts are not read, and drivers are removed, so that driven values stay as they were saved.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract, semantics
+from .massing import turned
+from .render import silenced
+from .vehicle_files import DAMAGE, all_blocks
+
+MARK = "rauca"
+LAMP_MARK = "rauca lamp"
+
+
+class UserScene:
+    """A scene of the user's.
+
+    Attributes:
+        lamps: light objects whose name starts with ``rauca lamp``; the weather switches them on at night.
+        notes: what was left out or assumed, for people.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, path: Path, locations: int) -> None:
+        """Add a file's scene to ``scene``.
+
+        Args:
+            path: the ``.blend``; of several scenes, the one with the marks is taken.
+            locations: how many places are needed.
+
+        Raises:
+            RaucaError: not a readable ``.blend``, no or too few marks, a linked file is missing, or a material names an
+                unknown semantic class.
+        """
+        self.notes: list[str] = []
+        before = {block.as_pointer() for block in all_blocks()}
+        try:
+            source = _marked(_appended(path), path)
+            _adopt(scene, source)
+            self._leave_light_behind(source, path)
+            fresh = [block for block in all_blocks() if block.as_pointer() not in before]
+            self._check_files(fresh, path)
+            self._classify(fresh, path)
+            scene.frame_set(source.frame_current)
+            marks = sorted((o for o in source.objects if _is_mark(o)), key=lambda mark: mark.name)
+            if len(marks) < locations:
+                raise contract.RaucaError(
+                    f"{path}: marks {len(marks)} locations ({', '.join(m.name for m in marks)}) but {locations} are "
+                    f"asked for; add empties named {MARK}..., or pass --locations {len(marks)}"
+                )
+            self._poses = [_pose(mark, path) for mark in marks]
+            self.lamps = [o for o in source.objects if o.type == "LIGHT" and o.name.lower().startswith(LAMP_MARK)]
+            for extra in [block for block in fresh if isinstance(block, bpy.types.Scene)]:
+                bpy.data.scenes.remove(extra)
+        except contract.RaucaError:
+            bpy.data.batch_remove([block for block in all_blocks() if block.as_pointer() not in before])
+            raise
+
+    def pose(self, location: int) -> NDArray[np.float64]:
+        """(4, 4) vehicle-to-world transform: wheels at the mark's height, front along its x axis seen from above."""
+        return self._poses[location].copy()
+
+    def enter(self, location: int) -> None:
+        """Nothing to change: the whole scene is always there."""
+
+    def light_windows(self, lit: bool) -> None:
+        """Nothing to switch: the file's materials are its own."""
+
+    def _leave_light_behind(self, source: bpy.types.Scene, path: Path) -> None:
+        suns = [o for o in source.objects if o.type == "LIGHT" and o.data.type == "SUN"]
+        left = [f"sun {sun.name!r}" for sun in suns]
+        if source.world is not None:
+            left.append(f"world {source.world.name!r}")
+        if left:
+            self.notes.append(f"{path.name}: left out {', '.join(left)}: the weather brings its own light")
+        if source.unit_settings.scale_length != 1.0:
+            self.notes.append(f"{path.name}: its unit scale is ignored: one Blender unit is taken as one metre")
+        bpy.data.batch_remove(suns)
+
+    def _check_files(self, fresh: list[bpy.types.ID], path: Path) -> None:
+        """Files that the scene needs beside it."""
+        for block in fresh:
+            if isinstance(block, bpy.types.Library) and not Path(bpy.path.abspath(block.filepath)).is_file():
+                raise contract.RaucaError(
+                    f"{path}: links to {block.filepath}, which is missing; bring it or make it local"
+                )
+            on_disk = isinstance(block, bpy.types.Image) and block.source == "FILE" and block.packed_file is None
+            if on_disk and not Path(bpy.path.abspath(block.filepath, library=block.library)).is_file():
+                raise contract.RaucaError(f"{path}: image {block.filepath} is missing; pack the file's resources")
+
+    def _classify(self, fresh: list[bpy.types.ID], path: Path) -> None:
+        """Give every material a semantic class: its own, or ``other``."""
+        unnamed = 0
+        for material in (block for block in fresh if isinstance(block, bpy.types.Material)):
+            named = material.get(semantics.CLASS_PROPERTY)
+            if named is None:
+                unnamed += 1
+                if material.library is None:
+                    material[semantics.CLASS_PROPERTY] = "other"
+            elif named not in semantics.CLASS_IDS:
+                raise contract.RaucaError(
+                    f"{path}: material {material.name!r} has {semantics.CLASS_PROPERTY} {named!r}; use one of "
+                    f"{', '.join(semantics.CLASSES)}"
+                )
+        if unnamed:
+            self.notes.append(
+                f"{path.name}: {unnamed} materials name no {semantics.CLASS_PROPERTY} and show as 'other' in the masks"
+            )
+
+
+def _appended(path: Path) -> list[bpy.types.Scene]:
+    """All scenes of a file, appended, their drivers removed before anything could evaluate them."""
+    preferences = bpy.context.preferences.filepaths
+    trusted = preferences.use_scripts_auto_execute
+    preferences.use_scripts_auto_execute = False
+    before = {block.as_pointer() for block in all_blocks()}
+    try:
+        with silenced(), bpy.data.libraries.load(str(path), link=False) as (source, target):
+            target.scenes = source.scenes
+    except DAMAGE as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
+        raise contract.RaucaError(f"{path}: cannot be read as .blend ({reason}); save it again") from error
+    finally:
+        preferences.use_scripts_auto_execute = trusted
+    for block in all_blocks():
+        if block.as_pointer() not in before:
+            _remove_drivers(block)
+    return [scene for scene in target.scenes if scene is not None]
+
+
+def _remove_drivers(block: bpy.types.ID) -> None:
+    owners = [block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)]
+    for owner in owners:
+        animation = getattr(owner, "animation_data", None)
+        if animation is not None:
+            for driver in list(animation.drivers):
+                animation.drivers.remove(driver)
+
+
+def _marked(scenes: list[bpy.types.Scene], path: Path) -> bpy.types.Scene:
+    """The scene that has marks."""
+    marked = [scene for scene in scenes if any(_is_mark(o) for o in scene.objects)]
+    if not marked:
+        raise contract.RaucaError(
+            f"{path}: marks no location; add an empty named {MARK}... where the vehicle shall stand"
+        )
+    if len(marked) > 1:
+        names = ", ".join(scene.name for scene in marked)
+        raise contract.RaucaError(f"{path}: several of its scenes mark locations ({names}); keep the marks in one")
+    return marked[0]
+
+
+def _is_mark(thing: bpy.types.Object) -> bool:
+    return thing.type == "EMPTY" and thing.name.lower().startswith(MARK)
+
+
+def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
+    """Link a scene's collections and objects to another; what its view layer leaves out is not rendered."""
+    for layer in _layers(source.view_layers[0].layer_collection):
+        if layer.exclude:
+            layer.collection.hide_render = True
+    for collection in source.collection.children:
+        scene.collection.children.link(collection)
+    for thing in source.collection.objects:
+        scene.collection.objects.link(thing)
+
+
+def _layers(layer: bpy.types.LayerCollection) -> list[bpy.types.LayerCollection]:
+    return [layer, *(deeper for child in layer.children for deeper in _layers(child))]
+
+
+def _pose(mark: bpy.types.Object, path: Path) -> NDArray[np.float64]:
+    """(4, 4) of an empty: its place and its turn about z; tilt and scale are dropped."""
+    matrix = np.array(mark.matrix_world)
+    forward = matrix[:2, 0]
+    if not np.isfinite(matrix).all() or np.linalg.norm(forward) < 1e-3 * np.linalg.norm(matrix[:3, 0]):
+        raise contract.RaucaError(f"{path}: empty {mark.name!r} has no direction seen from above; lay its x axis level")
+    return turned(math.atan2(forward[1], forward[0]), *matrix[:3, 3])
