@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from .child import child_command
 from .core import assets, contract, files
 from .jobs.crew import own_threads
 from .jobs.lock import FolderLock, hold_cameras
+from .jobs.messages import News
 from .jobs.supervisor import Crew, Listener, Supervisor
 from .jobs.worker import serve
 from .scene.images import read_image_blender
@@ -54,11 +55,12 @@ def work(options: argparse.Namespace) -> None:
     if options.threads:
         session.scene.render.threads_mode, session.scene.render.threads = "FIXED", options.threads
     tasks = {task.id: task for task in contract.planned_frames(plan)}
-    with open(0, "rb", closefd=False) as orders:
-        serve(
-            lambda ids, tell, stopped: render_chunk(session, options.out, [tasks[i] for i in ids], tell, stopped),
-            orders,
-        )
+
+    def render(ids: Sequence[str], tell: Callable[[News], None], stopped: Callable[[], bool]) -> None:
+        render_chunk(session, options.out, [tasks[frame_id] for frame_id in ids], tell, stopped)
+
+    # Unbuffered and left open: a thread waits in it to the end, and would hold a buffer's lock.
+    serve(render, open(0, "rb", buffering=0, closefd=False))  # noqa: SIM115
 
 
 def plan_from(options: argparse.Namespace, vehicle: contract.Vehicle) -> contract.Plan:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from queue import SimpleQueue
-from typing import BinaryIO
 
 from .messages import News
 
@@ -15,7 +14,7 @@ STOP = "stop"
 
 
 def serve(
-    render: Callable[[Sequence[str], Callable[[News], None], Callable[[], bool]], None], orders: BinaryIO
+    render: Callable[[Sequence[str], Callable[[News], None], Callable[[], bool]], None], orders: Iterable[bytes]
 ) -> None:
     """Render piece after piece; returns when told to stop, at the next frame boundary.
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 
 from ..core import contract
-from ..vehicles import find_vehicle
 from ..scene.apply import apply_camouflage
+from ..vehicles import find_vehicle
 
 
 class RAUCA_OT_apply_camouflage(bpy.types.Operator):  # noqa: N801 - Blender wants this form
