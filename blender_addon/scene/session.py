@@ -64,10 +64,16 @@ class Session:
                 result[view] = geometry.annotate(ids, visible, seed)
         return result
 
-    def render(self, location: int, view: int, weather: contract.Weather) -> NDArray[np.float32]:
-        """Render the vehicle in its present paint; (H, W, 3) linear. One seed per frame, whatever the paint."""
+    def render(
+        self, location: int, view: int, weather: contract.Weather, crop: render.Crop | None = None
+    ) -> NDArray[np.float32]:
+        """Render the vehicle in its present paint; (H, W, 3) linear. One seed per frame, whatever the paint.
+
+        Args:
+            crop: the part of the frame that is wanted; all of it by default.
+        """
         camera.place(self.scene, self.viewpoint(location, view).camera)
-        pixels = render.render_linear(self.scene, self.plan.quality, self.seed(location, view, weather))
+        pixels = render.render_linear(self.scene, self.plan.quality, self.seed(location, view, weather), crop)
         return pixels[..., :3]
 
     def seed(self, location: int, view: int, weather: contract.Weather) -> int:
