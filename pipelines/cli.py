@@ -20,6 +20,7 @@ from rauca_core.detect.store import fetch, status
 from .blender_process import run_blender
 from .console import console, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
+from .efe_commands import efe_app
 
 app = typer.Typer(
     name="rauca",
@@ -30,6 +31,7 @@ app = typer.Typer(
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 bench_app = typer.Typer(help="Measure speed against error.", no_args_is_help=True)
 app.add_typer(dataset_app, name="dataset")
+app.add_typer(efe_app, name="efe")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
 

@@ -33,6 +33,7 @@ class LightSplitter(nn.Module):
 
     def __init__(self, widths: tuple[int, ...] = (24, 40, 64, 96), detail: int = 12) -> None:
         super().__init__()
+        self.widths, self.detail_width = widths, detail
         self.detail = _block(INPUTS, detail)
         sources = (detail, *widths[:-1])
         self.down = nn.ModuleList(_block(a, b, stride=2) for a, b in zip(sources, widths, strict=True))

@@ -29,13 +29,11 @@ Draw = Callable[[Item], np.random.Generator]
 
 
 class Learner(Protocol):
-    """An extractor and its training loop, less what all loops share.
+    """An extractor and its training loop, less what all loops share."""
 
-    Attributes:
-        net: the network.
-    """
-
-    net: nn.Module
+    @property
+    def net(self) -> nn.Module:
+        """The network."""
 
     def items(self, frames: Sequence[int]) -> list[Item]:
         """What one epoch over ``frames`` goes through, in any order."""

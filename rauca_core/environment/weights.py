@@ -51,6 +51,11 @@ class ModelCard:
     rauca: str = __version__
 
 
+def shipped_weights() -> Path:
+    """The weights that rauca brings."""
+    return assets_folder() / SHIPPED
+
+
 def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
@@ -71,7 +76,7 @@ def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
     Raises:
         RaucaError: missing, damaged, or not what their card describes.
     """
-    path = assets_folder() / SHIPPED if path is None else Path(path)
+    path = shipped_weights() if path is None else Path(path)
     if not path.is_file():
         raise RaucaError(f"{path}: no such weights; {REMEDY}")
     card, digest = read_card(card_path(path))

@@ -1,0 +1,140 @@
+"""``rauca efe ...``: train, measure and use the environment feature extractor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from rauca_core.contract import RaucaError
+from rauca_core.contract.files import png_bytes, write_bytes, write_json
+from rauca_core.contract.recolour import TEST, find_colours
+
+from .console import console, progress_bar
+
+efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
+
+Out = Annotated[Path, typer.Option(help="folder for the weights, checkpoints and tensorboard")]
+Tests = Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")]
+Epochs = Annotated[int, typer.Option(help="at most")]
+Batch = Annotated[int, typer.Option(help="frames per step, over all processes")]
+Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
+Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
+Crop = Annotated[int, typer.Option(help="train on squares of this side, pixels; 0: whole frames")]
+Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
+Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
+Resume = Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")]
+Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card; the shipped ones by default")]
+
+
+@efe_app.command("train")
+def efe_train(
+    datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps, of one image size")],
+    out: Out,
+    test: Tests = None,
+    epochs: Epochs = 40,
+    batch: Batch = 4,
+    lr: Rate = 2e-3,
+    split: Split = "location",
+    crop: Crop = 0,
+    early_stop: Early = True,
+    seed: int = 0,
+    threads: Threads = None,
+    remarks: Annotated[str, typer.Option(help="for the model card")] = "",
+    resume: Resume = False,
+) -> None:
+    """Train our extractor from scratch on several vehicles."""
+    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
+    _train(datasets, out, test, chosen | {"seed": seed, "threads": threads}, None, remarks, resume)
+
+
+@efe_app.command("finetune")
+def efe_finetune(
+    dataset: Annotated[Path, typer.Argument(help="data set of the new vehicle, with light maps")],
+    out: Out,
+    weights: Weights = None,
+    test: Tests = None,
+    epochs: Epochs = 20,
+    batch: Batch = 4,
+    lr: Rate = 1e-3,
+    split: Split = "location",
+    crop: Crop = 0,
+    early_stop: Early = True,
+    seed: int = 0,
+    threads: Threads = None,
+    remarks: Annotated[str, typer.Option(help="for the model card")] = "",
+    resume: Resume = False,
+) -> None:
+    """Adapt pre-trained weights to another vehicle."""
+    from rauca_core.environment.weights import shipped_weights
+
+    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
+    start = weights or shipped_weights()
+    _train([dataset], out, test, chosen | {"seed": seed, "threads": threads}, start, remarks, resume)
+
+
+@efe_app.command("evaluate")
+def efe_evaluate(
+    datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps")],
+    weights: Weights = None,
+    json: Annotated[Path | None, typer.Option(help="where to write the figures")] = None,
+) -> None:
+    """Measure our extractor, beside colour transfer and none, against exact maps in 32 colours."""
+    from rauca_core.environment import load_extractor
+    from rauca_core.environment.evaluation import compare
+
+    net, _ = load_extractor(weights)
+    with progress_bar("evaluating") as move:
+        found = compare(datasets, net, TEST, move)
+    table = Table("weather", "method", "PSNR, dB", "MSE", "MAE", "BCE", "ms", title="light on the paint, sRGB values")
+    for weather, methods in found.items():
+        for method, row in methods.items():
+            figures = (f"{row['psnr_db']:.2f}", *(f"{row[n]:.4f}" for n in ("mse", "mae", "bce")), f"{row['ms']:.1f}")
+            table.add_row(weather, method, *figures)
+    Console().print(table)
+    if json is not None:
+        write_json(json, found)
+
+
+@efe_app.command("preview")
+def efe_preview(
+    image: Annotated[Path, typer.Argument(help="a photograph or any image of the vehicle")],
+    mask: Annotated[Path, typer.Argument(help="grey image of its size, white where the paint is")],
+    out: Annotated[Path, typer.Option(help="PNG to write")],
+    reference: Annotated[str, typer.Option(help="colour of the paint in the image, sRGB like 8c8c8c")] = "8c8c8c",
+    weights: Weights = None,
+) -> None:
+    """Show an image's light maps, and its vehicle in other colours and patterns, on one sheet."""
+    from rauca_core.environment import load_extractor
+    from rauca_core.environment.preview import preview
+
+    colours = find_colours(reference)
+    if len(colours) != 1:
+        raise RaucaError(f"--reference {reference}: give one sRGB colour like 8c8c8c")
+    if out.suffix.lower() != ".png":
+        raise RaucaError(f"{out}: --out must end in .png")
+    net, _ = load_extractor(weights)
+    write_bytes(out, png_bytes(preview(image, mask, colours[0], net)))
+    console.print(f"preview: {out}")
+
+
+def _train(
+    datasets: list[Path],
+    out: Path,
+    tests: list[Path] | None,
+    chosen: dict[str, object],
+    start: Path | None,
+    remarks: str,
+    resume: bool,
+) -> None:
+    from rauca_core.environment import make_training_settings
+    from rauca_core.environment.fit import Fit
+
+    from .train_efe import command_line, train_efe
+
+    settings = make_training_settings(**chosen)
+    wanted = Fit(datasets, out, settings, tests or (), start, command_line(), remarks)
+    console.print(f"weights: {train_efe(wanted, resume)}")

@@ -1,0 +1,125 @@
+"""From data sets to weights with a model card: the training of our extractor as users start it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ..contract import RaucaError
+from ..contract.seeding import named_seed
+from .distributed import team
+from .extractor import LightSplitter
+from .frames import LightFrames
+from .learner import SplitterLearner
+from .metrics import Error, total
+from .settings import TrainingSettings
+from .training import EpochReport, Job, Outcome, train
+from .weights import ModelCard, card_path, load_extractor, read_card, save_extractor
+
+WEIGHTS = "light-splitter.safetensors"
+ALL = "all"  # weathers together, in a card's metrics
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a training is given.
+
+    Attributes:
+        datasets: folders to train on.
+        out: folder for the weights, checkpoints and tensorboard.
+        tests: folders to test on; without any, a share of the frames of ``datasets`` is held out.
+        start: weights to start from; None draws them by the seed.
+        command: for the card.
+        remarks: for the card.
+    """
+
+    datasets: Sequence[Path]
+    out: Path
+    settings: TrainingSettings
+    tests: Sequence[Path] = ()
+    start: Path | None = None
+    command: str = ""
+    remarks: str = ""
+
+
+def fit(
+    wanted: Fit,
+    resume: bool = False,
+    on_epoch: Callable[[EpochReport], None] = lambda report: None,
+    on_step: Callable[[int, int], None] = lambda done, steps: None,
+) -> tuple[Path, Outcome]:
+    """Train, or go on; the best weights on the test frames end in ``out``. Run by ``torchrun``, all processes share it.
+
+    Raises:
+        RaucaError: unusable data sets, settings, folder or weights; a loss that is not finite.
+    """
+    if wanted.settings.method != "ours":
+        raise RaucaError(f"method: {wanted.settings.method} is trained by `rauca bench environment` only; choose ours")
+    frames = LightFrames([*wanted.datasets, *wanted.tests], wanted.settings.memory_mb)
+    held_out, chosen = _held_out(frames, wanted)
+    net, origin = _start(wanted)
+    weights = wanted.out / WEIGHTS
+    described = _describe(frames, len(wanted.datasets))
+
+    def keep(epoch: int, errors: dict[str, Error]) -> None:
+        everything = {**errors, ALL: total(errors.values())}
+        card = ModelCard(
+            widths=net.widths,
+            detail=net.detail_width,
+            data=described,
+            command=wanted.command,
+            seed=wanted.settings.seed,
+            epochs=epoch,
+            settings=wanted.settings.model_dump(mode="json"),
+            metrics={weather: error.to_json() for weather, error in sorted(everything.items())},
+            remarks=wanted.remarks,
+        )
+        save_extractor(weights, net, card)
+
+    with team() as processes:
+        job = Job(
+            SplitterLearner(net, frames, wanted.settings), frames, chosen, held_out, wanted.settings, wanted.out,
+            keep, {"start": origin, "datasets": len(wanted.datasets)},
+        )  # fmt: skip
+        return weights, train(job, processes, resume, on_epoch, on_step)
+
+
+def _held_out(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
+    """Indices to test on and to train on."""
+    if not wanted.tests:
+        chosen, held_out = frames.split(wanted.settings.split, wanted.settings.test_share, wanted.settings.seed)
+        return held_out, chosen
+    first = next(i for i, place in enumerate(frames.places) if place.dataset >= len(wanted.datasets))
+    return list(range(first, len(frames))), list(range(first))
+
+
+def _start(wanted: Fit) -> tuple[LightSplitter, str]:
+    """The network to begin with, and what names it."""
+    if wanted.start is None:
+        torch.manual_seed(named_seed(wanted.settings.seed, "weights"))
+        return LightSplitter(), "drawn"
+    net, _ = load_extractor(wanted.start)
+    return net, read_card(card_path(wanted.start))[1]
+
+
+def _describe(frames: LightFrames, training: int) -> list[dict[str, Any]]:
+    described = []
+    for number, dataset in enumerate(frames.datasets):
+        plan = dataset.plan
+        described.append(
+            {
+                "name": plan.name,
+                "use": "train" if number < training else "test",
+                "vehicle": plan.vehicle_name,
+                "size": plan.size,
+                "samples": plan.quality.samples,
+                "frames": sum(place.dataset == number for place in frames.places),
+                "weathers": [weather.name for weather in plan.weathers],
+                "seed": plan.seed,
+            }
+        )
+    return described
