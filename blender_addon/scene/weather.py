@@ -1,4 +1,4 @@
-"""Sun, sky, night lamps and fog for a contract weather."""
+"""A contract weather in the scene: sun, sky, exposure, clouds, fog, water and lamps."""
 
 from __future__ import annotations
 
@@ -9,75 +9,115 @@ import numpy as np
 
 from .. import compat
 from ..core import contract
-from . import nodes
-from .massing import box_solid
+from . import clouds, nodes
+from .fog import FogLayer
+from .lamps import StreetLamps
+from .wetness import set_wetness
 
-FOG_TOP_M = 12.0
-FOG_HALF_WIDTH_M = 300.0
-FOG_ANISOTROPY = 0.5  # forward scattering of droplets, tempered as multiple scattering evens it out
-NIGHT_SKY = (0.012, 0.016, 0.028)  # linear radiance after exposure: dark, not black, as CARLA's night
-NIGHT_EXPOSURE = 2.5
+# Linear radiance of the night sky before exposure, clear and overcast: dark, not black, as CARLA's night; clouds throw
+# the street lamps' light back.
+NIGHT_SKY, NIGHT_CLOUDS = (0.012, 0.016, 0.028), (0.024, 0.021, 0.020)
 
 # Film exposure per sun altitude (degrees) in powers of two: brings an 18 % grey card lying flat under this sky, without
-# fog, to 0.2-0.3 of display white by day and 0.13 at sunset. `tests/blender/test_scene.py` measures it again.
+# fog, to 0.2-0.3 of display white by day and 0.13 at sunset. It hardly moves after sunset, when lamps light the street.
+# `tests/blender/test_weather_light.py` measures it again.
 EXPOSURE_STOPS = (
-    *((0.0, 1.0), (2.0, 0.3), (5.0, -1.0), (10.0, -2.2), (20.0, -3.35)),
+    *((-18.0, math.log2(2.5)), (0.0, 1.0), (2.0, 0.3), (5.0, -1.0), (10.0, -2.2), (20.0, -3.35)),
     *((30.0, -3.95), (45.0, -4.45), (60.0, -4.65), (90.0, -4.8)),
 )
+# After sunset the sky's brightness falls to a millionth, which no camera follows. The display value of the grey card
+# under the sky alone is led from sunset's to night's instead: (altitude, card, card under Blender's sky, exposure 1).
+TWILIGHT = (
+    *((0.0, 0.127, 0.0636), (-1.0, 0.098, 0.0377), (-2.0, 0.076, 0.0198), (-3.0, 0.059, 0.00898)),
+    *((-4.0, 0.046, 0.00341), (-6.0, 0.028, 0.00341), (-9.0, 0.014, 0.00341), (-12.0, 0.0065, 0.00341)),
+    *((-15.0, 0.0025, 0.00341), (-18.0, 0.0001, 0.00341)),
+)
+LOWEST_SKY_DEG = -4.0  # below, Blender's sky is noise; its look is kept and dimmed
+DAY_CARD = 0.25
 
 
 class SceneWeather:
-    """The world, the fog box and the street's lamps, set from a contract weather."""
+    """The world, the fog layer, the street's lamps and the water on surfaces, set from a contract weather."""
 
     def __init__(self, scene: bpy.types.Scene, lamps: list[bpy.types.Object]) -> None:
         self._scene = scene
-        self._lamps = lamps
+        self._lamps = StreetLamps(lamps)
         self._world = bpy.data.worlds.new("rauca weather")
         scene.world = self._world
-        self.fog = _fog_box(scene)
+        self._layer = FogLayer(scene)
+        self.fog = self._layer.box
 
     def apply(self, weather: contract.Weather) -> None:
-        """Set sun, sky, exposure, fog and lamps."""
+        """Set everything; equal :meth:`contract.Weather.light_key` give equal renders."""
         tree = nodes.fresh_tree(self._world)
-        if weather.is_night:
-            background = nodes.add(tree, "ShaderNodeBackground", Color=(*NIGHT_SKY, 1.0), Strength=1.0)
-            self._scene.cycles.film_exposure = NIGHT_EXPOSURE
+        altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
+        night = night_share(altitude)
+        glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
+        if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
+            colour: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
         else:
-            sky = nodes.add(tree, "ShaderNodeTexSky")
-            sky.sky_type = compat.sky_texture_kind()
-            sky.sun_elevation = math.radians(weather.sun_altitude_angle)
-            # Blender turns its sun clockwise from +y, CARLA's azimuth here counter-clockwise from +x.
-            sky.sun_rotation = math.radians(90.0 - weather.sun_azimuth_angle)
-            sky.sun_disc = True
-            background = nodes.add(tree, "ShaderNodeBackground", Color=sky.outputs[0], Strength=1.0)
-            self._scene.cycles.film_exposure = 2.0 ** exposure_stops(weather.sun_altitude_angle)
+            colour = _sky(tree, weather)
+            if night > 0.0:
+                sum_ = nodes.add(tree, "ShaderNodeVectorMath")
+                tree.links.new(colour, sum_.inputs[0])
+                sum_.inputs[1].default_value = [night * g for g in glow]
+                colour = sum_.outputs[0]
+        background = nodes.add(tree, "ShaderNodeBackground", Color=colour, Strength=1.0)
         tree.links.new(background.outputs[0], nodes.add(tree, "ShaderNodeOutputWorld").inputs["Surface"])
-        for lamp in self._lamps:
-            lamp.hide_render = not weather.is_night
-        self.fog.hide_render = weather.extinction == 0.0
-        density = self.fog.active_material.node_tree.nodes["fog"].inputs["Density"]
-        density.default_value = weather.extinction
+        self._scene.cycles.film_exposure = 2.0 ** exposure_stops(altitude, cover)
+        self._lamps.shine(weather.lamps)
+        self._layer.apply(weather)
+        set_wetness(weather.film, weather.puddles, weather.ripples)
 
 
-def exposure_stops(sun_altitude_deg: float) -> float:
-    """Film exposure for a sun altitude in [0, 90] degrees, in powers of two."""
+def exposure_stops(sun_altitude_deg: float, cover: float = 0.0) -> float:
+    """Film exposure in powers of two for a sun altitude in degrees and a cloud cover in [0, 1].
+
+    Clouds are compensated to six sevenths by day; when lamps light the street, nothing is.
+    """
     altitudes, stops = zip(*EXPOSURE_STOPS, strict=True)
-    return float(np.interp(sun_altitude_deg, altitudes, stops))
+    lost = -math.log2(clouds.ground_share(cover)) * 6 / 7
+    by_day = float(np.clip(1.0 + sun_altitude_deg / 12.0, 0.0, 1.0))
+    return float(np.interp(sun_altitude_deg, altitudes, stops)) + lost * by_day
 
 
-def _fog_box(scene: bpy.types.Scene) -> bpy.types.Object:
-    """A box of homogeneous scattering medium over the ground; not the World's volume, which would hide the sky."""
-    half = FOG_HALF_WIDTH_M
-    corners, faces = box_solid((-half, -half, -0.5), (half, half, FOG_TOP_M))
-    mesh = bpy.data.meshes.new("rauca fog")
-    mesh.from_pydata(corners, [], faces)
-    material = bpy.data.materials.new("rauca fog")
-    tree = nodes.fresh_tree(material)
-    volume = nodes.add(tree, "ShaderNodeVolumeScatter", Density=0.0, Anisotropy=FOG_ANISOTROPY)
-    volume.name = "fog"
-    nodes.output(tree, Volume=volume.outputs[0])
-    mesh.materials.append(material)
-    box = bpy.data.objects.new("rauca fog", mesh)
-    box.hide_render = True
-    scene.collection.objects.link(box)
-    return box
+def night_share(sun_altitude_deg: float) -> float:
+    """How much of the night sky's own light is there: none by day, all from the end of twilight on."""
+    return float(np.clip(sun_altitude_deg / contract.weather.NIGHT_ALTITUDE_DEG, 0.0, 1.0)) ** 2
+
+
+def clear_card(sun_altitude_deg: float) -> float:
+    """Radiance of the grey card under the clear sky in the sky's own units, before exposure."""
+    return _twilight(sun_altitude_deg, 1, DAY_CARD) / 2.0 ** exposure_stops(sun_altitude_deg)
+
+
+def _twilight(sun_altitude_deg: float, column: int, by_day: float) -> float:
+    """A column of :data:`TWILIGHT`, interpolated in its logarithm; from sunset to 5 degrees it fades to the day."""
+    rows = [*reversed(TWILIGHT), (5.0, by_day, by_day)]
+    return float(np.exp(np.interp(sun_altitude_deg, [r[0] for r in rows], [math.log(r[column]) for r in rows])))
+
+
+def _sky(tree: bpy.types.NodeTree, weather: contract.Weather) -> bpy.types.NodeSocket:
+    """Linear radiance of the sky, the sun and the clouds."""
+    altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
+    sky = nodes.add(tree, "ShaderNodeTexSky")
+    sky.sky_type = compat.sky_texture_kind()
+    sky.sun_elevation = math.radians(max(altitude, LOWEST_SKY_DEG))
+    # Blender turns its sun clockwise from +y, the azimuth here goes counter-clockwise from +x.
+    sky.sun_rotation = math.radians(90.0 - weather.sun_azimuth_angle)
+    sky.sun_disc = clouds.sun_share(cover) > 0.0
+    colour = sky.outputs[0]
+    if altitude < 0.0:
+        natural = _twilight(altitude, 2, 1.0) * 2.0 ** exposure_stops(altitude)
+        brighter = nodes.add(tree, "ShaderNodeVectorMath")
+        brighter.operation = "SCALE"
+        tree.links.new(colour, brighter.inputs[0])
+        brighter.inputs["Scale"].default_value = _twilight(altitude, 1, 1.0) / natural
+        colour = brighter.outputs[0]
+    if cover > 0.0:
+        sky.sun_intensity = clouds.sun_share(cover)
+        sky.sun_size = math.radians(clouds.sun_diameter_deg(cover))
+        up, around = math.radians(altitude), math.radians(weather.sun_azimuth_angle)
+        sun = (math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up))
+        colour = clouds.draw(tree, colour, cover, clear_card(altitude), sun, altitude)
+    return colour

@@ -19,6 +19,7 @@ GROUP = "rauca wetness"
 PORE_DARKENING = 0.8
 FILM_ROUGHNESS = 0.16  # of a thin film that follows the surface below it
 PUDDLE_ROUGHNESS = 0.02
+RIPPLED_ROUGHNESS = 0.14  # of a puddle in heavy rain
 WALL_SHARE = 0.35  # how wet a vertical face gets in the weather that soaks a horizontal one
 
 PUDDLE_NOISE_PER_M = 0.45
@@ -52,16 +53,20 @@ def wet(
     return node.outputs["Color"], node.outputs["Roughness"]
 
 
-def set_wetness(wetness: float, puddles: float) -> None:
+def set_wetness(wetness: float, puddles: float, ripples: float = 0.0) -> None:
     """Wet every surface that went through :func:`wet`, in every scene.
 
     Args:
         wetness: 0 (dry) to 1 (a film of water on all that faces the sky).
         puddles: 0 to 1, how much of the flat porous ground lies under water.
+        ripples: 0 to 1, how far falling rain breaks the mirror of puddles.
     """
     group = _group()
     group.nodes["wetness"].outputs[0].default_value = wetness
     group.nodes["puddles"].outputs[0].default_value = puddles
+    group.nodes["puddle roughness"].outputs[0].default_value = (
+        PUDDLE_ROUGHNESS + (RIPPLED_ROUGHNESS - PUDDLE_ROUGHNESS) * ripples
+    )
 
 
 def _group() -> bpy.types.NodeTree:
@@ -77,10 +82,10 @@ def _build() -> bpy.types.NodeTree:
     ):
         tree.interface.new_socket(name, in_out=way, socket_type=f"NodeSocket{kind}")
     surface = nodes.add(tree, "NodeGroupInput").outputs
-    wetness, puddles = (nodes.add(tree, "ShaderNodeValue") for _ in range(2))
-    wetness.name, puddles.name = "wetness", "puddles"
-    for node in (wetness, puddles):
-        node.outputs[0].default_value = 0.0
+    wetness, puddles, smooth = (nodes.add(tree, "ShaderNodeValue") for _ in range(3))
+    wetness.name, puddles.name, smooth.name = "wetness", "puddles", "puddle roughness"
+    for node, dry in ((wetness, 0.0), (puddles, 0.0), (smooth, PUDDLE_ROUGHNESS)):
+        node.outputs[0].default_value = dry
 
     geometry = nodes.add(tree, "ShaderNodeNewGeometry")
     up = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=geometry.outputs["Normal"]).outputs["Z"]
@@ -96,7 +101,7 @@ def _build() -> bpy.types.NodeTree:
     tree.links.new(surface["Color"], darker.inputs[0])
     tree.links.new(kept, darker.inputs["Scale"])
     filmed = _towards(tree, surface["Roughness"], FILM_ROUGHNESS, film)
-    glossier = _towards(tree, filmed, PUDDLE_ROUGHNESS, puddle)
+    glossier = _towards(tree, filmed, smooth.outputs[0], puddle)
     nodes.add(tree, "NodeGroupOutput", Color=darker.outputs[0], Roughness=glossier)
     return tree
 
@@ -121,7 +126,7 @@ def _puddle_mask(
 
 
 def _towards(
-    tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, smooth: float, share: bpy.types.NodeSocket
+    tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, smooth: Any, share: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
     """``value`` moved by ``share`` to ``smooth``; surfaces smoother than that stay."""
     lower = nodes.compute(tree, "MINIMUM", value, smooth)

@@ -4,6 +4,7 @@ NumPy and the standard library only, relative imports only: the Blender add-on c
 Nobody else parses or writes these files.
 """
 
+from . import rain
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
@@ -57,6 +58,7 @@ __all__ = [
     "parse_progress",
     "planned_frames",
     "preset_notes",
+    "rain",
     "read_ledger",
     "read_plan",
     "save_camouflage",

@@ -110,6 +110,11 @@ class Weather:
         return self.precipitation_deposits / 100.0
 
     @property
+    def ripples(self) -> float:
+        """How far rain breaks the mirror of puddles, 0 to 1: by drops that fall on each square metre."""
+        return min(1.0, self.precipitation / 50.0)
+
+    @property
     def rain_rate_mm_h(self) -> float:
         """Millimetres per hour: 50 * (precipitation / 100)^2, so 30 is moderate, 60 heavy, 100 violent rain."""
         return 50.0 * (self.precipitation / 100.0) ** 2
@@ -124,7 +129,8 @@ class Weather:
         sun = max(self.sun_altitude_angle, NIGHT_ALTITUDE_DEG)
         azimuth = 0.0 if dark or zenith else self.sun_azimuth_angle % 360.0
         fog = (self.extinction, self.fog_falloff, self.fog_distance) if self.extinction > 0 else (0.0, 0.0, 0.0)
-        return (sun, azimuth, self.cloudiness, *fog, self.film, self.puddles)
+        ripples = self.ripples if self.puddles > 0 else 0.0
+        return (sun, azimuth, self.cloudiness, *fog, self.film, self.puddles, ripples)
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)

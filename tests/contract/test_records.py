@@ -180,7 +180,7 @@ def test_weather_presets_and_fog():
     assert len(weathers) == 16
     assert Weather("x", 45).extinction == 0
     assert Weather("x", 45, 0, 50).extinction == pytest.approx(0.015)
-    with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, demo"):
+    with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, carla, demo"):
         find_preset("sunny", assets_folder() / "weathers")
 
 

@@ -1,0 +1,86 @@
+"""The fog layer: a box of scattering medium over the ground; not the World's volume, which would hide the sky.
+
+Fog that thins out with height is one volume of varying density. Measured against homogeneous slabs stacked to the same
+optical depth (160 px, 64 samples, falloff 2, extinction 0.03/m): the varying volume costs what the uniform one does
+and agrees with collision tracking within noise; three slabs cost 1.5 times as much, six twice and lose a tenth of the
+light to the limit on bounces.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core import contract
+from . import nodes
+from .massing import box_solid
+
+HALF_WIDTH_M = 300.0
+ANISOTROPY = 0.5  # forward scattering of droplets, tempered as multiple scattering evens it out
+MARCH_RATE = 0.2  # of Cycles' default step, a tenth of the box; only fog that varies is marched through
+CLEARING_EDGE = 0.1  # share of fog_distance over which fog sets in
+
+
+class FogLayer:
+    """The layer of one scene.
+
+    Attributes:
+        box: its object, hidden when there is no fog.
+    """
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        half = HALF_WIDTH_M
+        corners, faces = box_solid((-half, -half, -0.5), (half, half, contract.weather.FOG_TOP_M))
+        mesh = bpy.data.meshes.new("rauca fog")
+        mesh.from_pydata(corners, [], faces)
+        self._material = bpy.data.materials.new("rauca fog")
+        mesh.materials.append(self._material)
+        self.box = bpy.data.objects.new("rauca fog", mesh)
+        self.box.hide_render = True
+        scene.collection.objects.link(self.box)
+        scene.cycles.volume_step_rate = MARCH_RATE
+        self._uniform: bool | None = None
+
+    def apply(self, weather: contract.Weather) -> None:
+        """Set density and shape, see :meth:`contract.Weather.extinction_at`."""
+        self.box.hide_render = weather.extinction == 0.0
+        if weather.fog_is_uniform:
+            self._build_uniform()
+            fog = self._material.node_tree.nodes["fog"]
+            fog.inputs["Density"].default_value = weather.extinction
+            return
+        self._build_shaped()
+        for name in ("extinction", "fog_falloff", "fog_distance"):
+            value = self._material.node_tree.nodes[name].outputs[0]
+            value.default_value = getattr(weather, name)
+
+    def _build_uniform(self) -> None:
+        if self._uniform is not True:
+            self._uniform = True
+            self._scatter(nodes.fresh_tree(self._material), 0.0)
+
+    def _build_shaped(self) -> None:
+        if self._uniform is False:
+            return
+        self._uniform = False
+        tree = nodes.fresh_tree(self._material)
+        numbers = {}
+        for name in ("extinction", "fog_falloff", "fog_distance"):
+            node = nodes.add(tree, "ShaderNodeValue")
+            node.name = name
+            numbers[name] = node.outputs[0]
+        position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
+        height = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=position).outputs["Z"]
+        above = nodes.compute(tree, "MAXIMUM", height, 0.0)
+        halvings = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", above, numbers["fog_falloff"]), -0.1)
+        thinned = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "POWER", 2.0, halvings), numbers["extinction"])
+        away = nodes.add(tree, "ShaderNodeCameraData").outputs["View Distance"]
+        beyond = nodes.compute(tree, "SUBTRACT", away, numbers["fog_distance"])
+        edge = nodes.compute(tree, "MULTIPLY_ADD", numbers["fog_distance"], CLEARING_EDGE, 1e-3)
+        set_in = nodes.compute(tree, "DIVIDE", beyond, edge, clamp=True)
+        self._scatter(tree, nodes.compute(tree, "MULTIPLY", thinned, set_in))
+
+    @staticmethod
+    def _scatter(tree: bpy.types.NodeTree, density: bpy.types.NodeSocket | float) -> None:
+        volume = nodes.add(tree, "ShaderNodeVolumeScatter", Density=density, Anisotropy=ANISOTROPY)
+        volume.name = "fog"
+        nodes.output(tree, Volume=volume.outputs[0])
