@@ -40,7 +40,6 @@ BOAT = [
     Material("steel", "rim", (0.62, 0.63, 0.65), roughness=0.2, metallic=1.0),
     Material("wood", "other", (0.16, 0.09, 0.045), roughness=0.7),
     Material("engine", "trim", (0.022, 0.022, 0.024), roughness=0.3, coat=0.4),
-    Material("port lamp", "taillamp", (0.36, 0.006, 0.010), roughness=0.12),
     Material("seat", "other", (0.40, 0.38, 0.35), roughness=0.6),
 ]
 
@@ -51,5 +50,4 @@ AEROPLANE = [
     Material("dark", "other", (0.012, 0.012, 0.014), roughness=0.5),
     Material("steel", "rim", (0.62, 0.63, 0.65), roughness=0.2, metallic=1.0),
     Material("tyre", "tyre", (0.012, 0.012, 0.012), roughness=0.8),
-    Material("lamp", "headlamp", (0.80, 0.83, 0.87), roughness=0.08),
 ]

@@ -1,0 +1,154 @@
+"""The procedural aeroplane, on its wheels: a profile table in, an unwrapped vehicle out."""
+
+from __future__ import annotations
+
+import tomllib
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Vehicle
+from ..contract.assets import assets_folder
+from .assemble import assemble
+from .curves import monotone_curve
+from .materials import AEROPLANE
+from .mesh import MeshParts
+from .solids import add_box, add_tube, lathe, turned_along_x
+
+AEROPLANES = ("aeroplane",)
+RING = 24  # faces of half the fuselage's girth, window edges apart
+# Along a wing's section: fractions of the chord, dense where it is round; the flaps' gap lies between two of them.
+CHORD = np.array([0.0, 0.012, 0.05, 0.11, 0.2, 0.32, 0.46, 0.6, 0.730, 0.738, 0.87, 1.0])
+BAY_M = 0.4
+FLAPPED_BAYS = 2
+FLAP_GAP = 8  # the cell of CHORD that is the gap
+Points = NDArray[np.float64]
+
+
+def build_aeroplane(name: str) -> Vehicle:
+    """Build and unwrap the aeroplane of ``assets/vehicles/<name>.toml``; deterministic."""
+    profile = tomllib.loads((assets_folder() / "vehicles" / f"{name}.toml").read_text(encoding="utf-8"))
+    half = MeshParts()
+    _add_fuselage(half, profile["fuselage"])
+    add_wing(half, np.array(profile["wing"]), "wing")
+    add_wing(half, np.array(profile["tailplane"]), "tailplane")
+    _add_engine(half, profile["engine"])
+    _add_wheel(half, profile["gear"]["main"])
+    whole = MeshParts()
+    whole.extend(half)
+    whole.extend(half.mirrored())
+    add_wing(whole, np.array(profile["fin"]), "fin")
+    _add_wheel(whole, profile["gear"]["nose"])
+    source = f"rauca procedural {name} (assets/vehicles/{name}.toml)"
+    return assemble(name, "airplane", whole, AEROPLANE, source)
+
+
+def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:
+    """The left half of the skin with its windows; angles run from the belly over the side to the top."""
+    table = np.array(fuselage["sections"])
+    windows, screens = fuselage["windows"], fuselage["screens"]
+    edges = [x for x, _ in windows["x"]] + [x for _, x in windows["x"]] + screens["x"]
+    even = [x for x in fuselage["stations"] if np.abs(np.array(edges) - x).min() > 0.04]
+    x = np.sort(np.array([*edges, *even]))
+    marks = [*windows["angle"], *(a for pair in screens["angles"] for a in pair)]
+    level = [a for a in np.linspace(0, 180, RING + 1) if np.abs(np.array(marks) - a).min() > 2.5 or a in (0, 180)]
+    angle = np.unique([*marks, *level])
+    wide, high, middle = (monotone_curve(table[:, [0, i]], x)[:, None] for i in (1, 2, 3))
+    turn = np.radians(angle)
+    points = np.empty((len(x), len(angle), 3))
+    points[..., 0] = x[:, None]
+    points[..., 1] = np.where(np.isin(angle, (0, 180)), 0.0, wide * np.sin(turn))
+    points[..., 2] = middle - high * np.cos(turn)
+    at, around = 0.5 * (x[1:] + x[:-1])[:, None], 0.5 * (angle[1:] + angle[:-1])
+    cut = np.searchsorted(np.array(fuselage["panels_x"]), at)
+    names = np.broadcast_to(
+        np.array(["paint/tail", "paint/cabin", "paint/nose"])[cut], (len(x) - 1, len(angle) - 1)
+    ).copy()
+
+    def between(values: Points, pair: list[float]) -> NDArray[np.bool_]:
+        return (values > pair[0]) & (values < pair[1])
+
+    for pair in windows["x"]:
+        names[between(at, pair) & between(around, windows["angle"])] = "glass"
+    for pair in screens["angles"]:
+        names[between(at, screens["x"]) & between(around, pair)] = "glass"
+    parts.grid(points, names, flip=True)
+
+
+def add_wing(parts: MeshParts, sections: Points, panel: str) -> None:
+    """A wing from its root to its tip, closed at the tip.
+
+    Args:
+        sections: (N, 5) leading edge x, y, z, chord and thickness over chord, metres.
+    """
+    sections, bay = _filled(sections)
+    span = np.gradient(sections[:, 1:3], axis=0)
+    span /= np.linalg.norm(span, axis=1, keepdims=True)
+    up = np.stack([-span[:, 1], span[:, 0]], axis=1)
+    half = 5 * (0.2969 * CHORD**0.5 - 0.1260 * CHORD - 0.3516 * CHORD**2 + 0.2843 * CHORD**3 - 0.1036 * CHORD**4)
+    around = np.concatenate([CHORD[::-1], CHORD[1:]])
+    lift = np.concatenate([-0.7 * half[::-1], half[1:]])  # flatter below than above
+    lift[[0, -1]] = 0.0
+    closed = np.vstack([sections, sections[-1:] * [1, 1, 1, 1, 0]])
+    up = np.vstack([up, up[-1:]])
+    chord, thickness = closed[:, 3:4], closed[:, 4:5]
+    points = np.empty((len(closed), len(around), 3))
+    points[..., 0] = closed[:, :1] - chord * around
+    points[..., 1:] = closed[:, None, 1:3] + (chord * thickness * lift)[..., None] * up[:, None]
+    # The upper and lower side of each bay between two given sections is a panel; flaps end before the tips.
+    side = np.where(np.arange(len(around) - 1) < len(CHORD) - 1, "below", "above")
+    names = np.char.add(np.char.add(f"paint/{panel} ", bay.astype(str))[:, None], np.char.add(" ", side))
+    under, over = len(CHORD) - 2 - FLAP_GAP, len(CHORD) - 1 + FLAP_GAP
+    for column in (under, over):
+        names[bay < FLAPPED_BAYS, column] = "gap"
+    parts.grid(points, names)
+
+
+def _filled(sections: Points) -> tuple[Points, NDArray[np.int64]]:
+    """Sections at most ``BAY_M`` apart, and the given bay that each of their gaps, and the tip, belongs to."""
+    rows, bay = [sections[:1]], []
+    for i, (here, there) in enumerate(pairwise(sections)):
+        count = int(np.ceil(np.linalg.norm((there - here)[:3]) / BAY_M))
+        rows.append(here + (there - here) * (np.arange(1, count + 1) / count)[:, None])
+        bay += [i] * count
+    return np.vstack(rows), np.array([*bay, bay[-1]])
+
+
+def _add_engine(parts: MeshParts, engine: dict[str, Any]) -> None:
+    """A turbofan in its nacelle, on a short pylon."""
+    x, y, z = engine["centre"]
+    centre = (x, y, z)
+    pieces = {
+        "paint/nacelle": [[0.19, -0.72], [0.25, -0.45], [0.305, -0.05], [0.33, 0.30], [0.322, 0.58], [0.300, 0.70]],
+        "steel": [[0.300, 0.70], [0.285, 0.735], [0.268, 0.72], [0.255, 0.64]],
+        "dark": [[0.255, 0.64], [0.255, 0.36], [0.08, 0.36]],
+    }
+    for material, outline in pieces.items():
+        parts.grid(turned_along_x(np.array(outline), 32, centre), material)
+    parts.grid(turned_along_x(np.array([[0.08, 0.36], [0.06, 0.46], [0.0, 0.52]]), 16, centre), "steel")
+    parts.grid(turned_along_x(np.array([[0.0, -1.0], [0.08, -0.82], [0.12, -0.60]]), 16, centre), "steel")
+    parts.grid(turned_along_x(np.array([[0.12, -0.60], [0.17, -0.60], [0.19, -0.72]]), 32, centre), "dark")
+    for blade in range(12):
+        turn = 2 * np.pi * blade / 12
+        out = np.array([0.0, np.cos(turn), np.sin(turn)])
+        lean = np.array([0.05, -0.035 * np.sin(turn), 0.035 * np.cos(turn)])
+        root, tip = np.array([x + 0.41, y, z]) + 0.07 * out, np.array([x + 0.41, y, z]) + 0.245 * out
+        parts.grid(np.array([[root - lean / 2, root + lean / 2], [tip - lean, tip + lean]]), "steel")
+    add_box(parts, (x - 0.20, y, z + 0.30), (0.95, 0.07, 0.26), "paint/pylon", 0.02)
+
+
+def _add_wheel(parts: MeshParts, gear: dict[str, Any]) -> None:
+    """A wheel on its leg: hub, leg top, radius and width in metres."""
+    x, y = gear["place"]
+    radius, half = gear["radius"], gear["width"] / 2
+    outline = [[0.0, -0.8], [0.55, -0.8], [0.60, -1.0], [0.85, -1.0], [1.0, -0.6], [1.0, 0.6], [0.85, 1.0], [0.60, 1.0]]
+    outline += [[0.55, 0.8], [0.0, 0.8]]
+    ring = lathe(np.array(outline) * [radius, half], 28) + np.array([x, y, radius])
+    names = np.full((28, len(outline) - 1), "tyre", dtype="U32")
+    names[:, [0, 1, -2, -1]] = "steel"
+    parts.grid(ring, names, flip=True)
+    side = y - half - 0.035
+    add_tube(parts, np.array([[x, side, radius], [x, side, gear["top"]]]), 0.03, "steel", sides=8)
+    add_box(parts, (x, side + 0.03, radius), (0.06, 0.10, 0.06), "steel", 0.01)
