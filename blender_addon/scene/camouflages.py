@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core import colour, contract, files
 from .images import read_image_blender
+from .rain import rain_before
 from .session import Session
 
 Progress = Callable[[int, int, str], None]
@@ -70,6 +71,10 @@ def render_camouflages(
                 session.set_weather(frame.weather)
                 present = (frame.location, frame.weather)
             linear = session.render(frame.location, frame.view, frame.weather)
+            distance = contract.load_passes(dataset.frame_folder(frame.id), ("distance",))["distance"]
+            rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
+            if rain is not None:
+                linear = contract.rain.over(linear, rain)
             pixels = colour.to_bytes(colour.srgb_from_linear(linear))
             files.write_bytes(folder / f"{frame.id}.png", files.png_bytes(pixels))
             done += 1

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core import colour, contract, recolour
 from .annotate import Annotation
 from .light_maps import light_maps
+from .rain import rain_before
 from .session import Session
 
 
@@ -75,7 +76,14 @@ def render_check(
 
 def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Sight, light: Light) -> Light:
     """What is composited over the rendered light, on A and B alike so that it stays affine in the paint."""
-    return light
+    rain = rain_before(session, task.location, task.view, task.weather, sight.annotation.distance)
+    if rain is None:
+        return light
+    return Light(
+        contract.rain.over(light.image, rain),
+        None if light.A is None else contract.rain.over_gain(light.A, rain),
+        None if light.B is None else contract.rain.over(light.B, rain),
+    )
 
 
 def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> contract.Frame:

@@ -16,22 +16,26 @@ BEAM_ENERGY_W = 800.0
 BEAM_COLOUR = (1.0, 0.93, 0.82)
 BEAM_ANGLE_DEG, BEAM_BLEND, BEAM_DIP_DEG = 50.0, 0.9, 2.5
 BEAM_SOURCE_RADIUS_M = 0.06
+FULL_ENERGY = "rauca_full_energy"
 BEAM_OFFSET_M = 0.08  # before the lens, so that the lamp's own housing does not swallow the light
 
 
 class StreetLamps:
-    """A place's light objects, dimmed together; their own energy is full brightness."""
+    """A place's light objects, dimmed together; the energy they come with is full brightness.
+
+    The list stays the place's own, which may fill it anew at each location.
+    """
 
     def __init__(self, lamps: list[bpy.types.Object]) -> None:
         self._lamps = lamps
-        self._energies: dict[str, float] = {}
 
     def shine(self, level: float) -> None:
         """Turn all to ``level``, 0 (off) to 1."""
         for lamp in self._lamps:
             lamp.hide_render = level == 0.0
-            full = self._energies.setdefault(lamp.data.name, lamp.data.energy)
-            lamp.data.energy = full * level if level > 0.0 else full
+            if FULL_ENERGY not in lamp.data:  # kept on the light itself, which lamps may share
+                lamp.data[FULL_ENERGY] = lamp.data.energy
+            lamp.data.energy = lamp.data[FULL_ENERGY] * level
 
 
 class VehicleLamps:

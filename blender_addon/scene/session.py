@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core import contract, seeding
 from . import camera, render
 from .annotate import Annotation, geometry_only
+from .lamps import VehicleLamps
 from .place import build_place
 from .ring import Viewpoint, viewpoint
 from .vehicle import SceneVehicle
@@ -38,6 +39,7 @@ class Session:
         self.place = build_place(self.scene, plan, blend)
         self.vehicle = SceneVehicle(self.scene, vehicle)
         self.weather = SceneWeather(self.scene, self.place.lamps)
+        self._beams = VehicleLamps(self.scene, self.vehicle.object, vehicle)
         self._visibility = PaintVisibility(vehicle)
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
@@ -77,12 +79,13 @@ class Session:
         return pixels[..., :3]
 
     def seed(self, location: int, view: int, weather: contract.Weather) -> int:
-        """The renderer's seed of a frame."""
-        return seeding.named_seed(self.plan.seed, "render", location, view, weather.name) % 2**31
+        """The renderer's seed of a frame: weathers of one light give equal renders."""
+        return seeding.named_seed(self.plan.seed, "render", location, view, *weather.light_key()) % 2**31
 
     def set_weather(self, weather: contract.Weather) -> None:
         self.weather.apply(weather)
         self.vehicle.light_lamps(weather.is_night)
+        self._beams.shine(weather.lamps)
         self.place.light_windows(weather.is_night)
 
     def _update(self) -> bpy.types.Depsgraph:
