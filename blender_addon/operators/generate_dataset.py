@@ -1,15 +1,14 @@
-"""Render a data set in a second Blender, so that the window stays responsive."""
+"""Render a data set in other Blender processes, so that the window stays responsive."""
 
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
-from pathlib import Path
 from queue import Empty, SimpleQueue
 
 import bpy
 
+from ..child import child_command
 from ..core import contract
 
 
@@ -60,18 +59,7 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
             *("--samples", str(settings.samples), "--denoise" if settings.denoise else "--no-denoise"),
             "--json-progress",
         ]
-        package = __package__.rpartition(".")[0]
-        roots = [str(Path(__file__).resolve().parents[2])]
-        code = (
-            f"import sys, importlib; sys.path += {roots!r}; "
-            f"sys.exit(importlib.import_module({package + '.headless'!r}).make_dataset({arguments!r}))"
-        )
-        blender = bpy.app.binary_path
-        command = (
-            [blender, "-b", "--python-exit-code", "3", "--python-expr", code]
-            if blender
-            else [sys.executable, "-c", code]
-        )
+        command = child_command("make_dataset", arguments)
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self._lines: SimpleQueue[str] = SimpleQueue()
         self._errors: list[str] = []

@@ -114,11 +114,16 @@ def sweep_partials(folder: Path) -> int:
 
 
 def append_line(path: Path, line: str) -> None:
-    """Append one line to a ledger with a single write, then flush it to the disk."""
+    """Append one line to a ledger with a single write, then flush it to the disk.
+
+    A line that a crash cut off is ended first, so that it spoils no other.
+    """
     with disk_errors(path):
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
-            os.write(handle, (line + "\n").encode())
+            size = os.fstat(handle).st_size
+            cut = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
+            os.write(handle, ("\n" * cut + line + "\n").encode())
             os.fsync(handle)
         finally:
             os.close(handle)

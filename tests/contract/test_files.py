@@ -76,6 +76,12 @@ def test_other_disk_errors_pass_through(tmp_path):
         raise IsADirectoryError(errno.EISDIR, "folder")
 
 
+def test_a_line_cut_off_by_a_crash_spoils_no_other(tmp_path):
+    (tmp_path / "ledger").write_text('whole\n{"fra')
+    append_line(tmp_path / "ledger", "next")
+    assert (tmp_path / "ledger").read_text().splitlines() == ["whole", '{"fra', "next"]
+
+
 def test_ledger_lines_stay_whole(tmp_path):
     for i in range(3):
         append_line(tmp_path / "ledger", f"line {i}")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camouflage, Dataset, load_passes, save_camouflage
+from rauca_core.contract import Camouflage, Dataset, chunks, load_passes, planned_frames, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.images import read_image
 
@@ -57,7 +57,8 @@ def test_every_planned_frame_is_there_and_whole(dataset):
         assert frame.box_xyxy is not None
         assert frame.visible > 0.9
     ledger = [json.loads(line) for line in (dataset.folder / "ledger.jsonl").read_text().splitlines()]
-    assert [entry["frame"] for entry in ledger] == [frame_id for frame_id, *_ in dataset.plan.frame_ids()]
+    order = [frame.id for frame in next(chunks(dataset.plan, planned_frames(dataset.plan), 100))]
+    assert [(entry["frame"], entry["state"]) for entry in ledger] == [(frame_id, "done") for frame_id in order]
 
 
 def test_weathers_differ_and_share_cameras(dataset):
@@ -148,7 +149,7 @@ def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
     ("arguments", "message"),
     [
         (["--vehicle", "nowhere.obj"], "nowhere.obj: no such vehicle"),
-        (["--weathers", "sunny"], "'sunny' is unknown; choose one of base, demo, enhanced, single"),
+        (["--weathers", "sunny"], "'sunny' is unknown; choose one of base, carla, demo"),
         (["--fov", "500"], "fov_deg must be between 1 and 170"),
         (["--vehicle", "sedan", "--paint-mask", "x.png"], "brings its own paint"),
     ],
