@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .schema import Fields, read_json
 
 FORMAT = ("rauca-vehicle", 1)
+# What a flipped byte makes of an archive; the last two: it seems encrypted, or packed in another way.
+_DAMAGED = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
 KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
 
 
@@ -247,5 +250,5 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
             return {name: archive[name] for name in names}
     except FileNotFoundError:
         raise RaucaError(f"{path}: not found") from None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+    except (*_DAMAGED, KeyError) as error:
         raise RaucaError(f"{path}: damaged or not a rauca file ({error}); make it again") from error
