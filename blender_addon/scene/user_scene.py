@@ -57,7 +57,10 @@ class UserScene:
                     f"{path}: marks {len(marks)} locations ({', '.join(m.name for m in marks)}) but {locations} are "
                     f"asked for; add empties named {MARK}..., or pass --locations {len(marks)}"
                 )
-            self._poses = [_pose(mark, path) for mark in marks]
+            layer = scene.view_layers[0]
+            layer.update()
+            # Outside a window Blender leaves the originals' world matrices as they were: ask the evaluated ones.
+            self._poses = [_pose(mark.evaluated_get(layer.depsgraph), path) for mark in marks]
             self.lamps = [o for o in source.objects if o.type == "LIGHT" and o.name.lower().startswith(LAMP_MARK)]
             for extra in [block for block in fresh if isinstance(block, bpy.types.Scene)]:
                 bpy.data.scenes.remove(extra)

@@ -56,9 +56,12 @@ def _lamps(site: Site) -> None:
     district, height = site.layout.district, site.layout.district.lamp_height_m
     post = "cast iron" if height < 5 else "galvanised"
     reach = 0.0 if height < 5 else min(2.2, 0.25 * height)
-    for i, along in enumerate(np.arange(-66.0, 67.0, district.lamp_every_m).tolist()):
+    rng = site.layout.rng("lamps")
+    first = rng.uniform(-7, 7)  # one lamp lights the vehicle's neighbourhood
+    count = int(62.0 / district.lamp_every_m)
+    for i in range(-count, count + 1):
         side = 1 if i % 2 else -1
-        along += site.layout.rng("lamp", i).uniform(-2, 2)
+        along = float(first + i * district.lamp_every_m + rng.uniform(-1, 1))
         aside = side * (district.road_half_m + 0.6)
         frame = site.frame(along, aside, math.pi / 2 * side)  # local x points away from the road on either side
         if not site.clear_of_crossing(along, 1.0) or not site.claim(frame, 0.3):

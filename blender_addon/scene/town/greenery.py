@@ -122,14 +122,15 @@ def _tree(site: Site, rng: np.random.Generator, kind: str, along: float, aside: 
 
 def _garden_edge(site: Site, rng: np.random.Generator, side: int) -> None:
     """A hedge or a picket fence along the pavement, open at gates."""
-    outer, hedge = site.layout.outer_m + 0.35, rng.random() < 0.55
+    district, hedge = site.layout.district, rng.random() < 0.55
+    edge = site.layout.outer_m + (0.35 if district.pavement_m else 4.5)  # a country road has room to pull off
     height = rng.uniform(0.8, 1.3)
     along = -70.0
     while along < 70.0:
         length = rng.uniform(6, 13)
         middle = along + length / 2
-        if site.clear_of_crossing(along, length + 3.0) and site.clear_of_crossing(along + length, length + 3.0):
-            frame = site.frame(middle, side * outer)
+        frame = site.frame(middle, side * edge)
+        if site.clear_of_crossing(middle, length / 2 + 2.0) and site.claim(frame, 0.3, length):
             with site.parts.at(frame):
                 if hedge:
                     _hedge(site.parts, rng, length, height)

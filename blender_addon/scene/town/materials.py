@@ -13,7 +13,7 @@ from .surfaces import GLAZINGS, SURFACES, Albedo, Glazing, Surface
 
 GLASS_ALBEDO: Albedo = (0.018, 0.022, 0.026)
 CURTAIN_ALBEDO: Albedo = (0.30, 0.28, 0.24)
-LIT_RADIANCE = 0.42  # of a lit window, before the film's exposure; a lamp-lit pavement has about 0.1
+LIT_RADIANCE = 0.36  # of a lit window at its top, before the film's exposure; a lamp-lit pavement has about 0.1
 LIT_COLOURS: tuple[Albedo, Albedo] = ((1.0, 0.62, 0.28), (0.95, 0.88, 0.75))
 
 
@@ -97,13 +97,15 @@ def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
     lit = nodes.compute(tree, "LESS_THAN", chance.outputs["Value"], spec.lit_share)
     open_to_view = nodes.compute(tree, "SUBTRACT", 1.0, frame)
     bright = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", lit, open_to_view), glow(tree))
+    height = nodes.compute(tree, "FRACT", uv["Y"])
+    from_above = nodes.compute(tree, "MULTIPLY_ADD", height, 0.65 * LIT_RADIANCE, 0.35 * LIT_RADIANCE)
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",
         Base_Color=colour,
         Roughness=roughness,
         Emission_Color=nodes.mix_colour(tree, other[1], (*LIT_COLOURS[0], 1.0), (*LIT_COLOURS[1], 1.0)),
-        Emission_Strength=nodes.compute(tree, "MULTIPLY", bright, LIT_RADIANCE),
+        Emission_Strength=nodes.compute(tree, "MULTIPLY", bright, from_above),
     )
     return shader.outputs[0]
 

@@ -12,7 +12,7 @@ from .site import Site
 from .vehicles import MODELS, Model
 
 LARGE = ("truck", "bus")
-LARGE_ROOM_M = 12.5  # from the vehicle's middle: nearer, they would stand where the cameras do
+LARGE_ROOM_M = 10.5  # from the vehicle's middle: nearer, they would stand where the cameras do
 SMALL_ROOM_M = 4.6
 SPREAD_M = 42.0
 TRIES = 12

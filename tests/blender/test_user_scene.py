@@ -1,0 +1,201 @@
+"""A .blend of the user's own: its marks become locations, its scripts stay off, its faults are told in one line."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Plan, Quality, RaucaError, Ring, Scenery, Weather
+from rauca_core.contract.semantics import CLASS_IDS
+
+
+@pytest.fixture
+def yard(bpy_module, tmp_path):
+    """Writes a .blend: a floor, a lamp, a sun, a world, marks, and a driver that would leave a trace."""
+    bpy = bpy_module
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    trace = tmp_path / "driver was run"
+
+    def write(marks=("rauca b", "rauca a"), change=None, name="yard.blend"):
+        scene = bpy.data.scenes.new("yard")
+        floor = _quad(bpy, "floor", 30.0, 0.5)
+        stone, named = bpy.data.materials.new("stone"), bpy.data.materials.new("slab")
+        named["rauca_class"] = "road"
+        floor.data.materials.append(named)
+        inner = bpy.data.collections.new("things")
+        scene.collection.children.link(inner)
+        inner.objects.link(floor)
+        block = _quad(bpy, "block", 1.0, 3.0)
+        block.data.materials.append(stone)
+        driver = block.driver_add("location", 0).driver
+        driver.expression = f"open({str(trace)!r}, 'w').write('x') or 7.0"
+        block.location = (0.0, 15.0, 0.0)
+        inner.objects.link(block)
+        for kind, title in (("SUN", "sun"), ("SPOT", "rauca lamp 1"), ("POINT", "shop light")):
+            scene.collection.objects.link(bpy.data.objects.new(title, bpy.data.lights.new(title, kind)))
+        for i, title in enumerate(marks):
+            mark = bpy.data.objects.new(title, None)
+            mark.location = (3.0 * i, -2.0, 0.5)
+            mark.rotation_euler, mark.scale = (0.1, 0.0, math.radians(90 * i)), (2, 3, 4)
+            scene.collection.objects.link(mark)
+        scene.world = bpy.data.worlds.new("dusk")
+        if change is not None:
+            change(scene)
+        path = tmp_path / name
+        bpy.data.libraries.write(str(path), {scene}, fake_user=True)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        trace.unlink(missing_ok=True)
+        return path
+
+    write.trace = trace
+    return write
+
+
+def _quad(bpy, name, half, height):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(
+        [(x, y, height) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))], [], [(0, 1, 2, 3)]
+    )
+    return bpy.data.objects.new(name, mesh)
+
+
+def _plan(vehicle, path, locations=2):
+    return Plan(
+        name="own",
+        vehicle_name="box",
+        atlas_id=vehicle.atlas_id,
+        size=48,
+        quality=Quality(2, denoise=False),
+        light=False,
+        weathers=(Weather("day", 45.0),),
+        ring=Ring((30.0,), (25.0,), (7.0,)),
+        locations=locations,
+        reference_srgb=(140, 140, 140),
+        min_visible=0.5,
+        seed=3,
+        blender="test",
+        scenery=Scenery.of_file(path),
+    )
+
+
+def _place(bpy, path, locations=2):
+    from blender_addon.scene.user_scene import UserScene
+
+    scene = bpy.data.scenes.new("rauca")
+    return scene, UserScene(scene, path, locations)
+
+
+def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
+    path = yard()
+    scene, place = _place(bpy_module, path)
+    for location, (x, turn) in enumerate(((3.0, 90.0), (0.0, 0.0))):  # "rauca a" was the second one written
+        pose = place.pose(location)
+        assert pose[:3, 3] == pytest.approx((x, -2.0, 0.5), abs=1e-6)
+        assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-6)
+        assert pose[2, :3] == pytest.approx((0, 0, 1))
+        assert math.degrees(math.atan2(pose[1, 0], pose[0, 0])) == pytest.approx(turn, abs=1e-4)
+    assert [lamp.name for lamp in place.lamps] == ["rauca lamp 1"]
+    names = {thing.name for thing in scene.objects}
+    assert {"floor", "block", "shop light", "rauca lamp 1"} <= names
+    assert "sun" not in names
+    assert scene.world is None
+    assert [s.name for s in bpy_module.data.scenes if s.name == "yard"] == []
+    told = " ".join(place.notes)
+    assert "sun 'sun'" in told
+    assert "world 'dusk'" in told
+    assert "1 materials name no rauca_class" in told
+    assert all("\n" not in note for note in place.notes)
+
+
+def test_no_script_of_the_file_is_run(bpy_module, yard):
+    path = yard()
+    before = bpy_module.context.preferences.filepaths.use_scripts_auto_execute
+    bpy_module.context.preferences.filepaths.use_scripts_auto_execute = True  # however much the user trusts others
+    try:
+        scene, _ = _place(bpy_module, path)
+        scene.frame_set(5)
+        scene.view_layers[0].update()
+    finally:
+        bpy_module.context.preferences.filepaths.use_scripts_auto_execute = before
+    assert not yard.trace.exists()
+    assert scene.objects["block"].animation_data is None or not scene.objects["block"].animation_data.drivers
+
+
+def test_a_frame_of_the_users_scene(bpy_module, yard, box_vehicle):
+    from blender_addon.scene.session import Session
+
+    path = yard()
+    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+    for location in (0, 1):
+        session.enter(location)
+        seen = session.annotations(location, [0])[0]
+        assert seen.visible > 0.95
+        shown = set(np.unique(seen.semantic).tolist())
+        assert CLASS_IDS["road"] in shown  # the floor's own class
+        session.set_weather(session.plan.weathers[0])
+        assert np.isfinite(session.render(location, 0, session.plan.weathers[0])).all()
+
+
+def test_another_file_than_the_plans_is_refused(bpy_module, yard, box_vehicle):
+    from blender_addon.scene.place import build_place
+
+    plan = _plan(box_vehicle, yard())
+    other = yard(marks=("rauca a",), name="other.blend")
+    scene = bpy_module.data.scenes.new("rauca")
+    with pytest.raises(RaucaError, match="not the scene"):
+        build_place(scene, plan, other)
+    with pytest.raises(RaucaError, match="give that file as --scene"):
+        build_place(scene, replace(plan), None)
+
+
+@pytest.mark.parametrize(
+    ("marks", "locations", "words"),
+    [
+        ((), 1, "marks no location"),
+        (("place 1",), 1, "marks no location"),
+        (("rauca a", "rauca b"), 3, "marks 2 locations .rauca a, rauca b. but 3 are asked for"),
+    ],
+)
+def test_missing_marks(bpy_module, yard, marks, locations, words):
+    path = yard(marks)
+    known = set(bpy_module.data.objects.keys())
+    with pytest.raises(RaucaError, match=words) as told:
+        _place(bpy_module, path, locations)
+    assert "\n" not in str(told.value)
+    assert set(bpy_module.data.objects.keys()) == known  # nothing of the file is left behind
+
+
+def test_faults_of_the_scene_are_told(bpy_module, yard):
+    def misname(scene):
+        scene.objects["block"].data.materials[0]["rauca_class"] = "wall"
+
+    def lose_image(scene):
+        image = bpy_module.data.images.new("bricks", 4, 4)
+        image.source, image.filepath = "FILE", "//lost.png"
+        material = scene.objects["block"].data.materials[0]
+        if material.node_tree is None:
+            material.use_nodes = True  # until 5.0
+        material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+
+    def upend(scene):
+        scene.objects["rauca a"].rotation_euler = (0.0, math.radians(-90), 0.0)
+
+    for change, words in (
+        (misname, "rauca_class 'wall'"),
+        (lose_image, "lost.png is missing"),
+        (upend, "no direction"),
+    ):
+        path = yard(change=change)
+        with pytest.raises(RaucaError, match=words) as told:
+            _place(bpy_module, path)
+        assert str(path) in str(told.value)
+        assert "\n" not in str(told.value)
+
+
+def test_what_is_no_blend_is_told(bpy_module, tmp_path):
+    for content in (b"not a scene", b"", b"BLENDER-v405"):
+        path = tmp_path / "broken.blend"
+        path.write_bytes(content)
+        with pytest.raises(RaucaError, match=r"broken.blend: cannot be read as .blend"):
+            _place(bpy_module, path, 1)
