@@ -1,0 +1,237 @@
+"""`rauca dataset check`: a whole data set passes, and whatever is wrong is found and named."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Dataset, LedgerEntry, RaucaError, append_entry, load_frame, load_passes, save_frame
+from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.frame import FramePasses
+from rauca_core.dataset_tools import CheckResult, check_dataset
+from rauca_core.images import read_image
+
+
+def told(result: CheckResult) -> list[str]:
+    return [str(finding) for finding in result.findings]
+
+
+def stored(dataset: Dataset, frame_id: str) -> FramePasses:
+    """A finished frame's passes, to be spoilt and saved again with valid checksums."""
+    folder = dataset.frame_folder(frame_id)
+    maps = load_passes(folder)
+
+    def unit(name: str) -> np.ndarray:
+        return read_image(folder / name).astype(np.float32) / 255
+
+    check = folder / "check.png"
+    return FramePasses(
+        linear_from_srgb(unit("image.png")), unit("vehicle.png"), unit("paint.png"),
+        maps["distance"].astype(np.float32),
+        maps["A"].astype(np.float32), maps["B"].astype(np.float32), read_image(folder / "semantic.png").copy(),
+        read_image(folder / "instances.png").copy(), linear_from_srgb(unit("check.png")) if check.is_file() else None,
+    )  # fmt: skip
+
+
+def test_a_whole_data_set_has_no_findings(mini):
+    moves = []
+    result = check_dataset(mini.folder, progress=moves.append)
+    assert told(result) == []
+    assert [(m.done, m.total) for m in moves] == [(i, 4) for i in range(5)]
+    assert {name: dict(w.counts) for name, w in result.weathers.items()} == {
+        "day": {"planned": 2, "done": 2},
+        "dusk": {"planned": 2, "done": 2},
+    }
+    checked = sum(frame.check_srgb is not None for frame in mini.frames())
+    assert sum(w.checked for w in result.weathers.values()) == checked > 0
+    assert all(w.psnr_db > 40 for w in result.weathers.values() if w.checked)
+    json.dumps(result.to_json())
+
+
+def test_every_flipped_byte_is_found(mini):
+    """Three random bytes of every file, one bit each, one at a time; of the ledger, a log, only its words matter."""
+
+    def found(folder: Path) -> bool:
+        try:
+            return bool(told(check_dataset(folder)))
+        except RaucaError as error:  # the plan itself
+            return "dataset.json" in str(error)
+
+    rng = np.random.default_rng(5)
+    files = [p for p in sorted(mini.folder.rglob("*")) if p.is_file()]
+    frame = mini.frames()[0].id
+    chosen = [p for p in files if ("frames" not in p.parts or p.parent.name == frame) and p.suffix != ".jsonl"]
+    assert {p.suffix for p in chosen} == {".json", ".png", ".npz", ""}
+    for path in chosen:
+        whole = path.read_bytes()
+        for place in rng.integers(0, len(whole), 3).tolist():
+            spoilt = bytearray(whole)
+            spoilt[place] ^= 1 << int(rng.integers(8))
+            path.write_bytes(spoilt)
+            assert found(mini.folder), f"{path.name}, byte {place}"
+        path.write_bytes(whole)
+    assert told(check_dataset(mini.folder)) == []
+
+
+def test_a_changed_plan_is_found(mini):
+    path = mini.folder / "dataset.json"
+    path.write_text(path.read_text().replace('"mini"', '"mino"'))
+    assert told(check_dataset(mini.folder))[0].startswith("dataset.json: its bytes are not those that were written")
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        (b'{"frame": "L00-V000-day", "state": "d\xffne"}\n', "line 5 is damaged"),
+        (b'["frame"]\n', "line 5 is damaged"),
+        (b'{"frame": "L00-V000-day", "state": "lost"}\n', "line 5 has the unknown state 'lost'"),
+        (b'{"frame": "L07", "state": "done"}\n', "line 5 names 'L07', which is no frame of the plan"),
+        (b'{"frame": "L0', "its last line is cut off"),
+    ],
+)
+def test_bad_ledger_lines_are_told_by_number(mini, line, what):
+    with (mini.folder / "ledger.jsonl").open("ab") as ledger:
+        ledger.write(line)
+    assert any(f"ledger.jsonl: {what}" in text for text in told(check_dataset(mini.folder)))
+
+
+def spoil_box(frame, passes):
+    left, top, right, bottom = frame.box_xyxy
+    return replace(frame, box_xyxy=(left + 1, top, right, bottom)), passes
+
+
+def spoil_nan(frame, passes):
+    passes.A[3, 3, 0] = np.nan
+    return frame, passes
+
+
+def spoil_stray_light(frame, passes):
+    passes.A[0, 0] = 0.5
+    return frame, passes
+
+
+def spoil_paint(frame, passes):
+    passes.paint[0, 0] = 1
+    return frame, passes
+
+
+def spoil_class(frame, passes):
+    passes.semantic[0, 0] = 99
+    return frame, passes
+
+
+def spoil_instance(frame, passes):
+    passes.instances[40:, 40:] = 3
+    return frame, passes
+
+
+def spoil_image(frame, passes):
+    passes.image_linear[10:] *= 0.5
+    return frame, passes
+
+
+def spoil_black(frame, passes):
+    passes.image_linear[:] = 0
+    return frame, passes
+
+
+def spoil_camera(frame, passes):
+    return replace(frame, camera=replace(frame.camera, t=frame.camera.t + np.array([0.1, 0, 0]))), passes
+
+
+def spoil_angle(frame, passes):
+    return replace(frame, azimuth_deg=frame.azimuth_deg + 20), passes
+
+
+def spoil_visible(frame, passes):
+    return replace(frame, visible=0.4), passes
+
+
+def spoil_shape(frame, passes):
+    passes.semantic = passes.semantic[:-1]
+    return frame, passes
+
+
+def spoil_distance(frame, passes):
+    passes.distance[:] = np.nan
+    return frame, passes
+
+
+@pytest.mark.parametrize(
+    ("spoil", "what"),
+    [
+        (spoil_box, "frame.json: box_xyxy"),
+        (spoil_nan, "passes.npz: A holds NaN"),
+        (spoil_stray_light, "passes.npz: A is not zero at 1 pixels without paint"),
+        (spoil_paint, "paint.png: 1 pixels have more paint than vehicle"),
+        (spoil_class, "semantic.png: class 99 does not exist"),
+        (spoil_instance, "frame.json: instances are not those of instances.png"),
+        (spoil_image, "image.png: .* pixels are not what A and B give"),
+        (spoil_black, "image.png: every pixel has the value 0"),
+        (spoil_camera, "frame.json: the camera does not stand where"),
+        (spoil_angle, "frame.json: azimuth or elevation lies outside view 0"),
+        (spoil_visible, "frame.json: visible is 0.400, below the plan's limit of 0.5"),
+        (spoil_shape, r"semantic.png: has shape \(47, 48\), expected \(48, 48\)"),
+        (spoil_distance, "passes.npz: distance holds values that are no distance"),
+    ],
+)
+def test_what_valid_files_may_not_say_is_found(mini, spoil, what):
+    """Frames written by a faulty job: every checksum is right."""
+    frame = mini.frames()[0]
+    save_frame(mini.frame_folder(frame.id), *spoil(frame, stored(mini, frame.id)))
+    texts = told(check_dataset(mini.folder))
+    assert any(re.match(f"frames/{frame.id}/{what}", text) for text in texts), texts
+    assert all("; remove the frame's folder and run" in text for text in texts)
+
+
+def test_a_colour_that_the_light_maps_do_not_predict_fails_its_weather(mini):
+    frame = next(f for f in mini.frames() if f.check_srgb is not None)
+    passes = stored(mini, frame.id)
+    passes.check_linear = passes.check_linear + np.float32(0.2)
+    save_frame(mini.frame_folder(frame.id), frame, passes)
+    result = check_dataset(mini.folder)
+    assert result.weathers[frame.weather.name].psnr_db < 28
+    assert any(f"in weather {frame.weather.name}, below 28" in text for text in told(result))
+    assert told(check_dataset(mini.folder, min_psnr_db=0)) == []
+
+
+def test_missing_occluded_and_quarantined_frames_are_counted(mini):
+    first, second, third, _ = mini.frames()
+    for frame in (first, second, third):
+        shutil.rmtree(mini.frame_folder(frame.id))
+    append_entry(mini.folder, LedgerEntry(first.id, "occluded", visible=0.2))
+    append_entry(mini.folder, LedgerEntry(second.id, "quarantined", reason="no memory"))
+    result = check_dataset(mini.folder)
+    counts = sum((w.counts for w in result.weathers.values()), start=type(result.weathers["day"].counts)())
+    assert counts == {"planned": 4, "done": 1, "occluded": 1, "quarantined": 1, "missing": 1}
+    texts = told(result)
+    assert f"frames/{second.id}: failed twice: no memory; run the same" in "\n".join(texts)
+    assert any("1 of 4 frames are not rendered" in text for text in texts)
+    assert any(f"frames/{third.id}: the ledger says done, its folder is gone" in text for text in texts)
+    assert not any("not rendered" in text for text in told(check_dataset(mini.folder, unfinished=True)))
+
+
+def test_what_does_not_belong_is_named(mini):
+    (mini.folder / "frames" / ".partial-x").mkdir()
+    (mini.folder / "frames" / "L99").mkdir()
+    (mini.frame_folder(mini.frames()[0].id) / "notes.txt").write_text("x")
+    (mini.frame_folder(mini.frames()[1].id) / "paint.png").unlink()
+    texts = "\n".join(told(check_dataset(mini.folder)))
+    assert "frames/.partial-x: left by a killed job" in texts
+    assert "frames/L99: is no frame of the plan; remove it" in texts
+    assert "/notes.txt: is not among the files" in texts
+    assert "/paint.png: missing" in texts
+
+
+def test_frames_of_another_vehicle_are_told(mini, box_vehicle, tmp_path):
+    box_vehicle.positions *= 1.01
+    box_vehicle.save(Path(mini.folder) / "vehicle")
+    texts = "\n".join(told(check_dataset(mini.folder)))
+    assert "vehicle/mesh.npz: its bytes are not those that were written" in texts
+    assert load_frame(mini.frame_folder(mini.frames()[0].id)).id in texts  # the cameras no longer stand right
