@@ -156,6 +156,21 @@ def bench_render_command(
     _benchmark("render.bench").bench_render(json, vehicle, paint_mask, paint_material, quick, blender, docs)
 
 
+@bench_app.command("environment")
+def bench_environment_command(
+    quick: Annotated[bool, typer.Option("--quick", help="less data and training: four minutes, not an hour")] = False,
+    weights: Annotated[
+        Path | None, typer.Option(help="pre-trained extractor to fine-tune; the shipped one by default")
+    ] = None,
+    docs: Annotated[
+        Path | None, typer.Option(help="renew the figures and pictures of environment.md in this folder too")
+    ] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/environment.json"),
+) -> None:
+    """Every way to light a vehicle against Cycles; training times; what pre-training saves."""
+    _benchmark("environment.bench").bench_environment(json, quick, docs, weights)
+
+
 @bench_app.command("agreement")
 def bench_agreement_command(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],

@@ -1,0 +1,91 @@
+"""Frames rendered anew by Blender in a child process, kept on disk by what they show."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pipelines.console import progress_bar
+from rauca_core.contract import Dataset, RaucaError, parse_progress
+from rauca_core.contract.files import write_json
+
+SCRIPT = Path(__file__).with_name("cycles_light.py")
+LIGHT = "light"
+
+
+class Render(NamedTuple):
+    """A frame, in a camouflage or as light maps, with a budget and a seed."""
+
+    frame: str
+    paint: str
+    samples: int
+    seed: int = 1
+    denoise: bool = False
+
+
+def render_anew(
+    dataset: Dataset, camouflages: Mapping[str, Path], wanted: Sequence[Render], folder: Path
+) -> dict[Render, dict[str, Any]]:
+    """Arrays of every render, see `cycles_light`; those already in ``folder`` are read.
+
+    Raises:
+        RaucaError: Blender is missing, or died.
+    """
+    paths = {render: folder / f"{_name(dataset, camouflages, render)}.npz" for render in wanted}
+    weather_of = {frame.id: (frame.location, frame.weather.name) for frame in dataset.frames()}
+    missing = sorted((r for r in paths if not paths[r].is_file()), key=lambda r: (weather_of[r.frame], r.paint, r))
+    if missing:
+        jobs = [{**render._asdict(), "name": paths[render].stem} for render in missing]
+        request = {
+            "dataset": str(dataset.folder.absolute()),
+            "camouflages": {name: str(path.absolute()) for name, path in camouflages.items()},
+            "out": str(folder.absolute()),
+            "jobs": jobs,
+        }
+        _run(request)
+    found = {}
+    for render, path in paths.items():
+        with np.load(path) as archive:
+            found[render] = dict(archive)
+    return found
+
+
+def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Render) -> str:
+    painted = "" if render.paint == LIGHT else hashlib.sha256(
+        camouflages[render.paint].with_suffix(".png").read_bytes()
+    ).hexdigest()  # fmt: skip
+    text = json.dumps([dataset.plan.to_json(), painted, *render], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _run(request: dict[str, Any]) -> None:
+    if find_spec("bpy") is None:
+        raise RaucaError("Blender is missing: `pip install rauca[blender]`")
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles") as move:
+        path = Path(temporary) / "request.json"
+        write_json(path, request)
+        command = [sys.executable, "-P", str(SCRIPT), str(path)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        tail = "no message"
+        try:
+            for line in process.stdout or ():
+                if news := parse_progress(line):
+                    move(news)
+                elif line.strip():
+                    tail = line.strip()
+            code = process.wait()
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+    if code:
+        raise RaucaError(f"bench environment: Blender stopped with code {code}: {tail}")

@@ -1,0 +1,82 @@
+"""Runs in a process of its own, with Blender: frames of a data set rendered anew, textured or as light maps.
+
+Usage: python cycles_light.py REQUEST.json
+
+Request: ``dataset``, ``camouflages`` (name -> JSON path), ``out``, ``jobs``, each with ``name``, ``frame``, ``paint``
+(a camouflage's name, or ``light``), ``samples``, ``seed`` and ``denoise``. Every job becomes ``out/<name>.npz``:
+``image``, or ``A`` and ``B``, (H, W, 3) linear float32, and ``seconds`` of CPU. Only the part of the frame that shows
+paint is rendered in camouflage; the rest is 0. Progress is one marked JSON line per job.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blender_addon.core import colour, contract, files
+from blender_addon.scene import camera, render
+from blender_addon.scene.camouflages import read_paintwork
+from blender_addon.scene.images import read_image_blender
+from blender_addon.scene.light_maps import light_maps
+from blender_addon.scene.session import Session
+
+MARGIN_PX = 2
+
+
+def main(request_path: str) -> None:
+    request = json.loads(Path(request_path).read_text())
+    dataset = contract.Dataset(Path(request["dataset"]))
+    session = Session(dataset.plan, contract.load_vehicle(dataset.vehicle_folder, read_image_blender))
+    frames = {frame.id: frame for frame in dataset.frames()}
+    maps = {
+        name: read_paintwork(Path(path), dataset.plan.atlas_id).uv_map_srgb
+        for name, path in request["camouflages"].items()
+    }
+    present, painted = None, None
+    for number, job in enumerate(request["jobs"]):
+        frame = frames[job["frame"]]
+        if present != (frame.location, frame.weather):
+            session.enter(frame.location)
+            session.set_weather(frame.weather)
+            present, painted = (frame.location, frame.weather), None
+        if job["paint"] != "light" and painted != job["paint"]:
+            session.vehicle.paint.set_map(maps[job["paint"]])
+        painted = job["paint"]
+        arrays = io.BytesIO()
+        np.savez_compressed(arrays, **_rendered(session, dataset, frame, job))
+        files.write_bytes(Path(request["out"]) / f"{job['name']}.npz", arrays.getvalue())
+        print(contract.Progress(number + 1, len(request["jobs"]), job["paint"]).line(), flush=True)
+
+
+def _rendered(
+    session: Session, dataset: contract.Dataset, frame: contract.Frame, job: dict[str, Any]
+) -> dict[str, np.ndarray]:
+    plan = dataset.plan
+    quality = replace(plan.quality, samples=job["samples"], denoise=job["denoise"])
+    coverage = read_image_blender(dataset.frame_folder(frame.id) / "paint.png")
+    painted = (coverage if coverage.ndim == 2 else coverage[..., 0]) > 0
+    if job["paint"] == "light":
+        session.plan = replace(plan, quality=quality)
+        reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+        started = time.process_time()
+        A, B, _ = light_maps(session, frame.location, frame.view, frame.weather, painted, reference)
+        return {"A": A, "B": B, "seconds": np.array(time.process_time() - started)}
+    crop = render.Crop.around(painted, MARGIN_PX)
+    image = np.zeros((*painted.shape, 3), np.float32)
+    started = time.process_time()
+    camera.place(session.scene, session.viewpoint(frame.location, frame.view).camera)
+    seed = session.seed(frame.location, frame.view, frame.weather) + job["seed"]
+    if crop is not None:
+        image[crop.inside] = render.render_linear(session.scene, quality, seed, crop)[..., :3]
+    return {"image": image, "seconds": np.array(time.process_time() - started)}
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
