@@ -1,0 +1,142 @@
+"""``rauca dataset view``: a data set at a glance."""
+
+from __future__ import annotations
+
+import io
+from base64 import b64encode
+from collections import Counter
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+
+from PIL import Image
+
+from ..contract import Dataset, Plan, Progress, RaucaError, frame_states
+from ..contract.files import write_bytes
+from .sheets import contact_sheet, frame_sheet
+from .stored_frame import StoredFrame
+from .targets import target_category, targets_of
+
+MOST_COLUMNS = 4
+OVERLAYS = 6
+
+STYLE = """
+body { margin: 0; background: #f5f7f9; color: #1d2430; font: 16px/1.6 system-ui, "Segoe UI", Arial, sans-serif; }
+main { max-width: 1500px; margin: 0 auto; padding: 36px 24px 72px; }
+h1 { font-size: 2rem; letter-spacing: -0.02em; margin: 0; } p { color: #5b6675; margin: 4px 0 0; }
+section { background: #fff; border: 1px solid #dfe4ea; border-radius: 12px; padding: 20px 24px; margin-top: 22px; }
+h2 { font-size: 1.2rem; margin: 0 0 10px; } img { display: block; max-width: 100%; height: auto; }
+td, th { padding: 2px 22px 2px 0; text-align: left; font-weight: 400; } th { color: #5b6675; }
+"""
+
+
+def view_dataset(
+    folder: Path,
+    out: Path,
+    frames: Sequence[str] = (),
+    views: Sequence[int] = (),
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> Path:
+    """Write ``out/contact-sheet.jpg``, ``out/overlays/<frame>.png`` and ``out/index.html`` that shows them.
+
+    Args:
+        frames: whose boxes and masks are shown; a few, spread over weathers and views, by default.
+        views: the contact sheet's columns; up to four, spread over the ring, by default.
+
+    Returns:
+        the page, which is self-contained.
+
+    Raises:
+        RaucaError: no finished frame, or one asked for that there is not.
+    """
+    dataset = Dataset(folder)
+    stored = {found.frame.id: found for found in StoredFrame.all_of(dataset)}
+    if not stored:
+        raise RaucaError(f"{folder}: no finished frame to show; make the data set first")
+    chosen = _chosen(folder, stored, frames)
+    progress(Progress(0, len(chosen) + 1, "contact sheet"))
+    sheet = _sheet(dataset, stored, views)
+    write_bytes(out / "contact-sheet.jpg", _jpeg(sheet))
+    own, overlays = target_category(dataset), {}
+    for done, found in enumerate(chosen, 1):
+        progress(Progress(done, len(chosen) + 1, found.frame.id))
+        overlays[found.frame.id] = frame_sheet(found, list(targets_of(found, own)))
+        write_bytes(out / "overlays" / f"{found.frame.id}.png", _png(overlays[found.frame.id]))
+    page = _page(dataset, sheet, overlays)
+    write_bytes(out / "index.html", page.encode())
+    progress(Progress(len(chosen) + 1, len(chosen) + 1, ""))
+    return out / "index.html"
+
+
+def _chosen(folder: Path, stored: dict[str, StoredFrame], frames: Sequence[str]) -> list[StoredFrame]:
+    for frame in frames:
+        if frame not in stored:
+            raise RaucaError(f"{folder}: has no finished frame {frame!r}; one is {next(iter(stored))!r}")
+    if frames:
+        return [stored[frame] for frame in frames]
+    everyone = list(stored.values())
+    return [everyone[i] for i in spread(len(everyone), OVERLAYS)]
+
+
+def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int]) -> Image.Image:
+    """Rows of weathers, columns of (location, view); as many locations as columns, so that places differ too."""
+    plan = dataset.plan
+    for view in views:
+        if not 0 <= view < len(plan.ring):
+            raise RaucaError(f"{dataset.folder}: has views 0 to {len(plan.ring) - 1}, not {view}")
+    chosen = list(views) or spread(len(plan.ring), MOST_COLUMNS)
+    places = [(column % plan.locations, view) for column, view in enumerate(chosen)]
+    by_place = {(s.frame.location, s.frame.view, s.frame.weather.name): s for s in stored.values()}
+    rows = {weather.name: [by_place.get((*place, weather.name)) for place in places] for weather in plan.weathers}
+    return contact_sheet(plan.name, rows, [_column(plan, *place) for place in places])
+
+
+def _column(plan: Plan, location: int, view: int) -> str:
+    azimuth, elevation, distance = plan.ring.nominal(view)
+    place = f"place {location}, " if plan.locations > 1 else ""
+    return f"{place}{azimuth:.0f}°, {elevation:.0f}° up, {distance:g} m"
+
+
+def spread(count: int, most: int) -> list[int]:
+    """Up to ``most`` of ``range(count)``, evenly spread; with a stride that visits many columns of a grid."""
+    if count <= most:
+        return list(range(count))
+    return [(2 * i + 1) * count // (2 * most) for i in range(most)]
+
+
+def _page(dataset: Dataset, sheet: Image.Image, overlays: dict[str, Image.Image]) -> str:
+    plan = dataset.plan
+    states = Counter(frame_states(dataset.folder).values())
+    facts = {
+        "vehicle": plan.vehicle_name,
+        "frames": f"{states['done']} of {len(plan.frame_ids())}, {plan.size}x{plan.size} pixels",
+        "kept out": f"{states['occluded']} with less than {100 * plan.min_visible:.0f} % of their paint visible",
+        "weathers": len(plan.weathers),
+        "cameras": f"{len(plan.ring)} views of {plan.locations} places",
+    }
+    rows = "".join(f"<tr><th>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in facts.items())
+    shown = "".join(_figure(_jpeg(picture), name) for name, picture in overlays.items())
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(plan.name)}</title><style>{STYLE}</style></head>\n<body><main><h1>{escape(plan.name)}</h1>"
+        f"<p>A multi-weather data set made with rauca.</p>\n<section><table>{rows}</table></section>\n"
+        f"<section><h2>Weathers and views</h2>{_figure(_jpeg(sheet), 'contact sheet')}</section>\n"
+        f"<section><h2>Frames laid open</h2>{shown}</section>\n</main></body></html>\n"
+    )
+
+
+def _figure(jpeg: bytes, name: str) -> str:
+    return f'<img src="data:image/jpeg;base64,{b64encode(jpeg).decode()}" alt="{escape(name, quote=True)}">\n'
+
+
+def _jpeg(picture: Image.Image) -> bytes:
+    stream = io.BytesIO()
+    picture.save(stream, "JPEG", quality=88, optimize=True)
+    return stream.getvalue()
+
+
+def _png(picture: Image.Image) -> bytes:
+    stream = io.BytesIO()
+    picture.save(stream, "PNG", optimize=True)
+    return stream.getvalue()
