@@ -67,7 +67,7 @@ def run_blender(
         raise
     listener.join(timeout=5)
     if process.returncode:
-        raise RaucaError(_reason(job, process.returncode, complaints))
+        raise RaucaError(reason_of(job, process.returncode, complaints))
 
 
 def _stop(process: subprocess.Popen[str]) -> None:
@@ -79,8 +79,8 @@ def _stop(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def _reason(job: str, code: int, complaints: list[str]) -> str:
-    """The job's own sentence if it left one, else how it died."""
+def reason_of(job: str, code: int, complaints: Sequence[str]) -> str:
+    """Why a job failed: its own sentence if it left one on standard error, else how it died."""
     for line in reversed(complaints):
         for mark in ("error: ", "interrupted: "):
             if line.startswith(mark):

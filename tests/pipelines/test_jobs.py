@@ -1,0 +1,185 @@
+"""Workers that die, supervisors that are killed, shards: the finished set is the same bytes. All processes are real."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from rauca_core.contract import RaucaError, Shard, chunks, planned_frames, read_ledger, read_plan
+
+pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+MAKE = Path(__file__).resolve().parent.parent.parent / "pipelines" / "make_dataset.py"
+SMALL = ["--azimuths", "2", "--elevations", "15", "--distances", "6", "--size", "48", "--samples", "1", "--no-denoise"]
+
+
+def start(folder: Path, *more: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(MAKE), "--out", str(folder), *SMALL, *more]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def finish(job: subprocess.Popen[str]) -> tuple[int, str]:
+    _, complaint = job.communicate(timeout=300)
+    return job.returncode, complaint.strip().splitlines()[-1] if complaint.strip() else ""
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a data set but its ledgers."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("ledger"))
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    """An uninterrupted run."""
+    folder = tmp_path_factory.mktemp("whole") / "set"
+    assert finish(start(folder)) == (0, "")
+    return folder
+
+
+def supervise(folder: Path, whole: Path, listener, workers: int = 1, recycle: int = 200):
+    """Supervise in this process, so that a test hears which worker renders what; plan and vehicle are ``whole``'s."""
+    from blender_addon.child import child_command
+    from blender_addon.jobs.supervisor import Crew, Supervisor
+
+    plan = read_plan(whole)
+    command = child_command("dataset_worker", ["--plan", str(whole), "--out", str(folder)])
+    folder.mkdir(exist_ok=True)
+    supervisor = Supervisor(folder, Shard(), Crew(command, workers, recycle), listener, lambda: None)
+    supervisor.run([[f.id for f in chunk] for chunk in chunks(plan, planned_frames(plan), recycle)], 0)
+    return supervisor
+
+
+def hearing(news):
+    from blender_addon.jobs.supervisor import Listener
+
+    return Listener(lambda progress: None, lambda note: None, news)
+
+
+def test_recycled_workers_side_by_side_render_the_same_bytes(whole, tmp_path):
+    frames_of = defaultdict(list)
+
+    def news(worker, heard):
+        if heard.event == "done":
+            frames_of[worker.pid].append(heard.frame)
+
+    supervise(tmp_path / "set", whole, hearing(news), workers=2, recycle=2)
+    assert sum(map(len, frames_of.values())) == 6
+    assert max(map(len, frames_of.values())) <= 2
+    assert {k: v for k, v in content(whole).items() if k.startswith("frames")} == content(tmp_path / "set")
+
+
+def test_a_frame_that_fails_twice_is_quarantined_and_the_rest_goes_on(whole, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(whole, folder, ignore=shutil.ignore_patterns("frames", "ledger*"))
+    unlucky, deadly, blocked = [frame.id for frame in planned_frames(read_plan(whole))][1:4]
+    (folder / "frames").mkdir()
+    (folder / "frames" / blocked).write_text("a file where the frame's folder should be")
+    kills, pids = defaultdict(int), set()
+
+    def news(worker, heard):
+        pids.add(worker.pid)
+        in_flight = heard.event == "begin" and heard.frame
+        if in_flight and kills[heard.frame] < {unlucky: 1, deadly: 2}.get(heard.frame, 0):
+            kills[heard.frame] += 1
+            os.kill(worker.pid, signal.SIGKILL)
+
+    supervisor = supervise(folder, whole, hearing(news))
+    assert set(supervisor.quarantined) == {deadly, blocked}
+    assert "killed by SIGKILL" in supervisor.quarantined[deadly]
+    assert "NotADirectoryError" in supervisor.quarantined[blocked]
+    # Three deaths, each followed by a fresh worker; Python's error in a frame cost none, but its second try wanted one.
+    assert len(pids) <= 6
+    states = {frame: entry.state for frame, entry in read_ledger(folder).items()}
+    assert sorted(states.values()) == ["done"] * 4 + ["quarantined"] * 2
+    failures = [line for line in (folder / "ledger.jsonl").read_text().splitlines() if '"failed"' in line]
+    assert len(failures) == 3
+
+    code, complaint = finish(start(folder))
+    assert code == 2
+    assert "2 frames failed twice and were left out" in complaint
+    assert "--retry-quarantined" in complaint
+    (folder / "frames" / blocked).unlink()
+    assert finish(start(folder, "--retry-quarantined")) == (0, "")
+    assert content(folder) == content(whole)
+
+
+def test_killed_at_random_moments_then_finished(whole, tmp_path):
+    """The supervisor by SIGKILL, its workers left to notice by themselves; the next run starts at once."""
+    folder, chance = tmp_path / "set", random.Random(4)
+    for _ in range(3):
+        job = start(folder)
+        begun = time.monotonic()
+        while job.poll() is None and time.monotonic() < begun + 60:
+            if job.stdout.readline().startswith(f"[{chance.randint(1, 4)}/"):
+                time.sleep(chance.random())
+                break
+        job.kill()
+        job.wait()
+    assert finish(start(folder)) == (0, "")
+    assert content(folder) == content(whole)
+    assert set(read_ledger(folder)) == {frame.id for frame in planned_frames(read_plan(whole))}
+    assert not [line for line in command_lines() if str(tmp_path) in line]
+
+
+def test_shards_at_the_same_time_make_the_whole(whole, tmp_path):
+    folder = tmp_path / "set"
+    jobs = [start(folder, "--shard", f"{i}/2") for i in (1, 2)]
+    assert [finish(job) for job in jobs] == [(0, ""), (0, "")]
+    assert content(folder) == content(whole)
+    assert sorted(path.name for path in folder.glob("ledger*")) == ["ledger-1of2.jsonl", "ledger-2of2.jsonl"]
+
+
+def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
+    from blender_addon.jobs.lock import hold_cameras
+
+    code = (
+        "import sys; from pathlib import Path; from rauca_core.contract import Shard\n"
+        "from blender_addon.jobs.lock import hold_cameras\n"
+        "with hold_cameras(Path(sys.argv[1]), Shard(1, 2), (0, 1)): print('held', flush=True); sys.stdin.read()"
+    )
+    folder = tmp_path / "set"
+    command = [sys.executable, "-c", code, str(folder)]
+    other = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert other.stdout.readline() == "held\n"
+    with hold_cameras(folder, Shard(2, 2), (1, 2)) as lock:
+        (folder / "frames").mkdir()
+        (folder / "frames" / ".partial-of-a-neighbour").mkdir()
+        lock.sweep()
+        assert list((folder / "frames").iterdir())  # it may still be written
+    with (
+        pytest.raises(RaucaError, match=rf"process {other.pid} on .*\(shard 1/2\)"),
+        hold_cameras(folder, Shard(), (0, 2)),
+    ):
+        pass
+    code, complaint = finish(start(folder))
+    assert code == 2
+    assert f"is being rendered by process {other.pid} on {socket.gethostname()} (shard 1/2)" in complaint
+    other.kill()
+    other.wait()
+    with hold_cameras(folder, Shard(), (0, 2)) as lock:
+        lock.sweep()
+        assert not list((folder / "frames").iterdir())
+    (folder / "frames").rmdir()
+    with hold_cameras(folder, Shard(), (0, 2)):
+        pass
+    assert not folder.exists()  # an empty folder is not left behind
+
+
+def command_lines() -> list[str]:
+    lines = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            lines.append(path.read_text(errors="replace"))
+    return lines
