@@ -103,15 +103,23 @@ def _lock_or_refuse(folder: Path, handle: int, shard: contract.Shard, first: int
 
 
 def _holder(handle: int, first: int, end: int) -> str:
-    """The newest note in the lock file whose cameras overlap."""
+    """Who holds cameras in question, from the newest note in the lock file whose lock is still there."""
     text = os.pread(handle, 1 << 20, 0).decode(errors="replace")
     for line in reversed(text.splitlines()):
         with contextlib.suppress(json.JSONDecodeError, KeyError, TypeError):
             note = json.loads(line)
-            if note["first"] < end and first < note["end"]:
+            overlaps = note["first"] < end and first < note["end"]
+            if overlaps and not _is_free(handle, note["first"], note["end"] - note["first"]):
                 part = "" if note["shard"] == "1/1" else f" (shard {note['shard']})"
                 return f"process {note['pid']} on {note['host']}{part}"
     return "another process"
+
+
+def _is_free(handle: int, start: int, length: int) -> bool:
+    if not _try_lock(handle, start, length):
+        return False
+    fcntl.lockf(handle, fcntl.LOCK_UN, length, start)
+    return True
 
 
 def _try_lock(handle: int, start: int, length: int) -> bool:
