@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
 from blender_addon.arguments import dataset_parser
+from rauca_core.contract.files import write_json
+from rauca_core.contract.recolour import find_colours
+from rauca_core.dataset_tools import CheckResult, check_dataset, export_dataset, recolour_dataset, view_dataset
+from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
 
 from .blender_process import run_blender
 from .console import console, progress_bar
@@ -18,6 +24,7 @@ dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_a
 
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 MERGED: dict[str, Any] = {"conflict_handler": "resolve", "allow_abbrev": False}  # both parents know --help
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the data set")]
 Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 
 
@@ -34,3 +41,73 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
             run_blender("make_dataset", [*arguments, "--json-progress"], move, blender)
     if cluster.slurm:
         console.print(f"Slurm job {job}" + (" submitted" if cluster.no_wait else " finished"))
+
+
+@dataset_app.command("check")
+def dataset_check(
+    folder: Folder,
+    min_psnr: Annotated[float, typer.Option(help="dB that recoloured frames must reach against rendered ones")] = (
+        MIN_PSNR_DB
+    ),
+    unfinished: Annotated[bool, typer.Option("--unfinished", help="frames not rendered yet are no finding")] = False,
+    json: Annotated[Path | None, typer.Option(help="write the findings to this file too")] = None,
+) -> None:
+    """Read every file and hold it against the others, the plan and the ledger; exit code 2 if anything is wrong."""
+    with progress_bar("checking") as move:
+        result = check_dataset(folder, min_psnr, unfinished, move)
+    if json:
+        write_json(json, result.to_json())
+    Console().print(_table(folder, result))
+    for finding in result.findings:
+        print(finding)
+    if result.findings:
+        raise typer.Exit(2)
+
+
+@dataset_app.command("view")
+def dataset_view(
+    folder: Folder,
+    out: Annotated[Path, typer.Option(help="folder for the contact sheet, the overlays and index.html")],
+    frame: Annotated[list[str] | None, typer.Option(help="lay this one open; repeat for more")] = None,
+    view: Annotated[list[int] | None, typer.Option(help="a column of the contact sheet; repeat for more")] = None,
+) -> None:
+    """Write a contact sheet of weathers by views, and frames with their boxes and masks."""
+    with progress_bar("drawing") as move:
+        page = view_dataset(folder, out, frame or (), view or (), move)
+    console.print(f"page: {page}")
+
+
+@dataset_app.command("export")
+def dataset_export(
+    folder: Folder,
+    form: Annotated[str, typer.Option("--format", help="coco or yolo")],
+    out: Annotated[Path, typer.Option(help="folder for images and labels")],
+) -> None:
+    """Write images and boxes as COCO JSON or YOLO text, for other tools."""
+    with progress_bar("exporting") as move:
+        targets = export_dataset(folder, form, out, move)
+    console.print(f"{targets} targets: {out}")
+
+
+@dataset_app.command("recolour")
+def dataset_recolour(
+    folder: Folder,
+    out: Annotated[Path, typer.Option(help="images go to OUT/<colour>/<frame>.png; run again to resume")],
+    colours: Annotated[str, typer.Option(help="train (9), test (32), or sRGB colours like ff8800,8c8c8c")] = "train",
+) -> None:
+    """Write every frame in uniform colours, from its light maps: one multiply-add each."""
+    chosen = find_colours(colours)
+    with progress_bar("recolouring") as move:
+        written = recolour_dataset(folder, chosen, out, move)
+    console.print(f"{written} images written: {out}")
+
+
+def _table(folder: Path, result: CheckResult) -> Table:
+    table = Table("weather", *STATES, "recolouring", title=str(folder))
+    for name, weather in result.weathers.items():
+        psnr = "" if weather.psnr_db is None else f"{weather.psnr_db:.1f} dB of {weather.checked}"
+        table.add_row(name, *(str(weather.counts[state]) for state in STATES), psnr)
+    sums = (str(sum(w.counts[state] for w in result.weathers.values())) for state in STATES)
+    table.add_section()
+    table.add_row("all", *sums, "[green]whole" if not result.findings else f"[red]{len(result.findings)} findings")
+    return table

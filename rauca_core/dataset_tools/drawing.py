@@ -13,7 +13,7 @@ from .targets import Target
 INK, SOFT, PAPER, LINE = "#1d2430", "#5b6675", "#ffffff", "#dfe4ea"
 TARGET_COLOUR, OTHER_COLOUR = "#2ee6a8", "#ffb300"
 PAINT_OUTLINE = (255, 255, 255)
-CLASS_SHARE = 0.55  # of the class's colour in a pixel of the semantic view
+CLASS_SHARE = 0.7  # of the class's colour in a pixel of the semantic view
 
 Pixels = NDArray[np.uint8]
 
@@ -24,7 +24,7 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def enlarged(pixels: Pixels, side: int) -> Image.Image:
-    """A picture at ``side`` pixels; small ones keep hard edges only if they are ids."""
+    """A picture at ``side`` pixels."""
     return Image.fromarray(pixels).convert("RGB").resize((side, side), Image.Resampling.LANCZOS)
 
 

@@ -19,6 +19,7 @@ from .targets import target_category, targets_of
 
 MOST_COLUMNS = 4
 OVERLAYS = 6
+GOLDEN = 0.6180339887
 
 STYLE = """
 body { margin: 0; background: #f5f7f9; color: #1d2430; font: 16px/1.6 system-ui, "Segoe UI", Arial, sans-serif; }
@@ -75,7 +76,9 @@ def _chosen(folder: Path, stored: dict[str, StoredFrame], frames: Sequence[str])
     if frames:
         return [stored[frame] for frame in frames]
     everyone = list(stored.values())
-    return [everyone[i] for i in spread(len(everyone), OVERLAYS)]
+    # Steps of the golden ratio: in a list of weathers by views they meet ever other ones of both.
+    places = {int(step * GOLDEN % 1 * len(everyone)) for step in range(OVERLAYS)}
+    return [everyone[place] for place in sorted(places)]
 
 
 def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int]) -> Image.Image:
@@ -98,7 +101,7 @@ def _column(plan: Plan, location: int, view: int) -> str:
 
 
 def spread(count: int, most: int) -> list[int]:
-    """Up to ``most`` of ``range(count)``, evenly spread; with a stride that visits many columns of a grid."""
+    """Up to ``most`` of ``range(count)``, evenly spread."""
     if count <= most:
         return list(range(count))
     return [(2 * i + 1) * count // (2 * most) for i in range(most)]
