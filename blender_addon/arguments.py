@@ -34,7 +34,7 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")
     add("--adaptive-threshold", type=float, default=0.0, help="stop sampling pixels at this noise; 0: never")
     add("--bounces", type=int, default=4, help="of light between surfaces")
-    add("--composed-fog", action=argparse.BooleanOptionalAction, default=False, help="compose fog where accurate")
+    add("--composed-fog", action=argparse.BooleanOptionalAction, default=True, help="compose fog where accurate")
     add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
     _add_scene(add)

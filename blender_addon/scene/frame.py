@@ -56,7 +56,7 @@ def render_light(session: Session, folder: Path, task: contract.PlannedFrame, si
     reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
     if plan.light:
         painted = sight.annotation.paint > 0
-        A, B, image = light_maps(session, task.location, task.view, task.weather, painted, reference)
+        A, B, image = light_maps(session, task.location, task.view, task.weather, painted, reference, sight.annotation)
         return Light(image, A, B)
     session.vehicle.paint.set_colour(tuple(reference.tolist()))
     return Light(session.render(task.location, task.view, task.weather))

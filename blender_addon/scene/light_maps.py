@@ -6,11 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract
+from . import composed_fog
+from .annotate import Annotation
+from .light_memory import PaintLight, clear
 from .render import Crop
 from .session import Session
 
 WHITE = 0.8  # an albedo paint can have; A is scaled back to a base colour of one
 MARGIN_PX = 16  # around the paint, where its light falls on other things, and for the denoiser
+
+Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 
 def light_maps(
@@ -18,42 +24,72 @@ def light_maps(
     location: int,
     view: int,
     weather: contract.Weather,
-    painted: NDArray[np.bool_],
-    reference_linear: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    painted: Mask,
+    reference_linear: Image,
+    annotation: Annotation | None = None,
+) -> tuple[Image, Image, Image]:
     """A and B, (H, W, 3) linear each, and the image in the reference paint that they predict.
 
     Two renders with one seed: black paint gives B, white paint A = (white - black) / albedo. Light without its texture
     is smooth, so the denoiser harms it less than it would a textured car. White is rendered only around the paint, at a
     third of the cost; what its light does further away is 60 dB down (`rauca bench dataset`). Off the paint, what the
     reference paint throws on its surroundings is folded into B and A is zero.
+
+    Args:
+        painted: (H, W) pixels that show any paint.
+        annotation: what the camera sees, if fog may be composed as the plan says; all of it is rendered without.
     """
-    gain, black = light_of_paint(session, location, view, weather, painted)
-    return fold(gain, black, painted, reference_linear)
+    light = session.memory.get(location, view, weather)
+    if light is None:
+        if annotation is not None and composed_fog.is_composed(session.plan.quality, weather):
+            light = _compose_light(session, location, view, weather, annotation)
+        else:
+            light = _render_light(session, location, view, weather, painted)
+        session.memory.keep(location, view, weather, light)
+    return fold(*light, painted, reference_linear)
 
 
-def light_of_paint(
-    session: Session, location: int, view: int, weather: contract.Weather, painted: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Radiance that a paint of albedo one adds, and radiance with black paint; (H, W, 3) linear each."""
+def _render_light(session: Session, location: int, view: int, weather: contract.Weather, painted: Mask) -> PaintLight:
     session.vehicle.paint.set_colour((0.0, 0.0, 0.0))
     black = session.render(location, view, weather)
     gain = np.zeros_like(black)
     crop = Crop.around(painted, MARGIN_PX)
     if crop is not None:
-        session.vehicle.paint.set_colour((WHITE, WHITE, WHITE))
-        white = session.render(location, view, weather, crop)
-        gain[crop.inside] = np.maximum((white - black[crop.inside]) / WHITE, 0.0)
-    return gain, black
+        gain[crop.inside] = _gain(session, location, view, weather, crop, black[crop.inside])
+    return PaintLight(gain, black)
 
 
-def fold(
-    gain: NDArray[np.float32],
-    black: NDArray[np.float32],
-    painted: NDArray[np.bool_],
-    reference_linear: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """A, B and the image in the reference paint, from what :func:`light_of_paint` gives."""
+def _compose_light(
+    session: Session, location: int, view: int, weather: contract.Weather, annotation: Annotation
+) -> PaintLight:
+    """The vehicle in the real volume, its surroundings composed: see `composed_fog.py`."""
+    unfogged = session.memory.get(location, view, clear(weather))
+    if unfogged is None:
+        session.set_weather(clear(weather))
+        unfogged = _render_light(session, location, view, clear(weather), annotation.paint > 0)
+        session.memory.keep(location, view, clear(weather), unfogged)
+        session.set_weather(weather)
+    session.vehicle.paint.set_colour((0.0, 0.0, 0.0))
+    coarse = session.render_coarse(location, view, weather)
+    black = composed_fog.compose(coarse, unfogged.black, annotation.distance, weather.extinction)
+    gain = np.zeros_like(black)
+    crop = Crop.around(annotation.vehicle > 0, MARGIN_PX)
+    if crop is not None:
+        rendered = session.render(location, view, weather, crop)
+        gain[crop.inside] = _gain(session, location, view, weather, crop, rendered)
+        black = composed_fog.blend(black, rendered, crop.inside)
+    return PaintLight(gain, black)
+
+
+def _gain(session: Session, location: int, view: int, weather: contract.Weather, crop: Crop, black: Image) -> Image:
+    """What white paint adds to a part of the frame, per albedo."""
+    session.vehicle.paint.set_colour((WHITE, WHITE, WHITE))
+    white = session.render(location, view, weather, crop)
+    return np.maximum((white - black) / WHITE, 0.0).astype(np.float32)
+
+
+def fold(gain: Image, black: Image, painted: Mask, reference_linear: Image) -> tuple[Image, Image, Image]:
+    """A, B and the image in the reference paint, from the light of a :class:`PaintLight`."""
     image = gain * reference_linear + black
     A = np.where(painted[..., None], gain, 0.0).astype(np.float32)
     B = np.where(painted[..., None], black, image).astype(np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -10,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract, seeding
-from . import camera, render
+from . import camera, composed_fog, render
 from .annotate import Annotation, geometry_only
 from .lamps import VehicleLamps
+from .light_memory import LightMemory
 from .place import build_place
 from .ring import Viewpoint, viewpoint
 from .vehicle import SceneVehicle
@@ -27,6 +29,7 @@ class Session:
         plan: what is rendered.
         scene: Blender's scene, named ``rauca``.
         place, vehicle, weather: its parts.
+        memory: renders that later frames use again.
     """
 
     def __init__(self, plan: contract.Plan, vehicle: contract.Vehicle, blend: Path | None = None) -> None:
@@ -40,6 +43,7 @@ class Session:
         self.vehicle = SceneVehicle(self.scene, vehicle)
         self.weather = SceneWeather(self.scene, self.place.lamps)
         self._beams = VehicleLamps(self.scene, self.vehicle.object, vehicle)
+        self.memory = LightMemory(plan)
         self._visibility = PaintVisibility(vehicle)
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
@@ -77,6 +81,13 @@ class Session:
         camera.place(self.scene, self.viewpoint(location, view).camera)
         pixels = render.render_linear(self.scene, self.plan.quality, self.seed(location, view, weather), crop)
         return pixels[..., :3]
+
+    def render_coarse(self, location: int, view: int, weather: contract.Weather) -> NDArray[np.float32]:
+        """The same on composed fog's coarse grid: few pixels of many samples each."""
+        quality = self.plan.quality
+        camera.place(self.scene, composed_fog.coarse_camera(self.viewpoint(location, view).camera))
+        many = replace(quality, samples=composed_fog.COARSE_SAMPLES * quality.samples)
+        return render.render_linear(self.scene, many, self.seed(location, view, weather))[..., :3]
 
     def seed(self, location: int, view: int, weather: contract.Weather) -> int:
         """The renderer's seed of a frame: weathers of one light give equal renders."""

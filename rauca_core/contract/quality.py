@@ -17,14 +17,14 @@ class Quality:
         adaptive_threshold: noise at which a pixel stops being sampled; 0 gives every pixel all samples.
         denoise: use Open Image Denoise.
         bounces: of light between surfaces.
-        composed_fog: compose the fog levels for which that is accurate from the clear render.
+        composed_fog: compose fog around the vehicle from the clear render, where that is accurate.
     """
 
     samples: int = 8
     adaptive_threshold: float = 0.0
     denoise: bool = True
     bounces: int = 4
-    composed_fog: bool = False
+    composed_fog: bool = True
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)

@@ -1,0 +1,111 @@
+"""Fog composed around the vehicle: true to the real volume, exact where it must be, the same bytes from any history."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camera, Quality, Weather
+from rauca_core.contract.colour import srgb_from_linear
+
+CLEAR, FOG = Weather("clear", 45.0), Weather("fog", 45.0, 60.0, 50.0)
+GREY = np.full(3, 0.26, np.float32)
+
+
+def psnr(a, b):
+    return -10 * np.log10(np.mean((srgb_from_linear(a) - srgb_from_linear(b)) ** 2))
+
+
+@pytest.fixture
+def fog(bpy_module):
+    from blender_addon.scene import composed_fog
+
+    return composed_fog
+
+
+@pytest.mark.parametrize("size", [(48, 64), (45, 63)])
+def test_a_linear_law_of_dimming_and_glow_is_composed_exactly(fog, size):
+    rng = np.random.default_rng(0)
+    clear = rng.random((*size, 3)).astype(np.float32)
+    distance = np.broadcast_to(np.linspace(4, 40, size[1]), size)
+    through = np.exp(-0.02 * distance)[..., None]
+    fogged = (through * clear * 0.7 + (1 - through) * 0.5).astype(np.float32)
+    padded = np.pad(fogged, ((0, -size[0] % 4), (0, -size[1] % 4), (0, 0)), mode="edge")
+    coarse = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 4, 4, 3).mean(axis=(1, 3))
+    assert psnr(fog.compose(coarse, clear, distance, 0.02), fogged) > 50
+
+
+def test_black_pictures_and_endless_skies_stay_finite(fog):
+    black, sky = np.zeros((16, 16, 3), np.float32), np.full((16, 16), np.inf, np.float16)
+    composed = fog.compose(np.full((4, 4, 3), 0.3, np.float32), black, sky, 0.05)
+    assert np.isfinite(composed).all()
+    assert composed == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_rendered_part_fades_out_except_at_the_frames_border(fog):
+    inside = (slice(0, 40), slice(20, 60))
+    blended = fog.blend(np.zeros((60, 80, 3), np.float32), np.ones((40, 40, 3), np.float32), inside)
+    assert blended[0, 40, 0] == 1.0
+    assert 0 < blended[39, 40, 0] < 0.1
+    assert 0 < blended[10, 20, 0] < 0.1
+    assert blended[50].max() == blended[:, 70].max() == 0.0
+
+
+def test_the_coarse_camera_sees_the_same_directions(fog):
+    camera = Camera.look_at(np.array([5.0, 1, 2]), np.zeros(3), 60, 94, 94, 5)
+    fine, _ = camera.project(np.array([[0.5, -0.3, 0.2]]))
+    coarse, _ = fog.coarse_camera(camera).project(np.array([[0.5, -0.3, 0.2]]))
+    assert coarse * fog.COARSE == pytest.approx(fine)
+    assert (fog.coarse_camera(camera).width, fog.coarse_camera(camera).height) == (24, 24)
+
+
+@pytest.fixture
+def foggy(bpy_module, box_vehicle):
+    """Two sessions of one plan in one scene's worth of time: made by a function, as their order is what is tested."""
+    from blender_addon.scene.session import Session
+
+    from .conftest import small_plan
+
+    def make(composed: bool, samples: int = 8) -> Session:
+        bpy_module.ops.wm.read_factory_settings(use_empty=True)
+        plan = small_plan(
+            box_vehicle.atlas_id, weathers=(CLEAR, FOG), quality=Quality(samples, composed_fog=composed), size=128
+        )
+        session = Session(plan, box_vehicle)
+        session.enter(0)
+        return session
+
+    return make
+
+
+def maps(session, weather, annotation):
+    from blender_addon.scene.light_maps import light_maps
+
+    session.set_weather(weather)
+    return light_maps(session, 0, 0, weather, annotation.paint > 0, GREY, annotation)
+
+
+def test_composed_fog_is_the_real_one_and_its_bytes_do_not_depend_on_the_past(foggy):
+    session = foggy(composed=True)
+    annotation = session.annotations(0, [0])[0]
+    alone = maps(session, FOG, annotation)
+    session.memory = type(session.memory)(session.plan)
+    maps(session, CLEAR, annotation)
+    after_clear = maps(session, FOG, annotation)
+    assert all(np.array_equal(a, b) for a, b in zip(alone, after_clear, strict=True))
+
+    session.plan = replace(session.plan, quality=Quality(64))
+    session.memory = type(session.memory)(session.plan)
+    A, _, image = maps(session, FOG, annotation)
+    assert A[annotation.paint == 0].max() == 0
+    assert psnr(alone[2], image) > 33
+    assert psnr(alone[0][annotation.paint > 0], A[annotation.paint > 0]) > 30
+
+
+def test_lights_that_nobody_asks_for_again_are_not_kept(foggy):
+    session = foggy(composed=False, samples=1)
+    annotation = session.annotations(0, [0])[0]
+    maps(session, CLEAR, annotation)
+    assert session.memory.get(0, 0, CLEAR) is None
