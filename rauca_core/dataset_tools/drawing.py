@@ -68,7 +68,7 @@ def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def legend(classes: list[int], width: int) -> Image.Image:
     """Names and colours of classes, in as many rows as ``width`` pixels ask for."""
-    text, swatch, gap, row = font(15), 14, 22, 26
+    text, swatch, gap, row = font(14), 13, 16, 25
     places, x, y = [], 0, 0
     for number in classes:
         length = swatch + 7 + int(text.getlength(_spoken(CLASSES[number])))

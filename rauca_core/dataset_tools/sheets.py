@@ -16,7 +16,9 @@ TILE = 240
 GAP = 6
 MARGIN = 28
 SHEET_SIDE = 460
-LABEL = 148
+LABEL = 112
+HEAD = MARGIN + 62
+MOST_ROWS = 8
 
 
 def contact_sheet(
@@ -24,27 +26,40 @@ def contact_sheet(
 ) -> Image.Image:
     """One picture of all: a row per weather, a column per view; a hole where a frame was kept out.
 
+    More than eight rows stand in blocks beside each other, so that a sheet of 16 weathers fits a page.
+
     Args:
         rows: frames by weather, as many as there are ``columns``.
     """
-    head, left = MARGIN + 62, MARGIN + LABEL
-    width = left + len(columns) * (tile + GAP) - GAP + MARGIN
-    height = head + len(rows) * (tile + GAP) - GAP + MARGIN
-    sheet = Image.new("RGB", (width, height), drawing.PAPER)
+    names = list(rows)
+    blocks = -(-len(names) // MOST_ROWS)
+    high = -(-len(names) // blocks)
+    block_width = LABEL + len(columns) * (tile + GAP) - GAP + MARGIN
+    size = MARGIN + blocks * block_width, HEAD + high * (tile + GAP) - GAP + MARGIN
+    sheet = Image.new("RGB", size, drawing.PAPER)
     pen = ImageDraw.Draw(sheet)
     pen.text((MARGIN, MARGIN - 8), title, fill=drawing.INK, font=drawing.font(24))
-    for column, text in enumerate(columns):
-        pen.text((left + column * (tile + GAP), head - 26), text, fill=drawing.SOFT, font=drawing.font(15))
-    for row, (weather, frames) in enumerate(rows.items()):
-        top = head + row * (tile + GAP)
-        _side_label(pen, MARGIN, top + tile / 2, weather)
-        for column, stored in enumerate(frames):
-            place = left + column * (tile + GAP), top
-            if stored is None:
-                _hole(pen, place, tile)
-            else:
-                sheet.paste(drawing.enlarged(stored.image(), tile), place)
+    for block in range(blocks):
+        left = MARGIN + block * block_width
+        for column, text in enumerate(columns):
+            place = left + LABEL + column * (tile + GAP), HEAD - 26
+            pen.text(place, text, fill=drawing.SOFT, font=drawing.font(15))
+        for row, weather in enumerate(names[block * high : (block + 1) * high]):
+            _row(sheet, (left, HEAD + row * (tile + GAP)), weather, rows[weather], tile)
     return sheet
+
+
+def _row(sheet: Image.Image, corner: tuple[int, int], name: str, frames: list[StoredFrame | None], tile: int) -> None:
+    """A weather's name and its tiles, from the upper left ``corner`` on."""
+    left, top = corner
+    pen = ImageDraw.Draw(sheet)
+    _side_label(pen, left, top + tile / 2, name)
+    for column, stored in enumerate(frames):
+        place = left + LABEL + column * (tile + GAP), top
+        if stored is None:
+            _hole(pen, place, tile)
+        else:
+            sheet.paste(drawing.enlarged(stored.image(), tile), place)
 
 
 def frame_sheet(stored: StoredFrame, targets: list[Target], side: int = SHEET_SIDE) -> Image.Image:

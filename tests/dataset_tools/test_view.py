@@ -11,7 +11,7 @@ from PIL import Image
 from rauca_core.contract import LedgerEntry, RaucaError, append_entry
 from rauca_core.contract.semantics import CLASS_IDS, PALETTE
 from rauca_core.dataset_tools import drawing, view_dataset
-from rauca_core.dataset_tools.sheets import GAP, LABEL, MARGIN, TILE
+from rauca_core.dataset_tools.sheets import GAP, HEAD, LABEL, MARGIN, TILE, contact_sheet
 from rauca_core.dataset_tools.stored_frame import StoredFrame
 from rauca_core.dataset_tools.targets import targets_of
 
@@ -32,7 +32,7 @@ def test_each_tile_of_the_contact_sheet_is_its_frame(mini, tmp_path):
     append_entry(mini.folder, LedgerEntry(gone.id, "occluded", visible=0.1))
     page = view_dataset(mini.folder, tmp_path / "out", frames=[mini.frames()[0].id])
     sheet = np.asarray(Image.open(tmp_path / "out" / "contact-sheet.jpg")).astype(int)
-    left, head = MARGIN + LABEL, MARGIN + 62
+    left, head = MARGIN + LABEL, HEAD
     for stored in StoredFrame.all_of(mini):
         row, column = ("day", "dusk").index(stored.frame.weather.name), stored.frame.view
         top, start = head + row * (TILE + GAP), left + column * (TILE + GAP)
@@ -71,3 +71,13 @@ def test_frames_and_views_that_are_not_there_are_named(mini, tmp_path):
     with pytest.raises(RaucaError, match="has views 0 to 1, not 2"):
         view_dataset(mini.folder, tmp_path / "out", views=[2])
     assert not (tmp_path / "out").exists()
+
+
+def test_many_weathers_stand_in_blocks(mini):
+    stored = StoredFrame.all_of(mini)[0]
+    sheet = contact_sheet("sixteen", {f"weather-{i}": [stored, None] for i in range(16)}, ["a", "b"], tile=96)
+    assert sheet.width == 3 * MARGIN + 2 * (LABEL + 2 * 96 + GAP)
+    assert sheet.height == HEAD + 8 * (96 + GAP) - GAP + MARGIN
+    pixels = np.asarray(sheet)
+    last = pixels[HEAD + 7 * (96 + GAP) :][:96, MARGIN + 2 * LABEL + 2 * 96 + GAP + MARGIN :][:, :96]
+    assert np.array_equal(last, np.asarray(drawing.enlarged(stored.image(), 96)))
