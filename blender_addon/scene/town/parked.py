@@ -50,7 +50,8 @@ def _spot(site: Site, rng: np.random.Generator, category: str, model: Model) -> 
     if category in LARGE:
         aside = district.road_half_m - model.width_m / 2 - 0.1
         if district.road_half_m >= 9:  # a yard: square to the road, in its bays or at the halls' doors
-            return site.frame(along, side * rng.uniform(12.0, 14.5), turn + math.pi / 2 * rng.choice((-1, 1)))
+            aside = rng.uniform(9.5, district.front_m[0] - 1.0 - model.length_m / 2)
+            return site.frame(along, side * aside, turn + math.pi / 2 * rng.choice((-1, 1)))
         if district.lines == "country":
             aside = district.road_half_m + model.width_m / 2 + 0.4
         return site.frame(along, side * aside, turn + math.radians(rng.uniform(-1.5, 1.5)))

@@ -12,7 +12,7 @@ from ..massing import MeshParts, turned
 from . import buildings
 from .districts import District
 from .layout import SIDE_ROAD_HALF_M, Path
-from .site import Site
+from .site import Site, ribbon
 from .streets import SIDE_ROAD_M
 
 BESIDE_M = 16.0  # along the street, on each side of the vehicle, where cameras stand
@@ -71,6 +71,7 @@ def _row(
             away = SIDE_ROAD_HALF_M + max(2.5, district.front_m[0] - district.road_half_m)
         elif along < BESIDE_M and along + width > -BESIDE_M:
             away = max(away, district.clear_m + SETBACK_M.get(kind, 0.0))
+        away = _inside_bend(path, side, away)
         length = width / (1 - path.curvature * side * away)
         frame = _plot(path, along + length / 2, side, away, width)
         frame[2, 3] = site.ground_m(away)
@@ -87,16 +88,21 @@ def _plot(path: Path, middle: float, side: int, away: float, width: float) -> ND
 
 def _fields(site: Site, rng: np.random.Generator, side: int) -> None:
     """Strips of crops beyond the verge."""
-    outer = site.layout.district.road_half_m + 5.0
-    along = -140.0
-    while along < 140.0:
+    outer, path = site.layout.district.road_half_m + 5.0, site.layout.path
+    along = -130.0
+    while along < 130.0:
         length, crop = rng.uniform(35, 90), ("wheat", "soil", "meadow")[rng.integers(3)]
-        frame = site.layout.path.frame(along + length / 2, side * outer, 0.0 if side > 0 else math.pi)
+        far = _inside_bend(path, side, outer + rng.uniform(50, 110))
         if crop != "meadow":
-            with site.parts.at(frame):
-                top = 0.35 if crop == "wheat" else 0.0
-                site.parts.box(crop, (-length / 2, 0.0, -0.3), (length / 2 - 1.5, rng.uniform(60, 120), top))
+            top, down = (0.35, 0.5) if crop == "wheat" else (-0.015, 0.0)
+            ends = (along, along + length - 1.5)
+            ribbon(site.parts, path, crop, ends, (side * outer, side * far), top, down)
         along += length
+
+
+def _inside_bend(path: Path, side: int, away: float) -> float:
+    """A distance from a path, cut short on the inner side of a bend, where the sides would run into one another."""
+    return min(away, 0.6 / (path.curvature * side)) if path.curvature * side > 0 else away
 
 
 def build_skyline(site: Site) -> None:

@@ -43,13 +43,14 @@ class Site:
         return self.layout.path.frame(along, aside, turn, self.ground_m(aside))
 
     def claim(self, frame: NDArray[np.float64], radius: float, length: float = 0.0) -> bool:
-        """Take a round place, or a row of them ``length`` long along the frame's x, if all of it is free.
+        """Take a round place, or an oblong one ``length`` long along the frame's x and twice ``radius`` wide, if free.
 
         False when something, or the vehicle, stands there.
         """
         count = max(1, math.ceil(length / (2 * radius)))
         shifts = np.linspace(-0.5, 0.5, count) * max(length - 2 * radius, 0.0) if count > 1 else np.zeros(1)
         spots = frame[:3, 3] + shifts[:, None] * frame[:3, 0]
+        radius *= math.sqrt(2.0) if count > 1 else 1.0  # circles around the squares that make up an oblong
         for spot in spots:
             if self.layout.from_vehicle(spot) < VEHICLE_ROOM_M + radius:
                 return False
