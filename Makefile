@@ -3,13 +3,19 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint pictures extension kernels clean
+.PHONY: demo test test-matrix lint pictures extension kernels clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
 
 test: $(READY)
 	$(VENV)/bin/python -m pytest
+
+# What runs inside Blender, on the current wheel and on the long-term release.
+MATRIX := tests/blender tests/pipelines/test_headless.py tests/pipelines/test_jobs.py
+test-matrix: $(READY) $(VENV)-4.5/.ready
+	$(VENV)/bin/python -m pytest $(MATRIX)
+	$(VENV)-4.5/bin/python -m pytest $(MATRIX)
 
 lint: $(READY)
 	$(VENV)/bin/ruff format --check .
@@ -31,9 +37,16 @@ $(READY): pyproject.toml
 	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,dev]
 	touch $(READY)
 
+# bpy 4.5 was built against NumPy 1.
+$(VENV)-4.5/.ready: pyproject.toml
+	$(PYTHON) -m venv $(VENV)-4.5
+	$(VENV)-4.5/bin/python -m pip install --quiet torch==2.13.0
+	$(VENV)-4.5/bin/python -m pip install --quiet -e .[dev] bpy==4.5.15 'numpy<2'
+	touch $@
+
 # Compiled kernels do not notice changes in the files they call; see CONTRIBUTING.md.
 kernels:
 	find rauca_core benchmarks -name '*.nb[ci]' -delete
 
 clean:
-	rm -rf $(VENV) runs reports
+	rm -rf $(VENV) $(VENV)-4.5 runs reports
