@@ -1,13 +1,16 @@
-"""The sedan, built once for all tests of the room."""
+"""Vehicles, each built once for all tests of the room."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
 
 import pytest
 
 from rauca_core.contract import Vehicle
-from rauca_core.geometry import build_car
+from rauca_core.geometry.build import BUILDERS
 
 
 @pytest.fixture(scope="session")
-def sedan() -> Vehicle:
-    return build_car("sedan")
+def build() -> Callable[[str], Vehicle]:
+    return cache(lambda name: BUILDERS[name]())

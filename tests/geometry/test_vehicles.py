@@ -1,0 +1,122 @@
+"""Every procedural vehicle: the same as the one that is shipped, sound, on its feet, and cleanly unwrapped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.geometry import atlas_report, covered
+from rauca_core.geometry.build import BUILDERS, main
+from rauca_core.geometry.mesh import face_normals
+from rauca_core.images import read_image
+
+# Category; length, width and height in metres: low, high.
+KINDS = {
+    **dict.fromkeys(("sedan", "hatchback", "suv", "van"), ("car", (3.8, 5.4), (1.8, 2.5), (1.3, 2.1))),
+    **dict.fromkeys(("cylinder", "cube", "sphere"), ("shape", (2.9, 4.1), (1.7, 3.1), (1.7, 3.1))),
+    **dict.fromkeys(("boat", "boat_detailed"), ("boat", (5.0, 6.6), (1.9, 2.5), (1.8, 3.7))),
+    "aeroplane": ("airplane", (8.0, 10.0), (8.5, 9.5), (3.0, 4.0)),
+}
+
+
+@pytest.fixture(params=BUILDERS)
+def vehicle(request, build):
+    return build(request.param)
+
+
+def test_shipped_is_built_again(vehicle):
+    folder = assets_folder() / "vehicles" / vehicle.name
+    shipped = load_vehicle(folder, read_image)
+    assert shipped.materials == vehicle.materials
+    assert np.array_equal(shipped.material, vehicle.material)
+    assert np.array_equal(shipped.paint_mask, vehicle.paint_mask)
+    assert (shipped.atlas_id, shipped.geometry_id) == (vehicle.atlas_id, vehicle.geometry_id)
+    assert np.allclose(shipped.normals, vehicle.normals, atol=1e-4)
+    assert (shipped.category, shipped.source, shipped.licence) == (vehicle.category, vehicle.source, vehicle.licence)
+    assert sum(p.stat().st_size for p in folder.iterdir()) < 450 * 1024
+
+
+def test_the_shipped_sedan_is_the_one_camouflages_were_made_for(build):
+    assert build("sedan").atlas_id == "60637f9178cd6f92"
+
+
+def test_mesh_is_sound(vehicle):
+    normals, area = face_normals(vehicle.positions, vehicle.triangles)
+    assert np.isfinite(vehicle.positions).all()
+    assert area.min() > 1e-8
+    assert np.allclose(np.linalg.norm(vehicle.normals, axis=2), 1.0, atol=1e-5)
+    assert ((normals[:, None] * vehicle.normals).sum(axis=2) > 0).mean() > 0.999
+    assert len(vehicle.triangles) <= 25_000
+    assert len({m.name for m in vehicle.materials}) == len(vehicle.materials)
+    assert set(np.unique(vehicle.material)) == set(range(len(vehicle.materials)))
+
+
+def test_category_size_and_place(vehicle):
+    category, *sizes = KINDS[vehicle.name]
+    assert vehicle.category == category
+    for extent, (low, high) in zip(vehicle.size(), sizes, strict=True):
+        assert low < extent < high
+    low, high = vehicle.positions.min(axis=0), vehicle.positions.max(axis=0)
+    assert low[2] == 0.0
+    assert np.allclose(low[:2] + high[:2], 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_whoever_looks_at_paint_sees_its_outer_side(vehicle, axis, sign):
+    """Look along an axis, from infinity: of the faces nearest to the eye, painted ones turn their front to it."""
+    seen = nearest_faces(vehicle, axis, sign)
+    normals, _ = face_normals(vehicle.positions, vehicle.triangles)
+    front = normals[seen, axis] * sign > 0
+    painted = vehicle.paint_faces()[seen]
+    assert painted.sum() > 300 or (axis, sign) == (2, -1)  # from below there may be little paint, or none
+    assert (painted & ~front).sum() <= 0.005 * painted.sum()
+
+
+def nearest_faces(vehicle, axis: int, sign: int, size: int = 128) -> np.ndarray:
+    """The face seen in each filled pixel of an orthographic picture from ``sign`` times ``axis``."""
+    corners = vehicle.positions[vehicle.triangles].astype(np.float64)
+    flat = np.delete(corners, axis, axis=2)
+    low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+    pixels, faces = covered((flat - low) / (high - low).max(), size, conservative=False)
+    nearness = sign * corners[faces][..., axis].mean(axis=1)
+    order = np.lexsort((-nearness, pixels))
+    _, first = np.unique(pixels[order], return_index=True)
+    return faces[order[first]]
+
+
+def test_front_is_ahead(build):
+    for name in ("boat", "boat_detailed"):
+        points, (length, width, _) = build(name).positions, build(name).size()
+        bow, stern = points[points[:, 0] > 0.42 * length], points[points[:, 0] < -0.36 * length]
+        assert np.abs(bow[:, 1]).max() < 0.3 * width < 0.4 * width < np.abs(stern[:, 1]).max()
+    aeroplane = build("aeroplane")
+    assert aeroplane.positions[aeroplane.positions[:, 2].argmax(), 0] < -3.0  # the fin's tip
+
+
+def test_atlas_is_clean(vehicle):
+    report = atlas_report(vehicle)
+    assert len(vehicle.paint_mask) == 1024
+    assert (report.overlap, report.out_of_range, report.degenerate) == (0.0, 0, 0)
+    assert report.charts < 100
+    assert report.worst_spread <= 0.05
+    assert report.density_of_charts < 0.005
+    assert report.border_texels >= 4
+    assert report.padding_texels >= vehicle.padding_texels >= 4
+    assert report.utilisation > 0.5
+
+
+def test_build_command_writes_the_same_bytes_again(tmp_path, capsys):
+    assert main(["boat", str(tmp_path)]) == 0
+    shipped = assets_folder() / "vehicles" / "boat"
+    for file in shipped.iterdir():
+        assert (tmp_path / "boat" / file.name).read_bytes() == file.read_bytes()
+    assert "m" in capsys.readouterr().out
+
+
+def test_build_command_names_its_vehicles(capsys):
+    assert main(["bus"]) == 2
+    message = capsys.readouterr().err
+    assert all(name in message for name in (*BUILDERS, "all"))
