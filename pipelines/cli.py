@@ -194,6 +194,15 @@ def bench_vehicle_command(
     _benchmark("vehicle").bench_vehicle(chosen, detector or _fetched(), json)
 
 
+@bench_app.command("jobs")
+def bench_jobs_command(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer frames and kills: two minutes, not ten")] = False,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/jobs.json"),
+) -> None:
+    """Data set jobs: memory over 500 frames; the same bytes after 20 SIGKILLs."""
+    _benchmark("jobs").bench_jobs(json, quick)
+
+
 def _benchmark(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"benchmarks.{name}")

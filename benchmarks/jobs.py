@@ -1,0 +1,174 @@
+"""What a data set's jobs promise: memory stays flat, and being killed changes no byte.
+
+``rauca bench jobs`` runs it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from blender_addon.jobs.crew import Worker
+from blender_addon.jobs.messages import News
+from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
+from pipelines.blender_process import blender_command
+from pipelines.console import progress_bar
+from rauca_core.contract import Plan, Quality, Ring, Shard, chunks, claim_folder, find_preset, planned_frames
+from rauca_core.contract import load_vehicle as load
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.files import write_json
+from rauca_core.images import read_image
+
+SIZE = 48
+SMALL = f"--elevations 15 --distances 6 --size {SIZE} --samples 1 --no-denoise --json-progress".split()
+MAKE = [sys.executable, str(Path(__file__).resolve().parent.parent / "pipelines" / "make_dataset.py")]
+
+
+def bench_jobs(out: Path, quick: bool) -> dict[str, Any]:
+    """Measure memory over 500 frames, the price of a chunk, and 20 SIGKILLs over 60 frames.
+
+    Args:
+        out: JSON to write. ``memory``: resident size, MiB, by frame, and the growth from frame 50 to the last;
+            ``chunk``: CPU seconds of a worker's start, of a camera's coverage and of a frame; ``kills``: what was
+            killed and whether the finished set is byte-identical.
+        quick: 100 frames and 5 kills instead.
+    """
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        kills = measure_kills(Path(temporary), kills=5 if quick else 20, views=20)
+        Console().print(f"kills: {kills}")
+        memory, chunk = measure_worker(Path(temporary), frames=100 if quick else 500)
+    Console().print(f"memory: { ({**memory, 'resident_mib': '...'}) }\nchunk: {chunk}")
+    figures = {"memory": memory, "chunk": chunk, "kills": kills}
+    write_json(out, figures)
+    return figures
+
+
+def measure_kills(place: Path, kills: int, views: int) -> dict[str, Any]:
+    """Make a set of ``3 * views`` frames once in peace, and once under SIGKILLs at random moments."""
+    options = [*SMALL, "--azimuths", str(views)]
+    peaceful, hunted = place / "peaceful" / "set", place / "hunted" / "set"
+    started = time.monotonic()
+    subprocess.run([*MAKE, "--out", str(peaceful), *options], check=True, stdout=subprocess.DEVNULL)
+    pace_s = (time.monotonic() - started) / (3 * views)
+    command = [*MAKE, "--out", str(hunted), *options, "--retry-quarantined"]
+    hit = _hunt(command, kills, pace_s)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    same = dict(_content(peaceful)) == dict(_content(hunted))
+    return {"frames": 3 * views, "killed": hit, "identical": same}
+
+
+def _hunt(command: list[str], kills: int, pace_s: float) -> dict[str, int]:
+    """Run a command again and again, killing it or its worker after a few lines and a random wait."""
+    chance, hit = random.Random(0), {"supervisor": 0, "worker": 0}
+    job = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    while sum(hit.values()) < kills:
+        for _ in range(chance.randint(0, 3)):
+            next(iter(job.stdout or ()), None)
+        time.sleep(2 * pace_s * chance.random())
+        if job.poll() == 0:
+            break  # finished before it was killed often enough; the counts tell
+        workers = _children(job.pid)
+        victim = "worker" if workers and chance.random() < 0.4 else "supervisor"
+        with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
+            os.kill(workers[0] if victim == "worker" else job.pid, signal.SIGKILL)
+            hit[victim] += 1
+        if victim == "supervisor":
+            job.communicate()
+            job = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    job.communicate()
+    return hit
+
+
+@dataclass
+class _Watch:
+    """What a worker costs, by its news: resident MiB after each frame, CPU seconds by what they went into."""
+
+    resident_mib: list[float] = field(default_factory=list)
+    start_s: float = 0.0
+    coverage_s: float = 0.0
+    frames_s: float = 0.0
+    _spent: float = 0.0
+    _covering: bool = True
+
+    def hear(self, worker: Worker, news: News) -> None:
+        spent = _cpu_seconds(worker.pid)
+        cost, self._spent = spent - self._spent, spent
+        if news.event == "ready":
+            self.start_s = cost
+        elif news.event in ("done", "occluded"):
+            self.frames_s += cost
+            self._covering = False
+            self.resident_mib.append(_resident_mib(worker.pid))
+        elif self._covering:
+            self.coverage_s += cost
+        else:
+            self.frames_s += cost
+        if news.event == "idle":
+            self._covering = True
+
+
+def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """One worker renders all frames, four locations in three weathers, with the sedan in the town."""
+    views = -(-frames // 12)
+    vehicle = load(assets_folder() / "vehicles" / "sedan", read_image)
+    plan = Plan(
+        name="jobs", vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=SIZE,
+        quality=Quality(1, denoise=False), light=True,
+        weathers=tuple(find_preset("demo", assets_folder() / "weathers")),
+        ring=Ring(tuple(i * 360 / views for i in range(views)), (15.0,), (6.0,)), locations=4,
+        reference_srgb=(140, 140, 140), min_visible=0.0, seed=0, blender="",
+    )  # fmt: skip
+    folder = place / "long"
+    claim_folder(folder, plan)
+    vehicle.save(folder / "vehicle")
+    command = blender_command("dataset_worker", ["--plan", str(folder), "--out", str(folder)])
+    watch, wanted = _Watch(), planned_frames(plan)[:frames] if frames % 12 else planned_frames(plan)
+    pieces = [[frame.id for frame in chunk] for chunk in chunks(plan, wanted, frames)]
+    with progress_bar("rendering for memory") as move:
+        Supervisor(
+            folder, Shard(), Crew(command, recycle=10 * frames), Listener(move, print, watch.hear), lambda: None
+        ).run(pieces, 0)
+    at, last = watch.resident_mib[49], watch.resident_mib[-1]
+    memory = {
+        "frames": len(wanted), "resident_mib_at_50": at, "resident_mib_at_end": last, "growth": last / at - 1,
+        "resident_mib": watch.resident_mib,
+    }  # fmt: skip
+    cameras = len({frame.camera for frame in wanted})
+    chunk = {
+        "start_cpu_s": watch.start_s, "coverage_cpu_s_per_camera": watch.coverage_s / cameras,
+        "cpu_s_per_frame": watch.frames_s / len(wanted),
+    }  # fmt: skip
+    return memory, chunk
+
+
+def _children(pid: int) -> list[int]:
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(child) for child in path.read_text().split()] if path.exists() else []
+
+
+def _resident_mib(pid: int) -> float:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def _cpu_seconds(pid: int) -> float:
+    """User and system time so far; the name in the second field may hold spaces."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _content(folder: Path) -> Iterator[tuple[str, bytes]]:
+    for path in folder.rglob("*"):
+        if path.is_file() and not path.name.startswith("ledger"):
+            yield str(path.relative_to(folder)), path.read_bytes()
