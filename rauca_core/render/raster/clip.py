@@ -17,8 +17,7 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
     """Replace faces across the clip planes by fans of new corners; faces of broken vertices, by nothing.
 
     Args:
-        points, over, fixed, state: of the vertices: homogeneous pixels, 1 / depth, fixed point, and INSIDE, OUTSIDE or
-            BROKEN.
+        points, over, fixed, state: of the vertices, see `project.Vertices`.
         triangles: (F, 3) vertex indices.
         planes, near: see `fixed_point.Screen`.
 
@@ -33,7 +32,7 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
     owners = np.empty(len(corners), np.int32)
     vertices = len(over)
     over = np.concatenate((over, np.empty(across * MAX_CORNERS)))
-    fixed = np.concatenate((fixed, np.empty((across * MAX_CORNERS, 2), np.int32)))
+    fixed = np.concatenate((fixed, np.empty((2, across * MAX_CORNERS), np.int32)), 1)
     polygon, spare = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS, 3))
     drawn = 0
     for f in range(triangles.shape[0]):
@@ -43,7 +42,7 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
             corners[drawn, 0], corners[drawn, 1], corners[drawn, 2], owners[drawn] = i, j, k, f
             drawn += 1
         elif where == OUTSIDE:
-            polygon[0], polygon[1], polygon[2] = points[i], points[j], points[k]
+            polygon[0], polygon[1], polygon[2] = points[:, i], points[:, j], points[:, k]
             count = _clip(planes, near, polygon, spare)
             for n in range(count):
                 inverse = 1.0 / max(polygon[n, 2], near)
@@ -51,13 +50,13 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
                 for axis in range(2):  # rounding may leave a corner a little outside
                     low, high = -planes[1 + 2 * axis, 2], planes[2 + 2 * axis, 2]
                     place = min(max(polygon[n, axis] * inverse, low), high)
-                    fixed[vertices + n, axis] = np.int32(np.rint(place * ONE))
+                    fixed[axis, vertices + n] = np.int32(np.rint(place * ONE))
             for n in range(1, count - 1):
                 corners[drawn, 0], corners[drawn, 1], corners[drawn, 2] = vertices, vertices + n, vertices + n + 1
                 owners[drawn] = f
                 drawn += 1
             vertices += count
-    return corners[:drawn], owners[:drawn], over[:vertices], fixed[:vertices]
+    return corners[:drawn], owners[:drawn], over[:vertices], fixed[:, :vertices].copy()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -123,7 +123,7 @@ def rasterize(
     if max(width, height) > MAX_SIDE:
         raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterise; choose at most {MAX_SIDE} a side")
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles, np.int32)
-    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(positions)):  # numba would read beyond
+    if triangles.size and triangles.view(np.uint32).max() >= len(positions):  # numba would read beyond, or before
         raise RaucaError(f"mesh: triangles name vertices outside 0 to {len(positions) - 1}; repair the mesh")
     screen = Screen.of(camera, pattern, margin, near)
     if device is None:
