@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..contract import Camera
 from .raster.rasterise import Raster
-from .sampling.fragments import PLACES, Fragments
+from .sampling.fragments import Fragments
 from .thin import Thinning, thin_row
 
 FAINTEST = 1e-7  # coverage below which a pixel shows no paint
@@ -47,7 +47,7 @@ def merge_pixels(
 ) -> Rows:
     """Filter the fragments of a view into pixels, one row for each with any paint, and merge taps on the same texel.
 
-    Edges want more samples than textures: where a pixel has more than enough, every other row is read for the taps.
+    Where a pixel has more samples than textures want, only some rows are read for the taps: see `Pattern.stride`.
 
     Args:
         found: the fragments of ``raster``.
@@ -60,7 +60,7 @@ def merge_pixels(
     pattern = raster.pattern
     place = (raster.x0, raster.y0, pattern.columns, pattern.rows, raster.margin, camera.width, camera.height)
     read = found.index, found.texels, found.weights, found.paint
-    return Rows(*_merge(read, place, table, 2 if pattern.number >= 2 * PLACES else 1, count, thinning))
+    return Rows(*_merge(read, place, table, pattern.stride, count, thinning))
 
 
 @njit(cache=True, nogil=True)

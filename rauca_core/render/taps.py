@@ -27,7 +27,7 @@ from .sampling.sampler import Sampler, look_up
 from .sparse import SparseOperator
 from .thin import Thinning
 
-FORMAT = 3  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
+FORMAT = 4  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
 COARSEST = 1e-3  # thinning at one sample
 THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ..pyramid import Pyramid
+from ..raster.pattern import PLACES
 from ..raster.rasterise import Raster
 
 TEXELS = 4  # a bilinear lookup in one mip level
-PLACES = 64  # that a pixel should read the texture at; patterns of fewer samples read 2 x 2 places per sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +61,7 @@ def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
     _look_up(
         (index, raster.face_ids, raster.planes),
         (raster.x0, raster.y0, raster.margin, pattern.columns, pattern.shifts),
+        pattern.side / probes,
         (vehicle.uvs.astype(np.float64), vehicle.paint_mask),
         (slots, coverage, starts, np.array(pyramid.sizes)),
         probes,
@@ -70,13 +71,12 @@ def find_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
 
 
 @njit(cache=True, nogil=True)
-def _look_up(seen: Any, place: Any, surface: Any, levels: Any, probes: int, found: Any) -> None:
+def _look_up(seen: Any, place: Any, side: float, surface: Any, levels: Any, probes: int, found: Any) -> None:
     index, face_ids, planes = seen
     x0, y0, margin, columns, shifts = place
     uvs, mask = surface
     texels, weights, paint = found
     rows = shifts.shape[0]
-    side = np.sqrt(1.0 / (rows * columns)) / probes  # of the square that one lookup stands for, pixels
     for row in range(index.shape[0]):
         for column in range(index.shape[1]):
             n = index[row, column]

@@ -26,7 +26,7 @@ class Surface:
         faces: (N,) int32 face of each sample.
         barycentrics: (N, 3) perspective-correct, each row sums to 1.
         slopes: (N, 2, 3) change of the barycentrics per *pixel* to the right and down.
-        sample_side: side in pixels of the square that one sample stands for.
+        sample_side: side in pixels of the square that one sample which reads the texture stands for.
     """
 
     index: NDArray[np.int32]
@@ -56,7 +56,7 @@ def find_surface(raster: Raster, wanted: NDArray[np.bool_]) -> Surface:
     faces = raster.face_ids[rows, columns]
     barycentrics, slopes = np.empty((len(rows), 3)), np.empty((len(rows), 2, 3))
     _differentiate(raster.points(rows, columns), faces, raster.planes, barycentrics, slopes)
-    return Surface(index, faces, barycentrics, slopes, raster.pattern.number**-0.5)
+    return Surface(index, faces, barycentrics, slopes, raster.pattern.side)
 
 
 def mask_at(mask: NDArray[np.uint8], uv: Array) -> NDArray[np.float32]:
