@@ -13,7 +13,7 @@ from rauca_core.environment.frames import LightFrames
 
 from .compare import compare, methods_of
 from .curve import measure_curve
-from .datasets import make, test_set, train_set
+from .datasets import held_out_data, make, sedan_data
 from .figure import save_curve, save_figure
 from .report import markdown_report, print_report
 from .results import Results
@@ -59,7 +59,7 @@ def run_bench(settings: Settings, out: Path, docs: Path | None = None, weights: 
 
 def _measure(settings: Settings, folder: Path, out: Path, docs: Path | None, weights: Path | None) -> Results:
     # One list of frames: the first data set to train on, the second to test on.
-    frames = LightFrames([make(wanted, folder).folder for wanted in (train_set(settings), test_set(settings))])
+    frames = LightFrames([make(wanted, folder).folder for wanted in (sedan_data(settings), held_out_data(settings))])
     train_on, test_on = (_of(frames, number) for number in (0, 1))
     chosen = [i for i in test_on if frames.places[i].frame.weather.name in settings.seen]
     ours = train_ours(frames, train_on, chosen, drawn(), "our extractor", epochs=settings.ours_epochs)

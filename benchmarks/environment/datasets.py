@@ -46,20 +46,20 @@ def weathers_of(names: Sequence[str]) -> tuple[Weather, ...]:
     return tuple(known[name] for name in names)
 
 
-def train_set(settings: Settings) -> Wanted:
+def sedan_data(settings: Settings) -> Wanted:
     """The sedan, in seen weathers."""
     views = f"--azimuths {settings.azimuths} --distances {_list(settings.distances_m)}"
     return _wanted("train", "sedan", settings.seen, settings, f"--locations {settings.locations} {views}", TRAIN_SEED)
 
 
-def test_set(settings: Settings) -> Wanted:
+def held_out_data(settings: Settings) -> Wanted:
     """The sedan, in seen and unseen weathers."""
     views = f"--azimuths {settings.test_azimuths} --distances {_list(settings.distances_m)}"
     weathers = (*settings.seen, *settings.unseen)
     return _wanted("test", "sedan", weathers, settings, f"--locations 1 {views}", TEST_SEED)
 
 
-def vehicle_sets(vehicle: str, settings: Settings) -> tuple[Wanted, Wanted]:
+def vehicle_data(vehicle: str, settings: Settings) -> tuple[Wanted, Wanted]:
     """Another vehicle, to fine-tune on in seen weathers, and to test on in unseen ones."""
     near = f"--distances {settings.distances_m[0] * 1.5}"
     many = f"--locations {settings.vehicle_locations} --azimuths {settings.vehicle_azimuths} {near}"

@@ -12,7 +12,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import measure, total
 
-from .datasets import make, vehicle_sets
+from .datasets import make, vehicle_data
 from .settings import Settings
 from .trainings import Trained, drawn, train_ours
 
@@ -43,7 +43,7 @@ class Adapted:
 
 def adapt(vehicle: str, settings: Settings, folder: Path, weights: Path | None = None) -> Adapted:
     """Train twice on one vehicle, by the same settings."""
-    seen, unseen = vehicle_sets(vehicle, settings)
+    seen, unseen = vehicle_data(vehicle, settings)
     frames, other = (LightFrames([make(wanted, folder).folder]) for wanted in (seen, unseen))
     train_on, test_on = frames.split("location", 1 / settings.vehicle_locations)
     pretrained, _ = load_extractor(weights)
