@@ -41,29 +41,30 @@ def test_ids_are_whole_and_agree_with_coverage(session):
         np.array_equal(seen.semantic == CLASS_IDS["sky"], np.isinf(seen.distance))
         or ((seen.semantic == CLASS_IDS["sky"]) != np.isinf(seen.distance)).mean() < 0.01
     )  # they differ on edges only: one is a sample, the other half of an area
-    assert seen.others == ()
+    parked = [instance.id for instance in seen.others]
+    assert sorted(parked) == sorted(set(np.unique(seen.instances).tolist()) - {0, 255})
 
 
 def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(session, bpy_module):
-    add_cube(session, bpy_module, beside(session, -3.0, 0.2), 1.5, rauca_instance=7, rauca_category="truck")
+    add_cube(session, bpy_module, beside(session, -3.0, 0.2), 1.5, rauca_instance=201, rauca_category="truck")
     post = add_cube(session, bpy_module, beside(session, 2.6, 0.2), 0.8)
     material = bpy_module.data.materials.new("post")
     material["rauca_class"] = "pole"
     post.data.materials.append(material)
     seen = session.annotations(0, [0])[0]
-    truck = seen.instances == 7
-    (found,) = seen.others
-    assert (found.id, found.category, found.pixels) == (7, "truck", truck.sum())
+    truck = seen.instances == 201
+    (found,) = (instance for instance in seen.others if instance.id == 201)
+    assert (found.category, found.pixels) == ("truck", truck.sum())
     rows, columns = np.nonzero(truck)
     assert found.box_xyxy == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
     assert (seen.semantic[truck] == CLASS_IDS["other_vehicle"]).all()
     assert (seen.semantic == CLASS_IDS["pole"]).sum() > 20
-    assert set(np.unique(seen.instances)) == {0, 7, 255}
+    assert {0, 201, 255} <= set(np.unique(seen.instances).tolist())
     assert post.material_slots[0].material == material
     assert len(session.scene.objects["cube"].material_slots) == 0  # the bare cube is bare again
 
 
-@pytest.mark.parametrize("properties", [{"rauca_instance": 300, "rauca_category": "bus"}, {"rauca_instance": 3}])
+@pytest.mark.parametrize("properties", [{"rauca_instance": 300, "rauca_category": "bus"}, {"rauca_instance": 203}])
 def test_a_vehicle_without_number_or_category_is_refused_by_name(session, bpy_module, properties):
     add_cube(session, bpy_module, (0, 0, 9), 1.0, **properties)
     with pytest.raises(RaucaError, match=r"object cube: rauca_instance \d+ .*1 to 254"):
@@ -72,13 +73,13 @@ def test_a_vehicle_without_number_or_category_is_refused_by_name(session, bpy_mo
 
 def test_the_visible_share_is_pixels_seen_over_pixels_expected(session, bpy_module):
     alone = session.annotations(0, [0])[0]
-    assert alone.visible == 1.0
+    assert alone.visible > 0.97
     wall = add_cube(session, bpy_module, beside(session, 0.9, 0.5), 1.0)
     hidden = session.annotations(0, [0])[0]
     paint = CLASS_IDS["paint"]
     counted = (hidden.semantic == paint).sum() / (alone.semantic == paint).sum()
     assert 0.2 < counted < 0.8
-    assert hidden.visible == pytest.approx(counted, abs=0.02)
+    assert hidden.visible == pytest.approx(counted * alone.visible, abs=0.02)
     wall.scale = (4, 4, 4)
     assert session.annotations(0, [0])[0].visible < 0.05
 
@@ -95,7 +96,7 @@ def test_a_container_of_fog_hides_nothing(session, bpy_module):
     after = session.annotations(0, [0])[0]
     assert np.array_equal(after.semantic, before.semantic)
     assert np.array_equal(after.paint, before.paint)
-    assert after.visible == 1.0
+    assert after.visible == before.visible
     assert not haze.hide_render
 
 
