@@ -6,19 +6,29 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+from rich.text import Text
 
+from blender_addon.jobs.pace import spoken
 from rauca_core.contract import Progress, RaucaError
 
 console = Console(stderr=True)
 
 
+class TimeLeft(TimeRemainingColumn):
+    """The job's own estimate where it makes one."""
+
+    def render(self, task: Task) -> Text:
+        left_s = task.fields.get("left_s")
+        return super().render(task) if left_s is None else Text(spoken(left_s), style="progress.remaining")
+
+
 @contextlib.contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
+def progress_bar(title: str, every_step: bool = False) -> Iterator[Callable[[Progress], None]]:
     """A progress bar with an estimate of the time left; yields the function that moves it.
 
-    Without a terminal (logs, CI) a line is printed at the start and at the end only.
+    Without a terminal (logs, CI) a line is printed at the start and at the end, and with ``every_step`` at each step.
 
     Raises:
         RaucaError: in place of a KeyboardInterrupt inside.
@@ -29,7 +39,7 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
-        TimeRemainingColumn(),
+        TimeLeft(),
         TextColumn("[dim]{task.fields[last]}"),
     )
     with Bar(*columns, console=console, disable=not console.is_terminal) as bar:
@@ -37,7 +47,9 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
         seen: list[Progress] = []
 
         def move(progress: Progress) -> None:
-            bar.update(task, completed=progress.done, total=progress.total, last=progress.last)
+            bar.update(task, completed=progress.done, total=progress.total, last=progress.last, left_s=progress.left_s)
+            if every_step and not console.is_terminal and progress not in seen:
+                console.print(step_line(progress), markup=False, highlight=False, soft_wrap=True)
             seen[:] = [progress]
 
         if not console.is_terminal:
@@ -49,3 +61,9 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
             raise RaucaError("interrupted; what was finished is kept, run the same command to go on") from None
         if not console.is_terminal and seen:
             console.print(f"{title}: {seen[0].done} of {seen[0].total}")
+
+
+def step_line(progress: Progress) -> str:
+    """One step for a log."""
+    left = "" if progress.left_s is None else f", about {spoken(progress.left_s)} left"
+    return f"[{progress.done}/{progress.total}] {progress.last}{left}"

@@ -34,7 +34,7 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
     cluster, arguments = slurm_parser().parse_known_args(context.args)
     every_option = ArgumentParser(prog="rauca dataset make", parents=[dataset_parser(), slurm_parser()], **MERGED)
     options = every_option.parse_args(context.args)
-    with progress_bar("rendering data set") as move:
+    with progress_bar("rendering data set", every_step=True) as move:
         if cluster.slurm:
             job = render_on_slurm(cluster, options.out, arguments, blender, move)
         else:
