@@ -54,6 +54,28 @@ def test_patterns_agree_with_one_sample_of_a_shifted_image(samples: int, kind: s
         assert (ids[row :: chosen.rows, column :: chosen.columns] != one).sum() <= 1
 
 
+@pytest.mark.parametrize("samples", [4, 8, 12, 16])
+def test_rows_that_read_the_texture_are_spread_as_evenly_as_all(samples: int) -> None:
+    chosen = pattern(samples)
+    assert chosen.stride == (1 if samples < 12 else 2)
+    for points in (chosen.points(), chosen.points()[:: chosen.stride]):
+        apart = points[:, None] - points[None]
+        apart -= np.rint(apart)
+        squared = np.where(np.eye(len(points)) > 0, np.inf, (apart**2).sum(2))
+        assert squared.min() * len(points) > 1 - 1e-9  # as a square grid
+    assert chosen.side**2 * len(points) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("device", [None, "cpu"])
+def test_triangles_smaller_than_a_snap_show_nothing(device: str | None) -> None:
+    centres = np.stack(np.meshgrid(np.arange(4) + 0.5, np.arange(4) + 0.5), 2).reshape(-1, 1, 2)
+    corners = centres + np.array([[0.0, 0.0], [1e-7, 0.0], [0.0, 1e-7]])
+    points = np.concatenate([corners, np.ones((16, 3, 1))], 2).reshape(-1, 3)
+    faces = np.arange(48).reshape(16, 3)
+    for order in (faces, faces[:, ::-1]):
+        assert not (rasterize(points, order, flat(4), device=device).whole(4, 4) >= 0).any()
+
+
 def test_window_is_a_crop_of_the_whole_image() -> None:
     points = at_depth_one([(5.2, 6.1), (9.7, 6.9), (7.0, 11.3)])
     raster = rasterize(points, np.array([[0, 1, 2]]), flat(16), 4)
