@@ -19,7 +19,7 @@ SUN_WIDENING_DEG = 7.0  # added to the sun's diameter under a full cover
 SUN_DIAMETER_DEG = 0.545
 GREY_CARD = 0.18
 # Radiance of clouds in terms of a white surface under the clear sky: sunlit heaps, and a closed cover from below.
-SUNLIT, CLOSED = 0.6, 0.25
+SUNLIT, CLOSED = 0.85, 0.25
 SHADE_CONTRAST = 0.22  # of a cloud's own light and dark
 
 

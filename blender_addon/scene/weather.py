@@ -16,7 +16,7 @@ from .wetness import set_wetness
 
 # Linear radiance of the night sky before exposure, clear and overcast: dark, not black, as CARLA's night; clouds throw
 # the street lamps' light back.
-NIGHT_SKY, NIGHT_CLOUDS = (0.012, 0.016, 0.028), (0.024, 0.021, 0.020)
+NIGHT_SKY, NIGHT_CLOUDS = (0.012, 0.016, 0.028), (0.018, 0.0155, 0.0145)
 
 # Film exposure per sun altitude (degrees) in powers of two: brings an 18 % grey card lying flat under this sky, without
 # fog, to 0.2-0.3 of display white by day and 0.13 at sunset. It hardly moves after sunset, when lamps light the street.
@@ -34,6 +34,7 @@ TWILIGHT = (
 )
 LOWEST_SKY_DEG = -4.0  # below, Blender's sky is noise; its look is kept and dimmed
 DAY_CARD = 0.25
+SKY_SAMPLING_MAP = 256  # pixels across; the sun is sampled apart
 
 
 class SceneWeather:
@@ -43,6 +44,9 @@ class SceneWeather:
         self._scene = scene
         self._lamps = StreetLamps(lamps)
         self._world = bpy.data.worlds.new("rauca weather")
+        # Measured: no more noise than with Cycles' own choice, which spends 3.5 CPU seconds more on a closed cloud cover.
+        self._world.cycles.sampling_method = "MANUAL"
+        self._world.cycles.sample_map_resolution = SKY_SAMPLING_MAP
         scene.world = self._world
         self._layer = FogLayer(scene)
         self.fog = self._layer.box
@@ -51,7 +55,7 @@ class SceneWeather:
         """Set everything; equal :meth:`contract.Weather.light_key` give equal renders."""
         tree = nodes.fresh_tree(self._world)
         altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
-        night = night_share(altitude)
+        night = night_share(altitude) * (1.0 - cover) + weather.lamps * cover
         glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
         if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
             colour: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
@@ -82,7 +86,7 @@ def exposure_stops(sun_altitude_deg: float, cover: float = 0.0) -> float:
 
 
 def night_share(sun_altitude_deg: float) -> float:
-    """How much of the night sky's own light is there: none by day, all from the end of twilight on."""
+    """How much of the clear night sky's light is there: none by day, all from the end of twilight on."""
     return float(np.clip(sun_altitude_deg / contract.weather.NIGHT_ALTITUDE_DEG, 0.0, 1.0)) ** 2
 
 

@@ -1,0 +1,122 @@
+"""Weathers: presets valid and apart, CARLA's brought over, fog by height, which of them share one light."""
+
+import itertools
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import RaucaError, Weather, find_preset, load_weathers, preset_notes, weather_from_carla
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.schema import Fields
+from rauca_core.contract.weather import FOG_TOP_M, LIMITS
+
+FOLDER = assets_folder() / "weathers"
+
+
+def physics(weather):
+    return tuple(value for key, value in weather.to_json().items() if key != "name")
+
+
+def test_every_number_has_limits():
+    assert set(LIMITS) == {field.name for field in fields(Weather)} - {"name"}
+
+
+def test_presets_are_what_they_are_called():
+    for preset, suns in (("base", {-90, -30, 30, 90}), ("enhanced", {-90, 10, 45, 90})):
+        weathers = find_preset(preset, FOLDER)
+        pairs = {(w.sun_altitude_angle, w.fog_density) for w in weathers}
+        assert pairs == {(sun, fog) for sun in suns for fog in (0, 25, 50, 90)}
+    assert len(find_preset("single", FOLDER)) == 1
+
+
+def test_no_unseen_weather_is_in_another_preset():
+    unseen = find_preset("unseen", FOLDER)
+    assert len(unseen) == 16
+    assert sum(w.precipitation > 0 for w in unseen) >= 4
+    assert any(w.film > 0 and w.precipitation == 0 for w in unseen)
+    keys, names = {w.light_key() for w in unseen}, {w.name for w in unseen}
+    assert len(keys) == 16
+    for preset in ("base", "enhanced", "single", "demo"):
+        for other in find_preset(preset, FOLDER):
+            assert other.light_key() not in keys
+            assert other.name not in names
+
+
+def test_a_weather_survives_its_json_and_old_files_are_read():
+    weather = find_preset("unseen", FOLDER)[-1]
+    assert Weather.from_json(Fields(weather.to_json(), "w")) == weather
+    old = {"name": "x", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0}
+    assert Weather.from_json(Fields(old, "w")) == Weather("x", 45.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cloudiness": 101}, "cloudiness must be between 0 and 100"),
+        ({"fog_falloff": -1}, "fog_falloff must be between"),
+        ({"precipitation": "much"}, "precipitation must be a finite number"),
+        ({"snow": 3}, "unknown field snow"),
+    ],
+)
+def test_bad_numbers_are_named(change, message):
+    good = {"name": "x", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0}
+    with pytest.raises(RaucaError, match=f"w: {message}"):
+        Weather.from_json(Fields(good | change, "w"))
+
+
+def test_carlas_own_presets_are_brought_over():
+    weathers = {w.name: w for w in find_preset("carla", FOLDER)}
+    assert len(weathers) == 21
+    hard = weathers["HardRainNight"]
+    assert (hard.precipitation, hard.precipitation_deposits, hard.wind_intensity, hard.fog_density) == (
+        100,
+        90,
+        100,
+        100,
+    )
+    assert (hard.sun_altitude_angle, hard.cloudiness, hard.wetness, hard.fog_falloff) == (-90, 100, 100, 0.1)
+    assert weathers["ClearNoon"].sun_azimuth_angle == 1.0  # CARLA's -1, clockwise
+    assert preset_notes("carla", FOLDER) == []
+
+
+def test_what_carla_has_and_we_have_not_is_told(tmp_path):
+    entry = {"name": "storm", "sun_altitude_angle": 45, "dust_storm": 100, "mie_scattering_scale": 0.03}
+    path = tmp_path / "w.json"
+    path.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [entry]}))
+    (weather,) = load_weathers(path)
+    assert weather == Weather("storm", 45.0, 0.0, fog_falloff=0.2)
+    (note,) = preset_notes(str(path), FOLDER)
+    assert note.endswith("weathers[0]: dust_storm 100 has no counterpart here and is ignored")
+    with pytest.raises(RaucaError, match=r"mine: unknown field cloud\b"):
+        weather_from_carla({"cloud": 3}, "x", "mine")
+    assert weather_from_carla({"sun_azimuth_angle": 90}, "x")[0].sun_azimuth_angle == 270.0
+
+
+def test_fog_halves_every_ten_metres_at_falloff_one():
+    fog = Weather("fog", 45, fog_density=50, fog_falloff=1.0)
+    heights = np.array([-1.0, 0.0, 10.0, FOG_TOP_M + 0.1])
+    assert fog.extinction_at(heights) == pytest.approx([0.0, fog.extinction, fog.extinction / 2, 0.0])
+    even = replace(fog, fog_falloff=0.0)
+    assert even.extinction_at(5.0) == even.extinction
+    assert even.fog_is_uniform
+    assert not fog.fog_is_uniform
+
+
+def test_weathers_of_one_light():
+    night = Weather("a", -90, 60, 50)
+    assert night.light_key() == Weather("b", -30, 200, 50).light_key()  # the sun is far below, wherever it is
+    assert night.light_key() != Weather("c", -10, 60, 50).light_key()  # twilight
+    assert Weather("d", 90, 0).light_key() == Weather("e", 90, 180).light_key()
+    assert Weather("d", 45, 0).light_key() != Weather("e", 45, 180).light_key()
+    assert Weather("d", 45, 0).light_key() == Weather("e", 45, 0, fog_falloff=2, wind_intensity=30).light_key()
+    assert Weather("d", 45, 0).light_key() != Weather("e", 45, 0, precipitation=5).light_key()  # the road gets wet
+
+
+def test_lamps_come_on_smoothly():
+    levels = [Weather("w", sun).lamps for sun in (10, 0, -1, -3, -5, -6, -90)]
+    assert levels[0] == levels[1] == 0.0
+    assert levels[-1] == levels[-2] == 1.0
+    assert all(a <= b for a, b in itertools.pairwise(levels))
+    assert levels[3] == pytest.approx(0.5)
