@@ -152,13 +152,14 @@ def _training(results: Results) -> Grid:
 
 def _vehicles(results: Results) -> Grid:
     rows = [
-        (v.vehicle, str(v.epochs_scratch), str(v.epochs_pretrained), f"{v.mae_scratch:.4f}", f"{v.mae_pretrained:.4f}",
-         f"{v.before_db:.1f}", f"{v.after_db:.1f}")
+        (v.vehicle, str(v.epochs_scratch), str(v.epochs_pretrained),
+         str(v.epochs_matched or f"over {results.settings.most_epochs}"), f"{v.mae_scratch:.4f}",
+         f"{v.mae_pretrained:.4f}", f"{v.before_db:.1f}", f"{v.after_db:.1f}")
         for v in results.vehicles
     ]  # fmt: skip
     headers = (
-        "vehicle", "epochs from scratch", "pre-trained", "MAE from scratch", "pre-trained",
-        "unseen weather before, dB", "fine-tuned, dB",
+        "vehicle", "epochs from scratch", "pre-trained", "from scratch to the same error", "MAE from scratch",
+        "pre-trained", "unseen weather before, dB", "fine-tuned, dB",
     )  # fmt: skip
     return "Unseen vehicles: epochs to converge, by the paper's criterion", headers, rows
 

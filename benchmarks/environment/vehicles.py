@@ -8,6 +8,7 @@ from typing import Any
 
 from rauca_core.contract.recolour import TEST
 from rauca_core.environment import LightSplitter, load_extractor
+from rauca_core.environment.convergence import smoothed
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import measure, total
@@ -16,7 +17,7 @@ from .datasets import make, vehicle_data
 from .settings import Settings
 from .trainings import Trained, drawn, train_ours
 
-RATE = {"lr": 2e-3, "schedule": "constant", "stop_early": True}
+RATE: dict[str, Any] = {"lr": 2e-3, "schedule": "constant"}
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Adapted:
 
     Attributes:
         epochs_scratch, epochs_pretrained: to the paper's criterion; the most that were tried if it was not met.
+        epochs_matched: from scratch, until the error that pre-trained weights had when they converged; None if never.
+            Ours starts so near the truth that the criterion's 0.003 is soon met: this says more.
         mae_scratch, mae_pretrained: least mean absolute test errors.
         before_db, after_db: on unseen weather, by the pre-trained weights as they are, and fine-tuned.
     """
@@ -32,6 +35,7 @@ class Adapted:
     vehicle: str
     epochs_scratch: int
     epochs_pretrained: int
+    epochs_matched: int | None
     mae_scratch: float
     mae_pretrained: float
     before_db: float
@@ -49,16 +53,18 @@ def adapt(vehicle: str, settings: Settings, folder: Path, weights: Path | None =
     pretrained, _ = load_extractor(weights)
     before = _unseen_db(pretrained, other)
 
-    def run(net: LightSplitter, how: str) -> Trained:
-        title = f"{vehicle} {how}"
-        return train_ours(frames, train_on, test_on, net, title, epochs=settings.most_epochs, **RATE)
+    def run(net: LightSplitter, how: str, stop: bool) -> Trained:
+        chosen = RATE | {"epochs": settings.most_epochs, "stop_early": stop}
+        return train_ours(frames, train_on, test_on, net, f"{vehicle} {how}", **chosen)
 
-    scratch, tuned = run(drawn(), "from scratch"), run(pretrained, "pre-trained")
+    scratch, tuned = run(drawn(), "from scratch", False), run(pretrained, "pre-trained", True)
     assert isinstance(tuned.net, LightSplitter)
+    reached = smoothed(tuned.outcome.errors)[-1]
     return Adapted(
         vehicle,
         scratch.outcome.converged or settings.most_epochs,
         tuned.outcome.converged or settings.most_epochs,
+        next((epoch for epoch, error in enumerate(smoothed(scratch.outcome.errors)) if error <= reached), None),
         min(scratch.outcome.errors),
         min(tuned.outcome.errors),
         before,

@@ -58,7 +58,7 @@ def collate(frames: Sequence[LightFrame]) -> Batch:
     """Stack frames of one size."""
 
     def stack(name: str, scale: float = 1.0) -> Tensor:
-        return torch.stack([getattr(f, name) for f in frames]).float() / scale
+        return torch.stack([getattr(f, name).float() for f in frames]) / scale  # autocast stacks no float16
 
     images = {"image": stack("image", 255), "paint": stack("paint", 255), "vehicle": stack("vehicle", 255)}
     return Batch(

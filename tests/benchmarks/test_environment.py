@@ -93,7 +93,7 @@ def test_the_comparison_ranks_and_the_report_says_so(frames, truths, tmp_path):
     ]  # fmt: skip
     results = Results(
         TINY, found, outcome, outcome, time_epochs(frames, range(2), TINY), weigh(frames, range(4), (net, net), TINY),
-        points, [Adapted("suv", 40, 8, 0.02, 0.01, 24.0, 30.0)],
+        points, [Adapted("suv", 40, 8, None, 0.02, 0.01, 24.0, 30.0)],
     )  # fmt: skip
     told = results.to_json()
     write_json(tmp_path / "environment.json", told)

@@ -131,6 +131,11 @@ def test_the_best_weights_are_kept(dataset, tmp_path):
     assert outcome.errors[outcome.best_epoch] == min(outcome.errors)
 
 
+def test_bfloat16_learns_too(dataset, tmp_path):
+    outcome = run(job(dataset.folder, tmp_path / "run", epochs=6, lr=0.01, precision="bfloat16"))
+    assert min(outcome.errors) < 0.9 * outcome.errors[0]
+
+
 def test_a_flat_run_stops_early(dataset, tmp_path):
     work = job(dataset.folder, tmp_path / "run", lr=1e-9, epochs=40, stop_early=True, schedule="constant")
     outcome = run(work)
