@@ -171,6 +171,18 @@ def bench_environment_command(
     _benchmark("environment.bench").bench_environment(json, quick, docs, weights)
 
 
+@bench_app.command("dataset")
+def bench_dataset_command(
+    quick: Annotated[bool, typer.Option("--quick", help="one view, fewer settings: three minutes, not twenty")] = False,
+    docs: Annotated[
+        Path | None, typer.Option(help="renew the figures and plots of datasets.md in this folder too")
+    ] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/dataset.json"),
+) -> None:
+    """What a frame costs and how far it is from the converged one: samples, denoiser, bounces, fog, whole sets."""
+    _benchmark("dataset.bench").bench_dataset(json, quick, docs)
+
+
 @bench_app.command("agreement")
 def bench_agreement_command(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],

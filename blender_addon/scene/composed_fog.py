@@ -54,7 +54,7 @@ def compose(coarse_linear: Image, clear_linear: Image, distance: NDArray[np.floa
     composed = np.empty(clear_linear.shape, np.float32)
     for channel in range(3):
         guides = np.concatenate([behind[..., channel, None], shared], axis=-1)
-        weights = _explain(coarse_linear[..., channel], _coarsen(guides))
+        weights = _explain(coarse_linear[..., channel], coarsen(guides))
         composed[..., channel] = (guides * _refine(weights, height, width)).sum(axis=-1)
     return np.maximum(composed, 0.0)
 
@@ -88,7 +88,7 @@ def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values
 
 
-def _coarsen(fine: NDArray[np.float64]) -> NDArray[np.float64]:
+def coarsen(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """Means over the coarse grid's pixels; beyond the frame the last row and column repeat."""
     height, width, kinds = fine.shape
     whole = np.pad(fine, ((0, -height % COARSE), (0, -width % COARSE), (0, 0)), mode="edge")

@@ -1,0 +1,124 @@
+"""The data sets' benchmark, on tiny settings: its figures are all there, finite, and in the order that must hold."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.dataset.bench import run_bench
+from benchmarks.dataset.error import Halves, psnr_db, squared_errors
+from benchmarks.dataset.naive import naive_samples
+from benchmarks.dataset.results import MAPS, SINGLE, Entry, Results
+from benchmarks.dataset.settings import FULL, KINDS, QUICK, Settings
+from benchmarks.dataset.targets import judge
+from rauca_core.contract.colour import srgb_from_linear
+
+TINY = Settings(
+    size=48,
+    views=(26,),
+    reference_samples=24,
+    single_samples=(1, 4),
+    raw_samples=(2,),
+    map_samples=(2,),
+    thresholds=(0.1,),
+    adaptive_samples=4,
+    bounces=(),
+    fog_densities=(50.0,),
+    fog_samples=8,
+    sets=(("single", (26,)),),
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> Results:
+    pytest.importorskip("bpy", reason="Blender as a module is not installed")
+    return run_bench(TINY, folder / "dataset.json", folder / "docs")
+
+
+@pytest.fixture(scope="module")
+def report(results: Results, folder: Path) -> dict[str, Any]:
+    read: dict[str, Any] = json.loads((folder / "dataset.json").read_text())
+    return read
+
+
+def numbers(value: object) -> Iterator[float]:
+    if isinstance(value, dict):
+        for item in value.values():
+            yield from numbers(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from numbers(item)
+    elif isinstance(value, float):
+        yield value
+
+
+def test_the_promised_keys_are_there_and_finite(report: dict[str, Any]) -> None:
+    for key in ("default_seconds_per_frame", "naive_seconds_per_frame", "speedup_vs_naive"):
+        assert report[key] > 0
+    assert set(report["default_psnr_db"]) == {"clear", "fog", "night"}
+    assert set(report["composed_fog_psnr_db"]) == {"50"}
+    assert all(math.isfinite(number) for number in numbers(report))
+    rates = report["naive_seconds_per_frame"] / report["default_seconds_per_frame"]
+    assert report["speedup_vs_naive"] == pytest.approx(rates)
+
+
+def test_every_axis_is_measured_in_every_weather(results: Results) -> None:
+    for kind in KINDS:
+        found = {(entry.what, entry.axis) for entry in results.of_kind(kind)}
+        wanted = {(SINGLE, "samples"), (SINGLE, "raw"), (MAPS, "samples"), (MAPS, "raw"), (MAPS, "adaptive")}
+        assert found == wanted | ({(MAPS, "fog")} if kind == "foggy" else set())
+
+
+def test_more_samples_and_the_denoiser_lower_the_error(results: Results) -> None:
+    for kind in KINDS:
+        of = {(e.what, e.axis, e.samples): e.psnr_db for e in results.of_kind(kind)}
+        assert of[SINGLE, "samples", 4] > of[SINGLE, "samples", 1]
+        assert of[MAPS, "samples", 2] > of[MAPS, "raw", 2] + 3
+
+
+def test_the_page_and_the_plots_are_written(results: Results, folder: Path) -> None:
+    page = (folder / "docs" / "datasets.md").read_text()
+    assert all(target.what in page for target in judge(results))
+    for name in ("dataset.svg", "dataset-fog.svg", "docs/pictures/datasets/cost-error.svg"):
+        assert "<svg" in (folder / name).read_text()
+    assert list((folder / "dataset-references").glob("*.npy"))
+
+
+def test_a_references_own_noise_does_not_count() -> None:
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0.2, 0.8, (128, 128, 3)).astype(np.float32)
+    halves = Halves(*(truth + rng.normal(0, 0.02, truth.shape).astype(np.float32) for _ in range(2)))
+    found = (truth + 0.01).astype(np.float32)
+    errors = squared_errors(found, halves, np.ones(truth.shape[:2], bool))
+    exact = float(np.mean((srgb_from_linear(found) - srgb_from_linear(truth)) ** 2))
+    assert errors.linear == pytest.approx(1e-4, rel=0.05)
+    assert errors.display == pytest.approx(exact, rel=0.05)
+    assert errors.paint == pytest.approx(errors.display)
+    assert psnr_db([0.01, 0.03]) == pytest.approx(-10 * math.log10(0.02))
+
+
+def entry(what: str, samples: int, psnr: float) -> Entry:
+    return Entry(what, "samples", "clear", samples, 0.0, True, 4, False, psnr, psnr, psnr, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(("ours_db", "samples"), [(20.0, 1), (34.0, 4), (35.5, 5), (36.9, 7), (50.0, 8)])
+def test_the_rival_has_the_samples_that_give_our_error_rounded_down(ours_db: float, samples: int) -> None:
+    rival = [entry(SINGLE, n, db) for n, db in ((1, 30.0), (4, 34.0), (8, 37.0))]
+    assert naive_samples([entry(MAPS, 8, ours_db), *rival]) == samples
+
+
+def test_settings_survive_json() -> None:
+    for settings in (FULL, QUICK, TINY, replace(TINY, sets=())):
+        assert Settings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
