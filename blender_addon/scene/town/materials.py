@@ -42,7 +42,7 @@ def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
     colour: Any = _scaled(spec.albedo, 1.0)
     if spec.contrast:
         position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
-        noise = nodes.add(tree, "ShaderNodeTexNoise", Vector=position, Scale=spec.noise_per_m, Detail=3.0)
+        noise = nodes.add(tree, "ShaderNodeTexNoise", Vector=position, Scale=spec.noise_per_m, Detail=2.0)
         dark, light = _scaled(spec.albedo, 1 - spec.contrast), _scaled(spec.albedo, 1 + spec.contrast)
         colour = nodes.mix_colour(tree, noise.outputs[0], dark, light)
     if spec.joints[0]:
