@@ -44,7 +44,7 @@ class SceneWeather:
         self._scene = scene
         self._lamps = StreetLamps(lamps)
         self._world = bpy.data.worlds.new("rauca weather")
-        # Measured: no more noise than with Cycles' own choice, which spends 3.5 CPU seconds more on a closed cloud cover.
+        # No more noise than with Cycles' own choice, which spends 3.5 CPU seconds more on a closed cloud cover.
         self._world.cycles.sampling_method = "MANUAL"
         self._world.cycles.sample_map_resolution = SKY_SAMPLING_MAP
         scene.world = self._world

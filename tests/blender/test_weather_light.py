@@ -1,0 +1,240 @@
+"""Weather in real renders of small scenes: exposure, clouds, twilight, fog, water, lamps, rain."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camera, Quality, Weather, rain
+from rauca_core.contract.colour import srgb_from_linear
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+FROM_ABOVE = Camera.look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3), 60, 16, 16)
+RAW = Quality(32, denoise=False)
+
+
+class Yard:
+    """A flat ground, a weather and whatever a test puts there."""
+
+    def __init__(self, bpy, albedo=(0.18, 0.18, 0.18), porosity=None):
+        from blender_addon.scene import render
+        from blender_addon.scene.weather import SceneWeather
+
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        self.bpy, self.scene = bpy, bpy.data.scenes.new("yard")
+        render.prepare(self.scene)
+        self.lamps = []
+        corners = [(-60, -60, 0), (60, -60, 0), (60, 60, 0), (-60, 60, 0)]
+        self.ground = self.add("ground", corners, [(0, 1, 2, 3)], self.material(albedo, porosity))
+        self.weather = SceneWeather(self.scene, self.lamps)
+
+    def material(self, albedo, porosity=None):
+        from blender_addon.scene import nodes, wetness
+
+        material = self.bpy.data.materials.new("surface")
+        tree = nodes.fresh_tree(material)
+        colour, roughness = (*albedo, 1.0), 0.8
+        if porosity is not None:
+            colour, roughness = wetness.wet(tree, colour, roughness, porosity)
+        shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=colour, Roughness=roughness)
+        nodes.output(tree, Surface=shader.outputs[0])
+        return material
+
+    def add(self, name, corners, faces, material):
+        mesh = self.bpy.data.meshes.new(name)
+        mesh.from_pydata(corners, [], faces)
+        mesh.materials.append(material)
+        thing = self.bpy.data.objects.new(name, mesh)
+        self.scene.collection.objects.link(thing)
+        return thing
+
+    def lamp(self, position, energy=260.0):
+        light = self.bpy.data.lights.new("lamp", "SPOT")
+        light.energy, light.spot_size = energy, 2.5
+        thing = self.bpy.data.objects.new("lamp", light)
+        thing.location = position
+        self.scene.collection.objects.link(thing)
+        self.lamps.append(thing)
+
+    def look(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
+        """(H, W) luminance."""
+        return self.colour(weather, camera, quality, seed) @ LUMINANCE
+
+    def colour(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
+        from blender_addon.scene import camera as placing
+        from blender_addon.scene import render
+
+        self.weather.apply(weather)
+        placing.place(self.scene, camera)
+        return render.render_linear(self.scene, quality, seed)[..., :3]
+
+
+@pytest.fixture
+def yard(bpy_module):
+    return Yard(bpy_module)
+
+
+def test_exposure_suits_every_cloud_cover(yard):
+    for altitude, cover in itertools.product((90, 8), (50, 80, 100)):
+        card = yard.look(Weather("w", altitude, cloudiness=cover)).mean()
+        assert 0.18 < card < 0.33, (altitude, cover)
+
+
+def test_the_light_fades_through_twilight_without_a_step(yard):
+    for cover in (0, 100):
+        cards = [yard.look(Weather("w", sun, cloudiness=cover)).mean() for sun in (3, 0, -2, -5, -10, -17.9, -40)]
+        assert all(after < before * 1.01 for before, after in itertools.pairwise(cards))
+        assert all(after > before * 0.35 for before, after in itertools.pairwise(cards))
+        assert cards[-1] == pytest.approx(cards[-2], rel=0.05)
+        assert cards[-1] < 0.02
+
+
+def test_clouds_soften_shadows(yard):
+    """A post's shadow on the ground: deep and sharp under a clear sky, gone under an overcast one."""
+    post = [(0.0, -0.5, 0), (0.0, 0.5, 0), (0.0, 0.5, 3), (0.0, -0.5, 3)]
+    yard.add("post", post, [(0, 1, 2, 3)], yard.material((0.1, 0.1, 0.1)))
+    above = Camera.look_at(np.array([-3.0, 0.01, 12.0]), np.array([-3.0, 0.0, 0.0]), 30, 48, 48)
+    depths, soft = [], []
+    for cover in (0, 60, 100):
+        image = yard.look(Weather("w", 45, 0, cloudiness=cover), above, Quality(64, denoise=False))
+        shade = 1 - image / np.percentile(image, 75)
+        depths.append(np.percentile(shade, 97))
+        soft.append(((shade > 0.3 * depths[-1]) & (shade < 0.7 * depths[-1])).sum() / (shade > 0.7 * depths[-1]).sum())
+    assert depths[0] > depths[1] > depths[2]
+    assert depths[0] > 0.6
+    assert depths[2] < 0.4
+    assert soft[0] < soft[1]
+
+
+def test_equal_keys_are_equal_renders(yard):
+    few = Quality(4, denoise=False)
+    night = Weather("a", -90, 60, 50, cloudiness=30)
+    first = yard.colour(night, quality=few)
+    assert np.array_equal(yard.colour(Weather("b", -30, 200, 50, cloudiness=30), quality=few), first)
+    yard.colour(Weather("c", 30, 60, 50, fog_falloff=3.0), quality=few)  # another fog in between
+    assert np.array_equal(yard.colour(night, quality=few), first)
+
+
+def test_fog_lies_low_where_it_falls_off(yard):
+    """Black boards at 60 m: the share of fog before them follows the extinction at their height."""
+    weather = Weather("w", 45, 0, 60, fog_falloff=3.0)
+    black = yard.material((0.0, 0.0, 0.0))
+    board = [(60, -40, 0), (60, 40, 0), (60, 40, 11), (60, -40, 11)]
+    yard.add("board", board, [(0, 1, 2, 3)], black)
+    veil = {}
+    for height in (1.5, 9.0):
+        level = Camera.look_at(np.array([20.0, 0.0, height]), np.array([60.0, 0.0, height]), 2, 8, 8)
+        veil[height] = yard.look(weather, level, Quality(128, denoise=False)).mean()
+    assert veil[9.0] < 0.35 * veil[1.5]
+    expected = 1 - np.exp(-40 * weather.extinction_at(1.5)), 1 - np.exp(-40 * weather.extinction_at(9.0))
+    assert veil[9.0] / veil[1.5] == pytest.approx(expected[1] / expected[0], rel=0.5)
+    clear = Weather("w", 45, 0, 60, fog_falloff=3.0, fog_distance=60.0)
+    low = Camera.look_at(np.array([20.0, 0.0, 1.5]), np.array([60.0, 0.0, 1.5]), 2, 8, 8)
+    assert yard.look(clear, low, Quality(64, denoise=False)).mean() < 0.15 * veil[1.5]
+
+
+@pytest.mark.parametrize("porosity", [0.0, 1.0])
+def test_dry_is_bit_for_bit_what_it_was(bpy_module, porosity):
+    weather = Weather("w", 30)
+    plain = Yard(bpy_module, (0.2, 0.1, 0.05)).colour(weather)
+    yard = Yard(bpy_module, (0.2, 0.1, 0.05), porosity)
+    assert np.array_equal(yard.colour(weather), plain)
+    yard.colour(Weather("w", 30, wetness=80, precipitation_deposits=50))
+    assert np.array_equal(yard.colour(weather), plain)
+
+
+def test_wet_ground_is_darker_and_glossier(bpy_module):
+    yard = Yard(bpy_module, porosity=1.0)
+    dry, wet = Weather("w", 40, 0, cloudiness=30), Weather("w", 40, 0, cloudiness=30, wetness=90)
+    assert yard.look(wet).mean() < 0.6 * yard.look(dry).mean()
+    # Towards the sun, at its mirror angle, water shines.
+    far = 6 / math.tan(math.radians(40))
+    towards_sun = Camera.look_at(np.array([-far, 0.0, 6.0]), np.zeros(3), 8, 16, 16)
+    shine = [yard.look(w, towards_sun).mean() / yard.look(w).mean() for w in (dry, wet)]
+    assert shine[1] > 3 * shine[0]
+
+
+def test_puddles_cover_more_the_more_water_lies(bpy_module):
+    yard = Yard(bpy_module, porosity=1.0)
+    wide = Camera.look_at(np.array([0.0, 0.0, 30.0]), np.array([0.01, 0.0, 0.0]), 60, 48, 48)
+    dark = []
+    for deposits in (20, 50, 100):
+        image = yard.look(Weather("w", 40, 0, cloudiness=100, precipitation_deposits=deposits), wide)
+        dark.append(float((image < 0.5 * 0.2).mean()))
+    assert dark[0] < dark[1] < dark[2]
+    assert dark[0] < 0.3
+    assert 0.6 < dark[2] < 0.98
+
+
+def test_wet_paint_is_glossier_and_keeps_its_colour(bpy_module):
+    """Porosity 0: what the colour adds is the same wet and dry, up to the water's own reflection."""
+    rise = {}
+    for wetness in (0, 90):
+        weather = Weather("w", 40, 0, cloudiness=100, wetness=wetness)
+        white = Yard(bpy_module, (0.8, 0.8, 0.8), 0.0).look(weather).mean()
+        black = Yard(bpy_module, (0.0, 0.0, 0.0), 0.0).look(weather).mean()
+        rise[wetness] = white - black
+    assert rise[90] == pytest.approx(rise[0], rel=0.06)
+
+
+def test_at_night_lamps_alone_light_the_street(yard):
+    yard.lamp((0.0, 0.0, 6.0))
+    under, beside = FROM_ABOVE, Camera.look_at(np.array([50.0, 0, 10]), np.array([50.0, 0.01, 0]), 60, 16, 16)
+    night = Weather("w", -30)
+    assert yard.look(night, under).mean() > 5 * yard.look(night, beside).mean()
+    half = Weather("w", -3)  # lamps half way up
+    sky = yard.look(half, beside).mean()
+    assert yard.look(half, under).mean() - sky == pytest.approx(
+        0.5 * (yard.look(night, under).mean() - yard.look(night, beside).mean()), rel=0.25
+    )
+    assert yard.look(Weather("w", 30), under).mean() == pytest.approx(
+        yard.look(Weather("w", 30), beside).mean(), rel=0.05
+    )
+
+
+def test_headlamps_throw_light_ahead(yard, box_vehicle):
+    from dataclasses import replace
+
+    from blender_addon.scene.lamps import VehicleLamps, headlamp_positions
+    from rauca_core.contract import Material
+
+    assert headlamp_positions(box_vehicle).shape == (0, 3)
+    front = box_vehicle.material.copy()
+    front[2:4] = 2  # the +x side
+    lit = replace(
+        box_vehicle, material=front, materials=[*box_vehicle.materials, Material("lens", "headlamp", (1, 1, 1), 0.1)]
+    )
+    positions = headlamp_positions(lit)
+    assert len(positions) == 1 or sorted(np.sign(positions[:, 1])) == [-1, 1]
+    assert (positions[:, 0] > 2.0).all()
+    anchor = yard.bpy.data.objects.new("vehicle", None)
+    yard.scene.collection.objects.link(anchor)
+    beams = VehicleLamps(yard.scene, anchor, lit)
+    ahead = Camera.look_at(np.array([6.0, 0, 10]), np.array([6.0, 0.01, 0]), 30, 16, 16)
+    behind = Camera.look_at(np.array([-6.0, 0, 10]), np.array([-6.0, 0.01, 0]), 30, 16, 16)
+    beams.shine(1.0)
+    on, back = yard.look(Weather("w", -30), ahead).mean(), yard.look(Weather("w", -30), behind).mean()
+    beams.shine(0.0)
+    assert on > 4 * back
+    assert yard.look(Weather("w", -30), ahead).mean() == pytest.approx(back, rel=0.1)
+
+
+def test_light_maps_with_rain_predict_a_colour_rendered_in_rain(session):
+    from blender_addon.scene.light_maps import light_maps
+    from blender_addon.scene.rain import rain_before
+
+    weather = Weather("rain", 40, 60, 20, cloudiness=95, precipitation=70, precipitation_deposits=70, wetness=90)
+    session.set_weather(weather)
+    annotation = session.annotations(0, [0])[0]
+    painted = annotation.paint > 0
+    colour = np.array([0.5, 0.1, 0.25], np.float32)
+    A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
+    drops = rain_before(session, 0, 0, weather, annotation.distance)
+    again = rain_before(session, 0, 0, weather, annotation.distance)
+    assert np.array_equal(drops.alpha, again.alpha)
+    session.vehicle.paint.set_colour((0.5, 0.1, 0.25))
+    rendered = srgb_from_linear(rain.over(session.render(0, 0, weather), drops))
+    predicted = srgb_from_linear(rain.over_gain(A, drops) * colour + rain.over(B, drops))
+    error = np.mean((rendered[painted] - predicted[painted]) ** 2)
+    assert -10 * np.log10(error) > 34
