@@ -28,15 +28,15 @@ class Settings:
 
     size: int = 320
     views: tuple[int, ...] = (1, 26)
-    reference_samples: int = 96
+    reference_samples: int = 80
     single_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
-    raw_samples: tuple[int, ...] = (8, 32)
+    raw_samples: tuple[int, ...] = (8,)
     map_samples: tuple[int, ...] = (2, 4, 8, 16)
     thresholds: tuple[float, ...] = (0.02, 0.05, 0.1)
     adaptive_samples: int = 64
     bounces: tuple[int, ...] = (1, 2, 12)
     fog_densities: tuple[float, ...] = (25.0, 50.0, 75.0, 90.0)
-    fog_samples: int = 48
+    fog_samples: int = 32
     sets: tuple[tuple[str, tuple[int, ...]], ...] = (("base", (1, 26)), ("enhanced", (26,)))
 
     def to_json(self) -> dict[str, Any]:
@@ -55,13 +55,13 @@ class Settings:
 FULL = Settings()
 QUICK = Settings(
     views=(26,),
-    reference_samples=24,
+    reference_samples=16,
     single_samples=(2, 4, 8, 16),
     raw_samples=(8,),
     map_samples=(4, 8),
     thresholds=(0.05,),
     bounces=(1,),
     fog_densities=(50.0,),
-    fog_samples=16,
+    fog_samples=12,
     sets=(("base", (26,)),),
 )
