@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract.files import write_json
@@ -103,7 +103,8 @@ def dataset_recolour(
 
 
 def _table(folder: Path, result: CheckResult) -> Table:
-    table = Table("weather", *STATES, "recolouring", title=str(folder))
+    longest = max(map(len, result.weathers))
+    table = Table(Column("weather", min_width=longest), *STATES, "recolouring", title=str(folder))
     for name, weather in result.weathers.items():
         psnr = "" if weather.psnr_db is None else f"{weather.psnr_db:.1f} dB of {weather.checked}"
         table.add_row(name, *(str(weather.counts[state]) for state in STATES), psnr)
