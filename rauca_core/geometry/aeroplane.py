@@ -49,7 +49,7 @@ def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:
     """The left half of the skin with its windows; angles run from the belly over the side to the top."""
     table = np.array(fuselage["sections"])
     windows, screens = fuselage["windows"], fuselage["screens"]
-    edges = [x for x, _ in windows["x"]] + [x for _, x in windows["x"]] + screens["x"]
+    edges = [*(x for pair in windows["x"] for x in pair), *screens["x"]]
     even = [x for x in fuselage["stations"] if np.abs(np.array(edges) - x).min() > 0.04]
     x = np.sort(np.array([*edges, *even]))
     marks = [*windows["angle"], *(a for pair in screens["angles"] for a in pair)]
@@ -61,20 +61,24 @@ def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:
     points[..., 0] = x[:, None]
     points[..., 1] = np.where(np.isin(angle, (0, 180)), 0.0, wide * np.sin(turn))
     points[..., 2] = middle - high * np.cos(turn)
+    parts.grid(points, _fuselage_materials(fuselage, x, angle), flip=True)
+
+
+def _fuselage_materials(fuselage: dict[str, Any], x: Points, angle: Points) -> NDArray[np.str_]:
+    """(stations - 1, angles - 1) material of each cell of the skin."""
     at, around = 0.5 * (x[1:] + x[:-1])[:, None], 0.5 * (angle[1:] + angle[:-1])
-    cut = np.searchsorted(np.array(fuselage["panels_x"]), at)
-    names = np.broadcast_to(
-        np.array(["paint/tail", "paint/cabin", "paint/nose"])[cut], (len(x) - 1, len(angle) - 1)
-    ).copy()
+    part = np.searchsorted(np.array(fuselage["panels_x"]), at)
+    names = np.repeat(np.array(["paint/tail", "paint/cabin", "paint/nose"])[part], len(around), axis=1)
 
     def between(values: Points, pair: list[float]) -> NDArray[np.bool_]:
         return (values > pair[0]) & (values < pair[1])
 
+    windows, screens = fuselage["windows"], fuselage["screens"]
     for pair in windows["x"]:
         names[between(at, pair) & between(around, windows["angle"])] = "glass"
     for pair in screens["angles"]:
         names[between(at, screens["x"]) & between(around, pair)] = "glass"
-    parts.grid(points, names, flip=True)
+    return names
 
 
 def add_wing(parts: MeshParts, sections: Points, panel: str) -> None:

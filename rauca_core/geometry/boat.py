@@ -74,26 +74,37 @@ def _add_hull(parts: MeshParts, hull: dict[str, Any]) -> Points:
 
 
 def _add_deck(parts: MeshParts, hull: dict[str, Any], sheer: Points) -> None:
-    """The deck inside the sheer, a little higher in the middle, and the well cut into it behind ``well_to_x``."""
+    """The deck inside the sheer, a little higher in the middle; the transom reaches up to it."""
     share = np.array([0.0, 0.25, 0.5, 0.70, 0.84, 1.0])
     deck = np.repeat(sheer[:, None], len(share), axis=1)
     deck[..., 1] *= share
     deck[..., 2] += hull["camber"] * (1 - share**2) * np.minimum(1, sheer[:, 1:2])
     level = deck[0] * [1, 1, 0] + [0, 0, sheer[0, 2]]
     parts.grid(np.stack([level, deck[0]], axis=1), "paint/transom", flip=True)
-    x = 0.5 * (sheer[1:, 0] + sheer[:-1, 0])[:, None]
     names = np.full((len(sheer) - 1, len(share) - 1), "paint/deck", dtype="U32")
     names[:, :-1] = hull["deck_material"]
-    if "well" not in hull:
+    if "well" in hull:
+        _add_well(parts, hull["well"], deck, names)
+    else:
         parts.grid(deck, names)
-        return
-    start, stop, floor = hull["well"]
-    rows = np.flatnonzero((x[:, 0] > start) & (x[:, 0] < stop))
+
+
+def _add_well(parts: MeshParts, well: list[float], deck: Points, names: NDArray[np.str_]) -> None:
+    """The deck around a well, and the well's floor and walls.
+
+    Args:
+        well: from x, to x, and the height of its floor.
+        deck: (N, M, 3) points of the whole deck, stern to bow and middle to sheer; its outermost strip is never cut.
+        names: (N - 1, M - 1) materials of the deck's cells.
+    """
+    start, stop, floor = well
+    x = 0.5 * (deck[1:, -1, 0] + deck[:-1, -1, 0])
+    rows = np.flatnonzero((x > start) & (x < stop))
     inside = np.zeros(names.shape, np.bool_)
-    inside[rows, : len(share) - 2] = True
+    inside[rows, :-1] = True
     for row, column in np.argwhere(~inside):
         parts.grid(deck[row : row + 2, column : column + 2], names[row : row + 1, column : column + 1])
-    edge = deck[rows[0] : rows[-1] + 2, : len(share) - 1]
+    edge = deck[rows[0] : rows[-1] + 2, :-1]
     sunk = edge.copy()
     sunk[..., 2] = floor
     parts.grid(sunk, "deck")
