@@ -92,7 +92,11 @@ def test_the_last_line_of_a_ledger_counts_and_success_outweighs_other_shards(tmp
     with (tmp_path / "ledger.jsonl").open("a") as stream:
         stream.write('{"frame": "d", "sta')
     entries = read_ledger(tmp_path)
-    assert {frame: entry.state for frame, entry in entries.items()} == {"a": "quarantined", "b": "done", "c": "occluded"}
+    assert {frame: entry.state for frame, entry in entries.items()} == {
+        "a": "quarantined",
+        "b": "done",
+        "c": "occluded",
+    }
     assert entries["a"].reason == "boom"
     assert entries["b"].seconds == 2.0
     # Frame b's folder is gone, so it is to be rendered again whatever the ledger says; frame a has one after all.

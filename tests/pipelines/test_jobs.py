@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import random
 import shutil
@@ -21,11 +22,23 @@ from rauca_core.contract import RaucaError, Shard, chunks, planned_frames, read_
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 MAKE = Path(__file__).resolve().parent.parent.parent / "pipelines" / "make_dataset.py"
-SMALL = ["--azimuths", "2", "--elevations", "15", "--distances", "6", "--size", "48", "--samples", "1", "--no-denoise"]
+# Two cameras, each in a street of its own; weathers of which one is composed from another, two share their light and
+# one has rain over it; some frames rendered again in a check colour.
+WEATHERS = [
+    {"name": "day", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0},
+    {"name": "fog", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 25},
+    {"name": "night", "sun_altitude_angle": -90, "sun_azimuth_angle": 60, "fog_density": 0},
+    {"name": "rain", "sun_altitude_angle": -30, "sun_azimuth_angle": 60, "fog_density": 0, "precipitation": 60},
+]
+SMALL = ["--locations", "2", "--azimuths", "1", "--elevations", "15", "--distances", "6", "--min-visible", "0"]
+SMALL += ["--size", "48", "--samples", "1", "--no-denoise", "--composed-fog", "--recolour-share", "0.3"]
 
 
 def start(folder: Path, *more: str) -> subprocess.Popen[str]:
-    command = [sys.executable, str(MAKE), "--out", str(folder), *SMALL, *more]
+    weathers = folder.parent / "weathers.json"
+    weathers.parent.mkdir(exist_ok=True)
+    weathers.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "weathers": WEATHERS}))
+    command = [sys.executable, str(MAKE), "--out", str(folder), "--weathers", str(weathers), *SMALL, *more]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -75,7 +88,7 @@ def test_recycled_workers_side_by_side_render_the_same_bytes(whole, tmp_path):
             frames_of[worker.pid].append(heard.frame)
 
     supervise(tmp_path / "set", whole, hearing(news), workers=2, recycle=2)
-    assert sum(map(len, frames_of.values())) == 6
+    assert sum(map(len, frames_of.values())) == 8
     assert max(map(len, frames_of.values())) <= 2
     assert {k: v for k, v in content(whole).items() if k.startswith("frames")} == content(tmp_path / "set")
 
@@ -102,7 +115,7 @@ def test_a_frame_that_fails_twice_is_quarantined_and_the_rest_goes_on(whole, tmp
     # Three deaths, each followed by a fresh worker; Python's error in a frame cost none, but its second try wanted one.
     assert len(pids) <= 6
     states = {frame: entry.state for frame, entry in read_ledger(folder).items()}
-    assert sorted(states.values()) == ["done"] * 4 + ["quarantined"] * 2
+    assert sorted(states.values()) == ["done"] * 6 + ["quarantined"] * 2
     failures = [line for line in (folder / "ledger.jsonl").read_text().splitlines() if '"failed"' in line]
     assert len(failures) == 3
 
