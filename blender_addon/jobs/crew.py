@@ -97,6 +97,7 @@ class Worker:
             if news := parse_news(line):
                 inbox.put((self, news))
         self._complaining.join(timeout=5)
+        self._process.wait()
         inbox.put((self, None))
 
     def _collect_complaints(self) -> None:

@@ -59,16 +59,16 @@ def hold_cameras(folder: Path, shard: contract.Shard, cameras: tuple[int, int]) 
     first, end = cameras
     with files.disk_errors(folder):
         handle = _open(folder)
-        try:
-            _lock_or_refuse(folder, handle, shard, first, end)
-            yield FolderLock(folder, handle, first, end)
-        finally:
-            # The last one to leave removes the file; whoever has it open notices in `_open`.
-            if _try_lock(handle, 0, 0):
-                (folder / LOCK_FILE).unlink(missing_ok=True)
-            os.close(handle)
-            with contextlib.suppress(OSError):
-                folder.rmdir()
+    try:
+        _lock_or_refuse(folder, handle, shard, first, end)
+        yield FolderLock(folder, handle, first, end)
+    finally:
+        # The last one to leave removes the file; whoever has it open notices in `_open`.
+        if _try_lock(handle, 0, 0):
+            (folder / LOCK_FILE).unlink(missing_ok=True)
+        os.close(handle)
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def _open(folder: Path) -> int:
@@ -81,9 +81,10 @@ def _open(folder: Path) -> int:
         except FileNotFoundError:
             continue
         fcntl.lockf(handle, fcntl.LOCK_EX, 1, CLAIM)
-        if path.exists() and os.fstat(handle).st_ino == path.stat().st_ino:
-            fcntl.lockf(handle, fcntl.LOCK_UN, 1, CLAIM)
-            return handle
+        with contextlib.suppress(FileNotFoundError):
+            if os.fstat(handle).st_ino == path.stat().st_ino:
+                fcntl.lockf(handle, fcntl.LOCK_UN, 1, CLAIM)
+                return handle
         os.close(handle)
 
 
