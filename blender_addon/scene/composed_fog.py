@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..core import contract
 
 COARSE = 4  # pixels of the frame along a side of the coarse grid's pixels
-COARSE_SAMPLES = 4  # times the frame's own
+COARSE_SAMPLES = 2  # times the frame's own
 DENSEST = 0.06  # 1/m; up to here the composed frame is 35 dB or more from the real one (`rauca bench dataset`)
 RADIUS = 3  # of a neighbourhood, coarse pixels
 RIDGE = 1e-5  # keeps a flat neighbourhood's fit from guessing; display white is 1

