@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ..core import contract
 from .composed_fog import is_composed
 
-MOST_BYTES = 256 << 20
+MOST_BYTES = 256 << 20  # about a hundred views of 320 x 320
 
 
 class PaintLight(NamedTuple):
@@ -24,30 +23,31 @@ class PaintLight(NamedTuple):
 
 
 class LightMemory:
-    """Renders worth keeping, the latest used ones.
+    """Renders of one location and one light, with and without fog: frames come in that order.
 
-    It only saves time: what is asked for again and gone is rendered again, to the same bytes, as seeds depend on the
-    light and not on the weather's name.
+    Another location or light empties it, so that memory stays flat. It only saves time: what is asked for again and
+    gone is rendered again, to the same bytes, as seeds depend on the light and not on the weather's name.
     """
 
     def __init__(self, plan: contract.Plan) -> None:
-        self._kept: OrderedDict[tuple[object, ...], PaintLight] = OrderedDict()
+        self._kept: dict[tuple[float, ...], PaintLight] = {}
+        self._present: tuple[float, ...] = ()
         self._wanted = _wanted_again(plan.weathers, plan.quality) if plan.light else set()
 
     def get(self, location: int, view: int, weather: contract.Weather) -> PaintLight | None:
         """The light kept for a camera and a weather, if any."""
-        key = (location, view, *weather.light_key())
-        if key in self._kept:
-            self._kept.move_to_end(key)
-        return self._kept.get(key)
+        return self._kept.get((location, view, *weather.light_key()))
 
     def keep(self, location: int, view: int, weather: contract.Weather, light: PaintLight) -> None:
         """Keep it if another weather of the plan will want it."""
         if weather.light_key() not in self._wanted:
             return
-        self._kept[(location, view, *weather.light_key())] = light
-        while len(self._kept) * (light.gain.nbytes + light.black.nbytes) > MOST_BYTES:
-            self._kept.popitem(last=False)
+        present = (location, *clear(weather).light_key())
+        if present != self._present:
+            self._kept.clear()
+            self._present = present
+        if (len(self._kept) + 1) * (light.gain.nbytes + light.black.nbytes) <= MOST_BYTES:
+            self._kept[(location, view, *weather.light_key())] = light
 
 
 def clear(weather: contract.Weather) -> contract.Weather:

@@ -109,3 +109,24 @@ def test_lights_that_nobody_asks_for_again_are_not_kept(foggy):
     annotation = session.annotations(0, [0])[0]
     maps(session, CLEAR, annotation)
     assert session.memory.get(0, 0, CLEAR) is None
+
+
+def test_memory_holds_one_light_at_a_time(bpy_module):
+    from blender_addon.scene.light_memory import LightMemory, PaintLight
+
+    from .conftest import small_plan
+
+    low, night, same_night = Weather("low", 10.0), Weather("night", -90.0), Weather("same", -30.0)
+    foggy_low = replace(low, name="foggy", fog_density=50.0)
+    plan = small_plan("atlas", weathers=(low, foggy_low, night, same_night), quality=Quality(8, composed_fog=True))
+    memory, light = LightMemory(plan), PaintLight(*np.zeros((2, 4, 4, 3), np.float32))
+    memory.keep(0, 0, low, light)
+    memory.keep(0, 1, low, light)
+    assert memory.get(0, 0, replace(foggy_low, fog_density=0.0)) is memory.get(0, 1, low) is light
+    memory.keep(0, 1, foggy_low, light)  # nothing is composed on it, no other weather is the same
+    assert memory.get(0, 1, foggy_low) is None
+    memory.keep(0, 0, night, light)
+    assert memory.get(0, 0, same_night) is light
+    assert memory.get(0, 0, low) is None
+    memory.keep(1, 0, night, light)
+    assert memory.get(0, 0, night) is None
