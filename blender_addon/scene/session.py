@@ -40,7 +40,7 @@ class Session:
         if plan.quality.denoise:
             render.require_denoiser(self.scene)
         self.place = build_place(self.scene, plan, blend)
-        self.vehicle = SceneVehicle(self.scene, vehicle)
+        self.vehicle = SceneVehicle(self.scene, vehicle, plan.finish)
         self.weather = SceneWeather(self.scene, self.place.lamps)
         self._beams = VehicleLamps(self.scene, self.vehicle.object, vehicle)
         self.memory = LightMemory(plan)
