@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from .jobs.messages import News
 from .jobs.supervisor import Crew, Listener, Supervisor
 from .jobs.worker import serve
 from .scene.images import read_image_blender
+from .scratch import scratch_folder, sweep_scratch
 from .vehicles import find_vehicle
 
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
@@ -35,6 +35,7 @@ def make(options: argparse.Namespace, progress: Callable[[contract.Progress], No
     plan.check("options")
     for note in [*vehicle.notes, *contract.preset_notes(options.weathers, assets.assets_folder() / "weathers")]:
         _note(note)
+    sweep_scratch()
     with _drafted(options.out, plan, vehicle) as draft:
         reasons = _Run(options, plan, vehicle, draft, progress).finish()
     if reasons:
@@ -175,8 +176,7 @@ def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Itera
         contract.claim_folder(out, plan)
         yield out
         return
-    with tempfile.TemporaryDirectory(prefix="rauca-plan-") as temporary:
-        draft = Path(temporary)
+    with scratch_folder() as draft:
         vehicle.save(draft / "vehicle")
         contract.claim_folder(draft, plan)
         yield draft

@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import bpy
@@ -16,8 +14,8 @@ from numpy.typing import NDArray
 
 from .. import compat
 from ..core import contract
+from ..scratch import scratch_folder
 
-MEMORY_FOLDER = Path("/dev/shm")
 BRIGHTEST_BOUNCE = 10.0  # display whites a path may bring after its first bounce; brighter ones are fireflies
 
 
@@ -93,9 +91,8 @@ def render_linear(
         cycles.denoiser = "OPENIMAGEDENOISE"
         cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "FAST"
     _set_crop(scene.render, crop)
-    folder = MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else Path(tempfile.gettempdir())
-    with tempfile.TemporaryDirectory(prefix="rauca-", dir=folder) as temporary:
-        scene.render.filepath = str(Path(temporary) / "render.exr")
+    with scratch_folder(in_memory=True) as temporary:
+        scene.render.filepath = str(temporary / "render.exr")
         with silenced():
             bpy.ops.render.render(write_still=True, scene=scene.name)
         return _read_exr(scene.render.filepath)

@@ -190,6 +190,25 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
     assert not folder.exists()  # an empty folder is not left behind
 
 
+def test_scratch_folders_of_killed_processes_are_swept(monkeypatch):
+    from blender_addon import scratch
+
+    code = "import time; from blender_addon.scratch import scratch_folder\n"
+    code += "with scratch_folder(in_memory=True) as folder: print(folder, flush=True); time.sleep(99)"
+    other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    folder = Path(other.stdout.readline().strip())
+    monkeypatch.setattr(scratch, "NEWBORN_S", -1.0)
+    scratch.sweep_scratch()
+    assert folder.is_dir()  # in use
+    other.kill()
+    other.wait()
+    assert scratch.sweep_scratch() >= 1
+    assert not folder.exists()
+    with scratch.scratch_folder(in_memory=True) as mine:
+        assert mine.is_dir()
+    assert not mine.exists()
+
+
 def command_lines() -> list[str]:
     lines = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
