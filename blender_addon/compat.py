@@ -22,6 +22,12 @@ def has_denoiser(scene: bpy.types.Scene) -> bool:
     return bool(getattr(bpy.app.build_options, "openimagedenoise", True))
 
 
+def march_volumes(scene: bpy.types.Scene, march: bool) -> None:
+    """March through volumes in steps, or track collisions in them; before 5.0 Blender always marches."""
+    if hasattr(scene.cycles, "volume_biased"):
+        scene.cycles.volume_biased = march
+
+
 def use_single_layer_exr(settings: bpy.types.ImageFormatSettings) -> None:
     """Ask for one uncompressed 32-bit RGBA layer; 5.0 wants the media type chosen first."""
     if hasattr(settings, "media_type"):

@@ -1,15 +1,16 @@
 """The fog layer: a box of scattering medium over the ground; not the World's volume, which would hide the sky.
 
-Fog that thins out with height is one volume of varying density. Measured against homogeneous slabs stacked to the same
-optical depth (160 px, 64 samples, falloff 2, extinction 0.03/m): the varying volume costs what the uniform one does
-and agrees with collision tracking within noise; three slabs cost 1.5 times as much, six twice and lose a tenth of the
-light to the limit on bounces.
+Fog that thins out with height is one volume of varying density, marched through in steps. Measured at extinction
+0.03/m, falloff 2, 16 samples: that is four times as cheap as tracking collisions in it, with 1 dB less noise and a mean
+within 0.4 %. Homogeneous slabs stacked to the same optical depth cost twice as much with three of them, and with six
+lose a tenth of the light to the limit on bounces. In uniform fog, tracking is the better of the two.
 """
 
 from __future__ import annotations
 
 import bpy
 
+from .. import compat
 from ..core import contract
 from . import nodes
 from .massing import box_solid
@@ -38,11 +39,13 @@ class FogLayer:
         self.box.hide_render = True
         scene.collection.objects.link(self.box)
         scene.cycles.volume_step_rate = MARCH_RATE
+        self._scene = scene
         self._uniform: bool | None = None
 
     def apply(self, weather: contract.Weather) -> None:
         """Set density and shape, see :meth:`contract.Weather.extinction_at`."""
         self.box.hide_render = weather.extinction == 0.0
+        compat.march_volumes(self._scene, not weather.fog_is_uniform)
         if weather.fog_is_uniform:
             self._build_uniform()
             fog = self._material.node_tree.nodes["fog"]
