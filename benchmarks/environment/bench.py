@@ -10,10 +10,11 @@ from rauca_core.contract.files import write_json
 from rauca_core.cpu import keep_large_blocks, threads
 from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrames
+from rauca_core.environment.methods import exact_render
 
 from .compare import compare, methods_of
 from .curve import measure_curve
-from .datasets import held_out_data, make, sedan_data
+from .datasets import default_data, held_out_data, make, sedan_data
 from .figure import save_curve, save_figure
 from .report import markdown_report, print_report
 from .results import Results
@@ -73,14 +74,17 @@ def _measure(settings: Settings, folder: Path, out: Path, docs: Path | None, wei
     tests = LightFrames([frames.datasets[1].folder])
     camouflages = save_textures(tests.vehicle(0), settings.uv_size, folder / f"textures-{settings.uv_size}")
     truths = find_truths(tests, camouflages, settings, folder / "cycles")
+    defaults = LightFrames([make(default_data(settings), folder).folder])
+    near = find_truths(defaults, camouflages, settings, folder / "cycles")
     results = Results(
         settings,
         compare(tests, truths, methods_of(tests, ours.net, published.net)),
+        compare(defaults, near, {"exact": lambda i, frame: exact_render(frame)}),
         ours,
         published,
         time_epochs(frames, train_on, settings),
         weigh(frames, test_on, (ours.net, without.net), settings),
-        measure_curve(tests, truths, camouflages, settings, folder / "cycles"),
+        measure_curve(defaults, near, camouflages, settings, folder / "cycles"),
         [adapt(vehicle, settings, folder, weights) for vehicle in settings.vehicles],
     )
     for path in [out.with_suffix(".jpg"), *([docs / PICTURES / "maps.jpg"] if docs else [])]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipelines.blender_process import run_blender
@@ -57,6 +57,13 @@ def held_out_data(settings: Settings) -> Wanted:
     views = f"--azimuths {settings.test_azimuths} --distances {_list(settings.distances_m)}"
     weathers = (*settings.seen, *settings.unseen)
     return _wanted("test", "sedan", weathers, settings, f"--locations 1 {views}", TEST_SEED)
+
+
+def default_data(settings: Settings) -> Wanted:
+    """The sedan nearby in all weathers, at the default budget: what exact maps are judged on."""
+    views = f"--locations 1 --azimuths 1 --distances {settings.distances_m[0]:g}"
+    whole = replace(settings, size=settings.exact_size)
+    return _wanted("default", "sedan", (*settings.seen, *settings.unseen), whole, views, TEST_SEED)
 
 
 def vehicle_data(vehicle: str, settings: Settings) -> tuple[Wanted, Wanted]:

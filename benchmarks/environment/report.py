@@ -47,7 +47,7 @@ def judge(results: Results) -> list[Target]:
 
 
 def _exact_targets(results: Results) -> Iterator[Target]:
-    weathers = results.comparison.weathers()
+    weathers = results.exact.weathers()
     inside = {w: results.inside_db(w) for w in weathers}
     for weather, wanted in ((CLEAR, 40), (FOG, 40), (NIGHT, 38)):
         if weather in inside:
@@ -126,7 +126,11 @@ def _weathers(results: Results) -> Grid:
     for weather in found.weathers():
         figures = (f"{found.find(name, [weather]).psnr_db:.1f}" for name in found.methods())
         rows.append((weather, *figures, f"{results.inside_db(weather):.1f}", f"{results.edge_db(weather):.1f}"))
-    return "PSNR by weather, dB", ("weather", *found.methods(), "exact, inside", "exact, edges"), rows
+    return (
+        "PSNR by weather, dB",
+        ("weather", *found.methods(), f"exact at {results.settings.exact_size} px, inside", "edges"),
+        rows,
+    )
 
 
 def _textures(results: Results) -> Grid:

@@ -27,12 +27,14 @@ class Results:
 
     Attributes:
         comparison: of the methods, on the sedan.
+        exact: exact maps at the data set's default size and budget.
         ours, published: their trainings.
         weighting: None when the ablation was not run.
     """
 
     settings: Settings
     comparison: Comparison
+    exact: Comparison
     ours: Trained
     published: Trained
     epochs: EpochTimes
@@ -41,10 +43,10 @@ class Results:
     vehicles: list[Adapted] = field(default_factory=list)
 
     def inside_db(self, weather: str) -> float:
-        return self.comparison.find("exact", [weather], region="inside").psnr_db
+        return self.exact.find("exact", [weather], region="inside").psnr_db
 
     def edge_db(self, weather: str) -> float:
-        return self.comparison.find("exact", [weather], region="edge").psnr_db
+        return self.exact.find("exact", [weather], region="edge").psnr_db
 
     def to_json(self) -> dict[str, Any]:
         found, times = self.comparison, self.epochs
@@ -60,8 +62,8 @@ class Results:
             "textures": {
                 t: {name: found.find(name, texture=t).to_json() for name in found.methods()} for t in TEXTURES
             },
-            "exact_inside_db": {w: round(self.inside_db(w), 2) for w in found.weathers()},
-            "exact_edge_db": {w: round(self.edge_db(w), 2) for w in found.weathers()},
+            "exact_inside_db": {w: round(self.inside_db(w), 2) for w in self.exact.weathers()},
+            "exact_edge_db": {w: round(self.edge_db(w), 2) for w in self.exact.weathers()},
             "parameters": {
                 "ours": parameters(LightSplitter()),
                 "published": parameters(PublishedEfe(self.settings.widths)),

@@ -15,7 +15,7 @@ from benchmarks.environment import report
 from benchmarks.environment.compare import METHODS, compare, methods_of
 from benchmarks.environment.curve import Point
 from benchmarks.environment.cycles import LIGHT, Render, render_anew
-from benchmarks.environment.datasets import held_out_data, make, sedan_data, vehicle_data
+from benchmarks.environment.datasets import default_data, held_out_data, make, sedan_data, vehicle_data
 from benchmarks.environment.figure import save_curve, save_figure
 from benchmarks.environment.results import Results
 from benchmarks.environment.settings import CLEAR, FULL, QUICK
@@ -92,8 +92,8 @@ def test_the_comparison_ranks_and_the_report_says_so(frames, truths, tmp_path):
         Point(w, n, 30.0 + n, 29.0 + n, 1.0 * n, 0.6 * n) for w in ("clear", "fog") for n in TINY.budgets
     ]  # fmt: skip
     results = Results(
-        TINY, found, outcome, outcome, time_epochs(frames, range(2), TINY), weigh(frames, range(4), (net, net), TINY),
-        points, [Adapted("suv", 40, 8, None, 0.02, 0.01, 24.0, 30.0)],
+        TINY, found, found, outcome, outcome, time_epochs(frames, range(2), TINY),
+        weigh(frames, range(4), (net, net), TINY), points, [Adapted("suv", 40, 8, None, 0.02, 0.01, 24.0, 30.0)],
     )  # fmt: skip
     told = results.to_json()
     write_json(tmp_path / "environment.json", told)
@@ -121,8 +121,8 @@ def replace_clear(results: Results) -> Results:
 
 @pytest.mark.parametrize("settings", [FULL, QUICK])
 def test_data_sets_are_named_by_what_they_hold(settings):
-    wanted = [sedan_data(settings), held_out_data(settings), *vehicle_data("suv", settings)]
-    assert len({w.folder_name for w in wanted}) == 4
+    wanted = [sedan_data(settings), held_out_data(settings), default_data(settings), *vehicle_data("suv", settings)]
+    assert len({w.folder_name for w in wanted}) == 5
     assert sedan_data(replace(settings, size=64)).folder_name != wanted[0].folder_name
     assert not {w.name for w in wanted[0].weathers} & set(settings.unseen)
     assert set(settings.unseen) < {w.name for w in wanted[1].weathers}
