@@ -43,12 +43,13 @@ def efe_train(
     early_stop: Early = True,
     seed: int = 0,
     threads: Threads = None,
+    start: Annotated[Path | None, typer.Option(help="weights to begin with; drawn by the seed by default")] = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
     resume: Resume = False,
 ) -> None:
-    """Train our extractor from scratch on several vehicles."""
+    """Train our extractor on several vehicles."""
     chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
-    _train(datasets, out, test, chosen | {"seed": seed, "threads": threads}, None, remarks, resume)
+    _train(datasets, out, test, chosen | {"seed": seed, "threads": threads}, start, remarks, resume)
 
 
 @efe_app.command("finetune")
