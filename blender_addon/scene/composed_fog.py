@@ -27,7 +27,7 @@ Image = NDArray[np.float32]
 
 def is_composed(quality: contract.Quality, weather: contract.Weather) -> bool:
     """True when this weather's fog is composed around the vehicle, not rendered everywhere."""
-    return quality.composed_fog and 0.0 < weather.extinction <= DENSEST
+    return quality.composed_fog and weather.fog_is_uniform and 0.0 < weather.extinction <= DENSEST
 
 
 def coarse_camera(camera: contract.Camera) -> contract.Camera:

@@ -29,8 +29,8 @@ class Place(Protocol):
     def enter(self, location: int) -> None:
         """Show what surrounds a location; called before anything there is rendered."""
 
-    def light_windows(self, lit: bool) -> None:
-        """Switch what shines after dark without being a lamp."""
+    def light_windows(self, level: float) -> None:
+        """Turn up what shines after dark without being a lamp, 0 (by day) to 1."""
 
 
 def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None) -> Place:

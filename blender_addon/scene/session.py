@@ -95,9 +95,9 @@ class Session:
 
     def set_weather(self, weather: contract.Weather) -> None:
         self.weather.apply(weather)
-        self.vehicle.light_lamps(weather.is_night)
+        self.vehicle.light_lamps(weather.lamps)
         self._beams.shine(weather.lamps)
-        self.place.light_windows(weather.is_night)
+        self.place.light_windows(weather.lamps)
 
     def _update(self) -> bpy.types.Depsgraph:
         layer = self.scene.view_layers[0]

@@ -75,7 +75,7 @@ class UserScene:
     def enter(self, location: int) -> None:
         """Nothing to change: the whole scene is always there."""
 
-    def light_windows(self, lit: bool) -> None:
+    def light_windows(self, level: float) -> None:
         """Nothing to switch: the file's materials are its own."""
 
     def _leave_light_behind(self, source: bpy.types.Scene, path: Path) -> None:

@@ -52,11 +52,11 @@ class SceneVehicle:
         """Move the vehicle; (4, 4) rigid transform."""
         self.object.matrix_world = Matrix(vehicle_to_world.tolist())
 
-    def light_lamps(self, lit: bool) -> None:
-        """Switch head and tail lamps."""
+    def light_lamps(self, level: float) -> None:
+        """Turn up head and tail lamps, 0 (by day) to 1."""
         for spec, material in zip(self.vehicle.materials, self.materials, strict=True):
             if spec.kind in LAMP_RADIANCE:
-                strength = LAMP_RADIANCE[spec.kind] if lit else spec.emission
+                strength = spec.emission + level * (LAMP_RADIANCE[spec.kind] - spec.emission)
                 material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = strength
 
 

@@ -22,7 +22,7 @@ NIGHT_SKY, NIGHT_CLOUDS = (0.012, 0.016, 0.028), (0.018, 0.0155, 0.0145)
 # fog, to 0.2-0.3 of display white by day and 0.13 at sunset. It hardly moves after sunset, when lamps light the street.
 # `tests/blender/test_weather_light.py` measures it again.
 EXPOSURE_STOPS = (
-    *((-18.0, math.log2(2.5)), (0.0, 1.0), (2.0, 0.3), (5.0, -1.0), (10.0, -2.2), (20.0, -3.35)),
+    *((-18.0, math.log2(4.0)), (0.0, 1.0), (2.0, 0.3), (5.0, -1.0), (10.0, -2.2), (20.0, -3.35)),
     *((30.0, -3.95), (45.0, -4.45), (60.0, -4.65), (90.0, -4.8)),
 )
 # After sunset the sky's brightness falls to a millionth, which no camera follows. The display value of the grey card

@@ -217,7 +217,7 @@ def test_windows_shine_at_night_only(town_session):
     session.enter(0)
     ids = session.annotations(0, [0, 1])
     brightest = {}
-    for lit in (False, True):
+    for lit in (0.0, 1.0):
         session.set_weather(Weather("night", -30.0))
         session.place.light_windows(lit)
         views = [
@@ -225,4 +225,4 @@ def test_windows_shine_at_night_only(town_session):
             for view in (0, 1)
         ]
         brightest[lit] = np.concatenate(views).max()
-    assert brightest[True] > 2 * brightest[False]
+    assert brightest[1.0] > 2 * brightest[0.0]

@@ -10,15 +10,15 @@ GROUP = "rauca night"
 
 
 def glow(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """1 while the town is lit, else 0: multiply an emission's strength by it."""
+    """How far the town is lit, 0 to 1: multiply an emission's strength by it."""
     node = nodes.add(tree, "ShaderNodeGroup")
     node.node_tree = _group()
     return node.outputs["Lit"]
 
 
-def set_lit(lit: bool) -> None:
-    """Switch every material that went through :func:`glow`, in every scene."""
-    _group().nodes["lit"].outputs[0].default_value = float(lit)
+def set_lit(level: float) -> None:
+    """Turn up every material that went through :func:`glow`, in every scene: 0 (by day) to 1."""
+    _group().nodes["lit"].outputs[0].default_value = level
 
 
 def _group() -> bpy.types.NodeTree:

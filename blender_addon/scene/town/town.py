@@ -41,7 +41,7 @@ class Town:
         self._nursery = Nursery(seed, self._materials)
         self._layouts: dict[int, Layout] = {}
         self._inside: int | None = None
-        self._lit = False
+        self._lit = 0.0
 
     def layout(self, location: int) -> Layout:
         """Where a location's street runs; nothing is built for it."""
@@ -69,10 +69,10 @@ class Town:
         self._show(site, parked)
         self._inside = location
 
-    def light_windows(self, lit: bool) -> None:
-        """Switch windows, signs and lamp heads; the lamps' light is the weather's to switch."""
-        self._lit = lit
-        night.set_lit(lit)
+    def light_windows(self, level: float) -> None:
+        """Turn up windows, signs and lamp heads, 0 to 1; the lamps' light is the weather's to turn up."""
+        self._lit = level
+        night.set_lit(level)
 
     def _leave(self) -> None:
         """Remove the present district, and what Cycles keeps of it.
@@ -103,7 +103,7 @@ class Town:
             light.energy, light.color = LAMP_WATTS_PER_M2 * site.layout.district.lamp_height_m**2, LAMP_COLOUR
             light.spot_size, light.shadow_soft_size = LAMP_CONE_RAD, 0.15
             lamp = bpy.data.objects.new(f"rauca lamp {number}", light)
-            lamp.hide_render = not self._lit
+            lamp.hide_render = self._lit == 0.0
             self._add(lamp, world @ frame)
             self.lamps.append(lamp)
 
