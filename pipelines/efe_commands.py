@@ -12,6 +12,7 @@ from rich.table import Table
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from rauca_core.contract.recolour import TEST, find_colours
+from rauca_core.environment.convergence import ETA
 
 from .console import console, progress_bar
 
@@ -25,6 +26,7 @@ Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
 Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
 Crop = Annotated[int, typer.Option(help="train on squares of this side, pixels; 0: whole frames")]
 Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
+Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
 Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
 Resume = Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")]
 Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card; the shipped ones by default")]
@@ -40,7 +42,8 @@ def efe_train(
     lr: Rate = 2e-3,
     split: Split = "location",
     crop: Crop = 0,
-    early_stop: Early = True,
+    early_stop: Early = False,
+    eta: Eta = ETA,
     seed: int = 0,
     threads: Threads = None,
     start: Annotated[Path | None, typer.Option(help="weights to begin with; drawn by the seed by default")] = None,
@@ -49,7 +52,7 @@ def efe_train(
 ) -> None:
     """Train our extractor on several vehicles."""
     chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
-    _train(datasets, out, test, chosen | {"seed": seed, "threads": threads}, start, remarks, resume)
+    _train(datasets, out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, remarks, resume)
 
 
 @efe_app.command("finetune")
@@ -64,6 +67,7 @@ def efe_finetune(
     split: Split = "location",
     crop: Crop = 0,
     early_stop: Early = True,
+    eta: Eta = ETA,
     seed: int = 0,
     threads: Threads = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
@@ -74,7 +78,7 @@ def efe_finetune(
 
     chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
     start = weights or shipped_weights()
-    _train([dataset], out, test, chosen | {"seed": seed, "threads": threads}, start, remarks, resume)
+    _train([dataset], out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, remarks, resume)
 
 
 @efe_app.command("evaluate")

@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..contract import RaucaError
+from .convergence import ETA
 
 
 class TrainingSettings(BaseModel):
@@ -28,7 +29,9 @@ class TrainingSettings(BaseModel):
         augment: show our extractor the frames in other light and reference paint as well.
         split, test_share: how frames are held out to test on, see ``LightFrames.split``.
         precision: ``auto`` is bfloat16 where a GPU has it, else float32.
-        stop_early: end by the paper's criterion, see `convergence`.
+        stop_early: end by the paper's criterion, see `convergence`. Ours starts so near the truth that 0.003 is met
+            soon: use it to adapt, not to pre-train.
+        eta: of that criterion, mean absolute error in sRGB values.
         seed: names every random stream.
         threads: of torch on the CPU; None leaves torch's own choice.
         memory_mb: of frames kept in memory, MiB.
@@ -52,13 +55,14 @@ class TrainingSettings(BaseModel):
     test_share: float = Field(0.25, gt=0, lt=1)
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     stop_early: bool = True
+    eta: float = Field(ETA, gt=0, lt=1)
     seed: int = Field(0, ge=0)
     threads: int | None = Field(None, ge=1)
     memory_mb: int = Field(2048, ge=64)
 
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped."""
-        free = {"stop_early", "threads", "memory_mb"} | ({"epochs"} if self.schedule == "constant" else set())
+        free = {"stop_early", "eta", "threads", "memory_mb"} | ({"epochs"} if self.schedule == "constant" else set())
         return self.model_dump(mode="json", exclude=free)
 
 

@@ -165,10 +165,10 @@ class _Training:
             if board is not None:
                 board.close()
         best = min(range(len(self.errors)), key=self.errors.__getitem__)
-        return Outcome(self.errors, best, converged_epoch(self.errors), seconds)
+        return Outcome(self.errors, best, converged_epoch(self.errors, self.job.settings.eta), seconds)
 
     def _done(self) -> bool:
-        return self.job.settings.stop_early and converged_epoch(self.errors) is not None
+        return self.job.settings.stop_early and converged_epoch(self.errors, self.job.settings.eta) is not None
 
     def _epoch(self, epoch: int) -> float:
         """All items once, in an order of the epoch's own; returns the mean loss."""
