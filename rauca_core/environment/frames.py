@@ -90,6 +90,7 @@ class LightFrames:
                 raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
             self.places += found
         self._budget = memory_mb * 2**20
+        self._held = 0
         self._frames: OrderedDict[int, LightFrame] = OrderedDict()
         self._shadings: OrderedDict[tuple[int, bytes], PlainShading] = OrderedDict()
         self._vehicles: dict[int, Vehicle] = {}
@@ -99,10 +100,13 @@ class LightFrames:
 
     def get(self, index: int) -> LightFrame:
         """The frame at ``index``, from memory or from disk; raises :class:`RaucaError` naming a damaged file."""
-        frame = self._frames.pop(index, None) or self._read(self.places[index])
-        self._frames[index] = frame
-        while sum(f.nbytes for f in self._frames.values()) > self._budget and len(self._frames) > 1:
-            self._frames.popitem(last=False)
+        frame = self._frames.get(index)
+        if frame is None:
+            frame = self._frames[index] = self._read(self.places[index])
+            self._held += frame.nbytes
+        self._frames.move_to_end(index)
+        while self._held > self._budget and len(self._frames) > 1:
+            self._held -= self._frames.popitem(last=False)[1].nbytes
         return frame
 
     def vehicle(self, index: int) -> Vehicle:
