@@ -20,7 +20,7 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
     _add_vehicle(add)
     add("--weathers", default="demo", help="preset name or .json file")
-    add("--locations", type=_whole, default=1, help="places along the street")
+    add("--locations", type=_whole, default=1, help="places in the town; each stands in another district")
     add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
     add("--elevations", type=_numbers, default=(10.0, 25.0), help="degrees, comma separated")
     add("--distances", type=_numbers, default=(6.0, 10.0), help="metres, comma separated")

@@ -16,7 +16,7 @@ from .jobs.crew import own_threads
 from .jobs.lock import FolderLock, hold_cameras
 from .jobs.messages import News
 from .jobs.supervisor import Crew, Listener, Supervisor
-from .jobs.worker import serve
+from .jobs.worker import serve, tell
 from .scene.images import read_image_blender
 from .scratch import scratch_folder, sweep_scratch
 from .vehicles import find_vehicle
@@ -55,6 +55,8 @@ def work(options: argparse.Namespace) -> None:
     session = Session(plan, contract.load_vehicle(options.plan / "vehicle", read_image_blender), options.scene)
     if options.threads:
         session.scene.render.threads_mode, session.scene.render.threads = "FIXED", options.threads
+    for note in session.place.notes:
+        tell(News("note", reason=note))
     tasks = {task.id: task for task in contract.planned_frames(plan)}
 
     def render(ids: Sequence[str], tell: Callable[[News], None], stopped: Callable[[], bool]) -> None:

@@ -50,7 +50,7 @@ def _notes(run: Path, dataset: Dataset, made: dict[str, Any]) -> ReportNotes:
             "vehicle": plan.vehicle_name,
             "Blender": plan.blender,
             "training frames": f"{len(trained.frames())} at {plan.size} px, {plan.quality.samples} samples",
-            "held-out frames": f"{len(dataset.frames())}, another street and other cameras, rendered by Cycles",
+            "held-out frames": f"{len(dataset.frames())}, another town and other cameras, rendered by Cycles",
             "weathers": ", ".join(weather.name for weather in plan.weathers),
             **{name: value for name, value in made.items() if isinstance(value, str | int | float)},
             **_agreement(run),

@@ -14,11 +14,12 @@ class News:
 
     Attributes:
         event: ``ready`` (the scene is built), ``begin`` (a frame is in flight from here on), ``done``, ``occluded``,
-            ``failed`` (Python raised; the worker goes on), ``idle`` (the piece of work is finished).
-        frame: which one; empty for ``ready`` and ``idle``.
+            ``failed`` (Python raised; the worker goes on), ``idle`` (the piece of work is finished), ``note`` (of the
+            scene, for the user).
+        frame: which one; empty for ``ready``, ``idle`` and ``note``.
         seconds: that a done frame took.
         visible: share of the paint that an occluded frame would show.
-        reason: why a frame failed.
+        reason: why a frame failed, or what is noted.
     """
 
     event: str

@@ -64,6 +64,7 @@ class Supervisor:
         self._workers: set[Worker] = set()
         self._pieces: deque[_Piece] = deque()
         self._attempts: Counter[str] = Counter()
+        self._noted: set[str] = set()
         self._barren = 0
         self._pace = Pace()
         self._done = self._total = 0
@@ -107,6 +108,8 @@ class Supervisor:
             self._hire()
         if news.event in ("ready", "idle"):
             self._employ(worker)
+        elif news.event == "note":
+            self._note_once(news.reason)
         elif news.event == "begin":
             worker.in_flight, self._barren = news.frame, 0
         elif news.event == "failed":
@@ -115,6 +118,12 @@ class Supervisor:
         else:
             worker.settle(news.frame)
             self._settle(news)
+
+    def _note_once(self, note: str) -> None:
+        """Pass on what a scene says of itself; every worker builds the same one."""
+        if note not in self._noted:
+            self._noted.add(note)
+            self._listener.note(note)
 
     def _employ(self, worker: Worker) -> None:
         """Give a worker its next piece, or let it go when there is none that it may do."""

@@ -22,7 +22,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
         name="Weathers", items=_presets, description="Every view is rendered in each weather of this preset"
     )
     locations: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Locations", default=1, min=1, max=100, description="Places along the street"
+        name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"
     )
     azimuths: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Azimuths", default=8, min=1, max=360, description="Cameras on each ring around the vehicle"
