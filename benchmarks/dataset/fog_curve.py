@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from blender_addon.scene import composed_fog
+from blender_addon.scene.light_maps import MARGIN_PX
+from blender_addon.scene.render import Crop
 from rauca_core.contract import Weather
 from rauca_core.contract.recolour import recolour
 
@@ -50,11 +52,12 @@ def _frames(studio: Studio, view: int, weather: Weather) -> dict[str, Image]:
     real = recolour(*studio.maps(view, weather), grey)
     studio.use(replace(studio.default, composed_fog=True), (clear, weather))
     unfogged = studio.render(view, clear, grey)
-    composed = recolour(*studio.maps(view, weather), grey)
     studio.paint(grey)
     coarse = studio.session.render_coarse(LOCATION, view, weather)
     distance = studio.sights[view].distance
     everywhere = composed_fog.compose(coarse, unfogged, distance, weather.extinction)
+    crop = Crop.around(studio.sights[view].vehicle > 0, MARGIN_PX)
+    composed = everywhere if crop is None else composed_fog.blend(everywhere, real[crop.inside], crop.inside)
     formula = by_formula(coarse, unfogged, np.asarray(distance, np.float32), weather.extinction)
     return {"real": real, "composed": composed, "everywhere": everywhere, "formula": formula}
 

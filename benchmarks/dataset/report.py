@@ -12,7 +12,7 @@ from .targets import judge
 
 Rows = list[tuple[str, ...]]
 Grid = tuple[str, tuple[str, ...], Rows]  # title, headers, rows
-WIDTH = 110  # a log has no terminal's width
+WIDTH = 170  # a log has no terminal's width
 KIND_HEADERS = tuple(header for kind in KINDS for header in (f"{kind}, dB", "linear", "paint", "CPU s"))
 
 

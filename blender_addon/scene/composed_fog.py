@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from ..core import contract
 
 COARSE = 4  # pixels of the frame along a side of the coarse grid's pixels
-COARSE_SAMPLES = 2  # times the frame's own
-DENSEST = 0.06  # 1/m; up to here the composed frame is 35 dB or more from the real one (`rauca bench dataset`)
-RADIUS = 3  # of a neighbourhood, coarse pixels
-RIDGE = 1e-5  # keeps a flat neighbourhood's fit from guessing; display white is 1
+COARSE_SAMPLES = 4  # times the frame's own
+DENSEST = 0.06  # 1/m; up to here the composed day is as near to the truth as the real volume (`rauca bench dataset`)
+RADIUS = 2  # of a neighbourhood, coarse pixels
+RIDGE = 1.0  # holds the weights near zero, where fog dims and glows and does no more; light in units of its median
+GLOW_RIDGE = 1e-6  # the same for the constant weight, the glow
 FARTHEST_M = 60.0  # of fog looked through: beyond, light comes from the layer's glow whatever lies behind it
 FEATHER_PX = 12  # over which the rendered vehicle's surroundings turn into the composed ones
 
@@ -47,15 +48,18 @@ def compose(coarse_linear: Image, clear_linear: Image, distance: NDArray[np.floa
         extinction: of the fog, 1/m.
     """
     height, width = clear_linear.shape[:2]
+    unit = max(float(np.median(coarse_linear)), 1e-4)
     seen_through = np.exp(-extinction * np.minimum(distance.astype(np.float64), FARTHEST_M))
-    behind = seen_through[..., None] * clear_linear
+    behind = seen_through[..., None] * clear_linear / unit
     brightness = np.sqrt(np.maximum(behind.mean(axis=-1), 0.0))  # tells shadow from light where a colour is dark
     shared = np.stack([brightness, seen_through, np.ones_like(seen_through)], axis=-1)
     composed = np.empty(clear_linear.shape, np.float32)
     for channel in range(3):
         guides = np.concatenate([behind[..., channel, None], shared], axis=-1)
-        weights = _explain(coarse_linear[..., channel], coarsen(guides))
-        composed[..., channel] = (guides * _refine(weights, height, width)).sum(axis=-1)
+        # What is explained is the difference from mere dimming: where the fit knows nothing, dimming it is.
+        low = coarsen(guides)
+        weights = _refine(_explain(coarse_linear[..., channel] / unit - low[..., 0], low), height, width)
+        composed[..., channel] = unit * (guides[..., 0] + (guides * weights).sum(axis=-1))
     return np.maximum(composed, 0.0)
 
 
@@ -71,7 +75,7 @@ def blend(composed: Image, rendered: Image, inside: tuple[slice, slice]) -> Imag
 def _explain(target: NDArray[np.floating], guides: NDArray[np.float64]) -> NDArray[np.float64]:
     """Per pixel the weights (h, w, K) with which the guides (h, w, K) best make the target (h, w) around it."""
     moments = _mean(guides[..., :, None] * guides[..., None, :])
-    moments += RIDGE * np.eye(guides.shape[-1])
+    moments += np.diag([RIDGE] * (guides.shape[-1] - 1) + [GLOW_RIDGE])  # the last guide is the fog's own glow
     shares = _mean(guides * target[..., None])
     return _mean(np.linalg.solve(moments, shares[..., None])[..., 0])
 
