@@ -52,7 +52,9 @@ def efe_train(
 ) -> None:
     """Train our extractor on several vehicles."""
     chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
-    _train(datasets, out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, remarks, resume)
+    _train(
+        datasets, out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, ("train", remarks), resume
+    )
 
 
 @efe_app.command("finetune")
@@ -78,7 +80,15 @@ def efe_finetune(
 
     chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
     start = weights or shipped_weights()
-    _train([dataset], out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, remarks, resume)
+    _train(
+        [dataset],
+        out,
+        test,
+        chosen | {"eta": eta, "seed": seed, "threads": threads},
+        start,
+        ("finetune", remarks),
+        resume,
+    )
 
 
 @efe_app.command("evaluate")
@@ -132,14 +142,15 @@ def _train(
     tests: list[Path] | None,
     chosen: dict[str, object],
     start: Path | None,
-    remarks: str,
+    card: tuple[str, str],
     resume: bool,
 ) -> None:
+    """``card`` names the command, and brings remarks."""
     from rauca_core.environment import make_training_settings
     from rauca_core.environment.fit import Fit
 
     from .train_efe import command_line, train_efe
 
     settings = make_training_settings(**chosen)
-    wanted = Fit(datasets, out, settings, tests or (), start, command_line(), remarks)
+    wanted = Fit(datasets, out, settings, tests or (), start, command_line(card[0]), card[1])
     console.print(f"weights: {train_efe(wanted, resume)}")

@@ -38,10 +38,10 @@ def train_efe(wanted: Fit, resume: bool) -> Path:
     return weights
 
 
-def command_line() -> str:
-    """What the user typed, paths by their last names: machines differ."""
-    typed = [Path(word).name if "/" in word else word for word in sys.argv[1:]]
-    return shlex.join(["rauca", *typed])
+def command_line(command: str) -> str:
+    """What the user typed after ``rauca efe``, paths by their last names: machines differ."""
+    words = sys.argv[3:] if sys.argv[1:3] == ["efe", command] else sys.argv[1:]
+    return shlex.join(["rauca", "efe", command, *(Path(word).name if "/" in word else word for word in words)])
 
 
 if __name__ == "__main__":

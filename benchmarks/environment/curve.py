@@ -49,7 +49,7 @@ def measure_curve(
     chosen = [truth for truth in truths if truth.texture == TEXTURE]
     ids = {truth.index: frames.places[truth.index].frame.id for truth in chosen}
     wanted = [
-        Render(frame, paint, samples, 1, True)
+        _render(frame, paint, samples)
         for frame in ids.values()
         for samples in settings.budgets
         for paint in (LIGHT, TEXTURE)
@@ -62,12 +62,17 @@ def measure_curve(
             renders: list[tuple[Error, float]] = []
             for truth in (t for t in chosen if frames.get(t.index).weather == weather):
                 inside = regions(frames.datasets[0], ids[truth.index])["inside"]
-                light = rendered[Render(ids[truth.index], LIGHT, samples, 1, True)]
+                light = rendered[_render(ids[truth.index], LIGHT, samples)]
                 A, B = (torch.from_numpy(light[name].transpose(2, 0, 1).copy()) for name in ("A", "B"))
                 seen = affine_render(A, B)(truth.albedo)[0]
                 maps.append((truth.error(seen, inside), float(light["seconds"])))
-                car = rendered[Render(ids[truth.index], TEXTURE, samples, 1, True)]
+                car = rendered[_render(ids[truth.index], TEXTURE, samples)]
                 renders.append((truth.error(displayed(car["image"]), inside), float(car["seconds"])))
             db = [total(error for error, _ in found).psnr_db for found in (maps, renders)]
             points.append(Point(weather, samples, *db, *(mean(s for _, s in found) for found in (maps, renders))))
     return points
+
+
+def _render(frame: str, paint: str, samples: int) -> Render:
+    """Denoised, and of the whole frame: what a data set would pay for it."""
+    return Render(frame, paint, samples, 1, True, True)

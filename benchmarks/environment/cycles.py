@@ -23,13 +23,14 @@ LIGHT = "light"
 
 
 class Render(NamedTuple):
-    """A frame, in a camouflage or as light maps, with a budget and a seed."""
+    """A frame, in a camouflage or as light maps, with a budget and a seed; the whole of it, or where it shows paint."""
 
     frame: str
     paint: str
     samples: int
     seed: int = 1
     denoise: bool = False
+    whole: bool = False
 
 
 def render_anew(

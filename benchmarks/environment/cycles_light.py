@@ -3,9 +3,10 @@
 Usage: python cycles_light.py REQUEST.json
 
 Request: ``dataset``, ``camouflages`` (name -> JSON path), ``out``, ``jobs``, each with ``name``, ``frame``, ``paint``
-(a camouflage's name, or ``light``), ``samples``, ``seed`` and ``denoise``. Every job becomes ``out/<name>.npz``:
-``image``, or ``A`` and ``B``, (H, W, 3) linear float32, and ``seconds`` of CPU. Only the part of the frame that shows
-paint is rendered in camouflage; the rest is 0. Progress is one marked JSON line per job.
+(a camouflage's name, or ``light``), ``samples``, ``seed``, ``denoise`` and ``whole``. Every job becomes
+``out/<name>.npz``: ``image``, or ``A`` and ``B``, (H, W, 3) linear float32, and ``seconds`` of CPU. In camouflage only
+the part of the frame that shows paint is rendered, unless it is wanted whole; the rest is 0. Progress is one marked
+JSON line per job.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def _rendered(
         started = time.process_time()
         A, B, _ = light_maps(session, frame.location, frame.view, frame.weather, painted, reference)
         return {"A": A, "B": B, "seconds": np.array(time.process_time() - started)}
-    crop = render.Crop.around(painted, MARGIN_PX)
+    crop = render.Crop.around(painted | job["whole"], MARGIN_PX)
     image = np.zeros((*painted.shape, 3), np.float32)
     started = time.process_time()
     camera.place(session.scene, session.viewpoint(frame.location, frame.view).camera)

@@ -7,7 +7,7 @@ import torch
 
 from rauca_core.contract import RaucaError
 from rauca_core.environment import LightSplitter, ModelCard, load_extractor, save_extractor
-from rauca_core.environment.weights import card_path
+from rauca_core.environment.weights import card_path, shipped_weights
 
 CARD = ModelCard(widths=(8, 8), detail=4, data=[{"name": "drawn"}], command="rauca efe train", seed=3, epochs=2)
 
@@ -63,3 +63,11 @@ def test_weights_that_are_not_finite_are_refused(saved):
     save_extractor(path, net, CARD)
     with pytest.raises(RaucaError, match="NaN"):
         load_extractor(path)
+
+
+def test_the_shipped_weights_are_small_and_better_than_none():
+    net, card = load_extractor()
+    assert shipped_weights().stat().st_size < 10 * 2**20
+    assert card.metrics["all"]["psnr_db"] > 25
+    assert card.command.startswith("rauca efe train")
+    assert sum(p.numel() for p in net.parameters()) < 1e6
