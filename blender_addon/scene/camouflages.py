@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core import colour, contract, files
 from .images import read_image_blender
+from .metering import expose
 from .rain import rain_before
 from .session import Session
 
@@ -70,7 +71,7 @@ def render_camouflages(
                 session.enter(frame.location)
                 session.set_weather(frame.weather)
                 present = (frame.location, frame.weather)
-            linear = session.render(frame.location, frame.view, frame.weather)
+            linear = expose(session.render(frame.location, frame.view, frame.weather), frame.exposure_stops)
             distance = contract.load_passes(dataset.frame_folder(frame.id), ("distance",))["distance"]
             rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
             if rain is not None:

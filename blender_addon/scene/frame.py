@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core import colour, contract, recolour
 from .annotate import Annotation
 from .light_maps import light_maps
+from .metering import expose, exposure_stops
 from .rain import rain_before
 from .session import Session
 
@@ -36,6 +37,11 @@ class Light:
     A: NDArray[np.float32] | None = None
     B: NDArray[np.float32] | None = None
 
+    def exposed(self, stops: float) -> Light:
+        """The same light after a change of exposure."""
+        A, B = (None if light is None else expose(light, stops) for light in (self.A, self.B))
+        return Light(expose(self.image, stops), A, B)
+
 
 def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> None:
     """Render a planned frame into its folder, atomically.
@@ -44,9 +50,10 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
     fog come first (:func:`contract.in_rendering_order`): they lie in ``folder`` unless they were quarantined.
     """
     light = render_light(session, folder, task, sight)
-    light = add_weather_effects(session, task, sight, light)
-    frame, passes = describe(session, task, sight), collect_passes(sight, light)
-    passes.check_linear = render_check(session, task, sight, frame.check_srgb)
+    stops = meter(light, task, sight)
+    light = add_weather_effects(session, task, sight, light.exposed(stops))
+    frame, passes = describe(session, task, sight, stops), collect_passes(sight, light)
+    passes.check_linear = render_check(session, task, sight, frame)
     contract.save_frame(contract.frame_folder(folder, task.id), frame, passes)
 
 
@@ -62,15 +69,21 @@ def render_light(session: Session, folder: Path, task: contract.PlannedFrame, si
     return Light(session.render(task.location, task.view, task.weather))
 
 
+def meter(light: Light, task: contract.PlannedFrame, sight: Sight) -> float:
+    """The frame's own exposure, in stops beyond the weather's."""
+    ids = sight.annotation
+    return exposure_stops(light.image, ids.semantic, ids.instances, task.weather.sun_altitude_angle)
+
+
 def render_check(
-    session: Session, task: contract.PlannedFrame, sight: Sight, colour_srgb: recolour.Colour | None
+    session: Session, task: contract.PlannedFrame, sight: Sight, frame: contract.Frame
 ) -> NDArray[np.float32] | None:
     """The frame in uniform paint for real, nothing composed or predicted: what the light maps are held against."""
-    if colour_srgb is None:
+    if frame.check_srgb is None:
         return None
-    red, green, blue = colour.linear_from_srgb(np.array(colour_srgb) / 255).tolist()
+    red, green, blue = colour.linear_from_srgb(np.array(frame.check_srgb) / 255).tolist()
     session.vehicle.paint.set_colour((red, green, blue))
-    rendered = Light(session.render(task.location, task.view, task.weather))
+    rendered = Light(session.render(task.location, task.view, task.weather)).exposed(frame.exposure_stops)
     return add_weather_effects(session, task, sight, rendered).image
 
 
@@ -86,7 +99,7 @@ def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Si
     )
 
 
-def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> contract.Frame:
+def describe(session: Session, task: contract.PlannedFrame, sight: Sight, stops: float) -> contract.Frame:
     """What ``frame.json`` says."""
     viewpoint, plan = session.viewpoint(task.location, task.view), session.plan
     checked = recolour.check_colour(plan.seed, plan.recolour_share, task.id) if plan.light else None
@@ -105,6 +118,7 @@ def describe(session: Session, task: contract.PlannedFrame, sight: Sight) -> con
         seed=session.seed(task.location, task.view, task.weather),
         instances=sight.annotation.others,
         check_srgb=checked,
+        exposure_stops=stops,
     )
 
 

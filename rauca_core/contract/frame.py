@@ -57,6 +57,7 @@ class Frame:
         seed: the renderer's seed for this frame.
         instances: the other vehicles in view.
         check_srgb: 8-bit sRGB paint of ``check.png``; None when the frame has none.
+        exposure_stops: powers of two by which the frame is brighter than its weather's exposure makes it.
     """
 
     id: str
@@ -73,6 +74,7 @@ class Frame:
     seed: int
     instances: tuple[Instance, ...] = ()
     check_srgb: tuple[int, int, int] | None = None
+    exposure_stops: float = 0.0
 
     @property
     def camera_in_vehicle(self) -> Camera:
@@ -98,6 +100,7 @@ class Frame:
             "seed": self.seed,
             "instances": [instance.to_json() for instance in self.instances],
             "check_srgb": None if self.check_srgb is None else list(self.check_srgb),
+            "exposure_stops": self.exposure_stops,
         }
 
     @staticmethod
@@ -124,6 +127,7 @@ class Frame:
             seed=fields.integer("seed"),
             instances=tuple(instances),
             check_srgb=None if check is None else (check[0], check[1], check[2]),
+            exposure_stops=fields.number("exposure_stops", -16, 16),
         )
         fields.done()
         return frame

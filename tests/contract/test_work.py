@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -58,7 +59,7 @@ def test_chunks_cover_the_frames_and_hold_to_their_rules(most, every):
         assert len(piece) <= most
         assert len({frame.location for frame in piece}) == 1
         weathers = [frame.weather for frame in piece]
-        assert len({w.name for w in weathers}) == 1 + sum(a != b for a, b in zip(weathers, weathers[1:], strict=False))
+        assert len({w.name for w in weathers}) == 1 + sum(a != b for a, b in pairwise(weathers))
     order = [frame for piece in pieces for frame in piece]
     for camera in {frame.camera for frame in order}:
         seen = [frame.weather for frame in order if frame.camera == camera]
