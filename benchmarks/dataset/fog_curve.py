@@ -53,6 +53,7 @@ def _frames(studio: Studio, view: int, weather: Weather) -> dict[str, Image]:
     studio.use(replace(studio.default, composed_fog=True), (clear, weather))
     unfogged = studio.render(view, clear, grey)
     studio.paint(grey)
+    studio.set_weather(weather)
     coarse = studio.session.render_coarse(LOCATION, view, weather)
     distance = studio.sights[view].distance
     everywhere = composed_fog.compose(coarse, unfogged, distance, weather.extinction)
