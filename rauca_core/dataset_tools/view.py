@@ -82,16 +82,22 @@ def _chosen(folder: Path, stored: dict[str, StoredFrame], frames: Sequence[str])
 
 
 def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int]) -> Image.Image:
-    """Rows of weathers, columns of (location, view); as many locations as columns, so that places differ too."""
+    """Rows of weathers, columns of places and views."""
     plan = dataset.plan
     for view in views:
         if not 0 <= view < len(plan.ring):
             raise RaucaError(f"{dataset.folder}: has views 0 to {len(plan.ring) - 1}, not {view}")
-    chosen = list(views) or spread(len(plan.ring), MOST_COLUMNS)
-    places = [(column % plan.locations, view) for column, view in enumerate(chosen)]
+    places = columns_of(plan, views)
     by_place = {(s.frame.location, s.frame.view, s.frame.weather.name): s for s in stored.values()}
     rows = {weather.name: [by_place.get((*place, weather.name)) for place in places] for weather in plan.weathers}
     return contact_sheet(plan.name, rows, [_column(plan, *place) for place in places])
+
+
+def columns_of(plan: Plan, views: Sequence[int] = ()) -> list[tuple[int, int]]:
+    """(location, view) of the contact sheet's columns, each in another location as long as there are more."""
+    chosen = list(views) or spread(len(plan.ring), MOST_COLUMNS)
+    count = len(views) or MOST_COLUMNS
+    return list(dict.fromkeys((i % plan.locations, chosen[i % len(chosen)]) for i in range(count)))
 
 
 def _column(plan: Plan, location: int, view: int) -> str:

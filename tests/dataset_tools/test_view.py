@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rauca_core.dataset_tools import drawing, view_dataset
 from rauca_core.dataset_tools.sheets import GAP, HEAD, LABEL, MARGIN, TILE, contact_sheet
 from rauca_core.dataset_tools.stored_frame import StoredFrame
 from rauca_core.dataset_tools.targets import targets_of
+from rauca_core.dataset_tools.view import columns_of
 
 
 def test_a_page_shows_sheet_and_overlays_without_loading_anything(mini, tmp_path):
@@ -24,6 +26,14 @@ def test_a_page_shows_sheet_and_overlays_without_loading_anything(mini, tmp_path
     assert text.count("data:image/jpeg;base64,") == 1 + len(overlays)
     assert "http" not in text
     assert "4 of 4" in text
+
+
+def test_columns_go_through_the_places(mini):
+    ring = mini.plan.ring
+    one, many = replace(ring, azimuths_deg=(0.0,)), replace(ring, azimuths_deg=tuple(map(float, range(0, 360, 45))))
+    assert columns_of(replace(mini.plan, ring=one, locations=3)) == [(0, 0), (1, 0), (2, 0)]
+    assert columns_of(replace(mini.plan, ring=many, locations=2)) == [(0, 1), (1, 3), (0, 5), (1, 7)]
+    assert columns_of(replace(mini.plan, ring=many, locations=1), [6, 2]) == [(0, 6), (0, 2)]
 
 
 def test_each_tile_of_the_contact_sheet_is_its_frame(mini, tmp_path):
