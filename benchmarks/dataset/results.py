@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from blender_addon.scene.composed_fog import DENSEST, THINNEST
+
 from .settings import KINDS, Settings
 
 SINGLE, MAPS = "one render", "light maps"
@@ -134,8 +136,9 @@ class Results:
         return MAIN_SET if any(row.preset == MAIN_SET for row in self.sets) else self.sets[0].preset
 
     def composed_fog_db(self) -> dict[str, float]:
-        """Per fog density the composed frames' PSNR in dB by day, when composing is done; nights are in the curve."""
-        return {f"{p.fog_density:g}": p.composed_db for p in self.fog_curve if p.light == "day"}
+        """Per fog density for which composing is done, the composed frames' PSNR in dB; all else is in the curve."""
+        used = (p for p in self.fog_curve if p.light == "day" and THINNEST <= p.extinction <= DENSEST)
+        return {f"{p.fog_density:g}": p.composed_db for p in used}
 
     def to_json(self) -> dict[str, Any]:
         main = [row for row in self.sets if row.preset == self.main_set]

@@ -26,7 +26,7 @@ MAKE = Path(__file__).resolve().parent.parent.parent / "pipelines" / "make_datas
 # one has rain over it; some frames rendered again in a check colour.
 WEATHERS = [
     {"name": "day", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0},
-    {"name": "fog", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 25},
+    {"name": "fog", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 50},
     {"name": "night", "sun_altitude_angle": -90, "sun_azimuth_angle": 60, "fog_density": 0},
     {"name": "rain", "sun_altitude_angle": -30, "sun_azimuth_angle": 60, "fog_density": 0, "precipitation": 60},
 ]
