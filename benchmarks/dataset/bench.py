@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
+from benchmarks.child import run_child
 from benchmarks.render.page import fill_page
 from pipelines.console import progress_bar
-from rauca_core.contract import Progress, RaucaError, parse_progress
+from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.files import write_json
 
 from .plots import save_fog_curve, save_pareto
@@ -61,25 +60,5 @@ def _measure(settings: Settings, references: Path, progress: Callable[[Progress]
         source, target = Path(temporary) / "settings.json", Path(temporary) / "found.json"
         source.write_text(json.dumps(settings.to_json()))
         command = [sys.executable, "-m", "benchmarks.dataset.inside", *map(str, (source, references.resolve(), target))]
-        _run(command, progress)
+        run_child("dataset", command, progress, {"PYTHONPATH": str(ROOT)})
         return Results.of(settings, json.loads(target.read_text()))
-
-
-def _run(command: list[str], progress: Callable[[Progress], None]) -> None:
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
-    )
-    tail = "no message"
-    try:
-        for line in process.stdout or ():
-            if news := parse_progress(line):
-                progress(news)
-            elif line.strip():
-                tail = line.strip()
-        code = process.wait()
-    except BaseException:
-        process.kill()
-        process.wait()
-        raise
-    if code:
-        raise RaucaError(f"bench dataset: Blender stopped with code {code}: {tail}")

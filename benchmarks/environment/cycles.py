@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -14,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.child import run_child
 from pipelines.console import progress_bar
-from rauca_core.contract import Dataset, RaucaError, parse_progress
+from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import write_json
 
 SCRIPT = Path(__file__).with_name("cycles_light.py")
@@ -75,18 +75,4 @@ def _run(request: dict[str, Any]) -> None:
         path = Path(temporary) / "request.json"
         write_json(path, request)
         command = [sys.executable, "-P", str(SCRIPT), str(path)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        tail = "no message"
-        try:
-            for line in process.stdout or ():
-                if news := parse_progress(line):
-                    move(news)
-                elif line.strip():
-                    tail = line.strip()
-            code = process.wait()
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
-    if code:
-        raise RaucaError(f"bench environment: Blender stopped with code {code}: {tail}")
+        run_child("environment", command, move)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -14,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rauca_core.contract import Camera, Progress, RaucaError, Vehicle, parse_progress
+from benchmarks.child import run_child
+from rauca_core.contract import Camera, Progress, RaucaError, Vehicle
 
 SCRIPT = Path(__file__).with_name("cycles_view.py")
 Image = NDArray[np.float32]
@@ -62,24 +62,6 @@ def render_jobs(
             size=cameras[0].width,
             jobs=json.dumps(jobs),
         )
-        _run([sys.executable, "-P", str(SCRIPT), str(source), str(target)], progress)
+        run_child("render", [sys.executable, "-P", str(SCRIPT), str(source), str(target)], progress)
         with np.load(target) as archive:
             return [archive[str(i)] for i in range(len(jobs))]
-
-
-def _run(command: list[str], progress: Callable[[Progress], None]) -> None:
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    tail = "no message"
-    try:
-        for line in process.stdout or ():
-            if news := parse_progress(line):
-                progress(news)
-            elif line.strip():
-                tail = line.strip()
-        code = process.wait()
-    except BaseException:
-        process.kill()
-        process.wait()
-        raise
-    if code:
-        raise RaucaError(f"bench render: Blender stopped with code {code}: {tail}")
