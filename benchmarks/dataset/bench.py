@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.child import run_child
-from benchmarks.render.page import fill_page
+from benchmarks.page import fill_page
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.files import write_json

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from rich.console import Console
-from rich.table import Table
+from benchmarks.tables import Grid, Rows, markdown_tables, print_tables
 
 from .plots import METHODS, note
 from .results import Entry, Results
 from .settings import KINDS
 from .targets import judge
 
-Rows = list[tuple[str, ...]]
-Grid = tuple[str, tuple[str, ...], Rows]  # title, headers, rows
-WIDTH = 170  # a log has no terminal's width
+WIDTH = 170  # what the widest table needs
 KIND_HEADERS = tuple(header for kind in KINDS for header in (f"{kind}, dB", "linear", "paint", "CPU s"))
 
 
 def print_report(results: Results) -> None:
     """Print every table."""
-    console = Console(width=max(Console().width, WIDTH))
-    for title, headers, rows in tables(results):
-        table = Table(*headers, title=title)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
+    print_tables(tables(results), WIDTH)
 
 
 def markdown_report(results: Results) -> str:
     """Every table as Markdown."""
-    return "\n".join(_markdown(*grid) for grid in tables(results))
+    return markdown_tables(tables(results))
 
 
 def tables(results: Results) -> list[Grid]:
@@ -81,9 +73,3 @@ def _cells(entry: Entry) -> list[str]:
     return [
         f"{entry.psnr_db:.1f}", f"{entry.linear_psnr_db:.1f}", f"{entry.paint_psnr_db:.1f}", f"{entry.cpu_seconds:.2f}"
     ]  # fmt: skip
-
-
-def _markdown(title: str, headers: tuple[str, ...], rows: Rows) -> str:
-    lines = [f"### {title}", "", "| " + " | ".join(headers) + " |", "|---" * len(headers) + "|"]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.render.page import fill_page
+from benchmarks.page import fill_page
 from rauca_core.contract.files import write_json
 from rauca_core.cpu import keep_large_blocks, threads
 from rauca_core.environment import LightSplitter, PublishedEfe

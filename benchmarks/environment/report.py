@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+
+from benchmarks.tables import Grid, markdown_tables, print_tables
 
 from .results import Results
 from .settings import CLEAR, FOG, NIGHT
 
-Grid = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]  # title, headers, rows
 WIDTH = 120
 
 
@@ -93,21 +92,13 @@ def tables(results: Results) -> list[Grid]:
 
 
 def print_report(results: Results) -> None:
-    console = Console(width=max(Console().width, WIDTH))
-    for title, headers, rows in tables(results):
-        table = Table(*headers, title=title)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
+    """Print every table."""
+    print_tables(tables(results), WIDTH)
 
 
 def markdown_report(results: Results) -> str:
     """The same as Markdown tables."""
-    parts = []
-    for title, headers, rows in tables(results):
-        lines = [f"**{title}**", "", "| " + " | ".join(headers) + " |", "|" + "---|" * len(headers)]
-        parts.append("\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n")
-    return "\n".join(parts)
+    return markdown_tables(tables(results), "**{}**")
 
 
 def _methods(results: Results) -> Grid:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from benchmarks.page import fill_page
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress, Vehicle
 from rauca_core.contract.files import write_json
@@ -16,7 +17,6 @@ from .blender_agreement import compare_with_blender
 from .contenders import Contender, contenders, ours, rivals
 from .coverage import reach
 from .measure import measure_scene, warm_up
-from .page import fill_page
 from .pictures import save_pictures
 from .raster import time_raster
 from .report import markdown_report, print_report, save_plot

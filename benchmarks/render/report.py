@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import matplotlib
-from rich.console import Console
-from rich.table import Table
+
+from benchmarks.tables import Grid, Rows, markdown_tables, print_tables
 
 from .contenders import ALGORITHM_2
 from .results import Results
@@ -17,10 +17,7 @@ from .views import RINGS
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-Rows = list[tuple[str, ...]]
-Grid = tuple[str, tuple[str, ...], Rows]  # title, headers, rows
-
-WIDTH = 120  # a log has no terminal's width; the tables need this much
+WIDTH = 120  # what the widest table needs
 HEADERS = (
     "renderer", "noise, dB", "photo-like, dB", "forward, ms", "backward, ms", "build, ms", "taps per pixel",
     "texels reached",
@@ -29,18 +26,12 @@ HEADERS = (
 
 def print_report(results: Results) -> None:
     """Print every table."""
-    console = Console(width=max(Console().width, WIDTH))
-    for title, headers, rows in _tables(results, list(results.levels), results.settings.sizes):
-        table = Table(*headers, title=title)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
+    print_tables(_tables(results, list(results.levels), results.settings.sizes), WIDTH)
 
 
 def markdown_report(results: Results) -> str:
     """The main vehicle at the largest size, targets and costs, as Markdown."""
-    tables = _tables(results, [results.main], (max(results.settings.sizes),))
-    return "\n".join(_markdown(*table) for table in tables)
+    return markdown_tables(_tables(results, [results.main], (max(results.settings.sizes),)))
 
 
 def _tables(results: Results, vehicles: list[str], sizes: tuple[int, ...]) -> list[Grid]:
@@ -98,12 +89,6 @@ def _costs(results: Results) -> Rows:
         for r in results.raster
     ]
     return rows
-
-
-def _markdown(title: str, headers: tuple[str, ...], rows: Rows) -> str:
-    lines = [f"### {title}", "", "| " + " | ".join(headers) + " |", "|---" * len(headers) + "|"]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
 
 
 def _verdict(passed: bool) -> str:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.page import BEGIN, END, fill_page
 from benchmarks.render.bench import run_bench
 from benchmarks.render.contenders import ALGORITHM_2, BILINEAR
 from benchmarks.render.embree import RayCaster
-from benchmarks.render.page import BEGIN, END, fill_page
 from benchmarks.render.results import Results
 from benchmarks.render.settings import Settings
 from benchmarks.render.targets import judge
