@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import safetensors.torch
-from safetensors import SafetensorError
 from torch import Tensor
 
+from ..checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 from ..contract import RaucaError
-from ..contract.files import sweep_partials, write_bytes, write_json
 from ..contract.schema import read_json
 
 FORMAT = ("rauca-checkpoint", 1)
-POINTER = "checkpoint.json"
+OTHER_RUN = "start the run in a new folder"
 _TENSORS = ("texels", "exp_avg", "exp_avg_sq", "adam_step")
 
 
@@ -37,17 +35,9 @@ class Checkpoint:
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write the tensors under a name of their own, then the JSON that points at them: readers never meet a mix."""
-    name, version = FORMAT
-    file = f"step-{checkpoint.step:08d}.safetensors"
-    tensors = {k: v.detach().cpu().contiguous() for k, v in checkpoint.tensors.items()}
-    write_bytes(folder / file, safetensors.torch.save(tensors))
-    fields = {"format": name, "version": version, "step": checkpoint.step, "tensors": file}
-    write_json(folder / POINTER, {**fields, "identity": checkpoint.identity})
-    for old in folder.glob("step-*.safetensors"):
-        if old.name != file:
-            old.unlink()
-    sweep_partials(folder)
+    """Write it; the one before goes when this one is whole."""
+    fields = {"identity": checkpoint.identity}
+    write_checkpoint(folder, FORMAT, ("step", checkpoint.step, 8), fields, checkpoint.tensors)
 
 
 def load_checkpoint(folder: Path) -> Checkpoint:
@@ -56,19 +46,15 @@ def load_checkpoint(folder: Path) -> Checkpoint:
     fields.format(*FORMAT)
     step, path, identity = fields.integer("step"), folder / fields.file_name("tensors"), fields.raw("identity")
     fields.done()
-    try:
-        tensors = safetensors.torch.load(path.read_bytes())
-    except (OSError, SafetensorError) as error:
-        raise RaucaError(f"{path}: missing or damaged ({error}); start the run in a new folder") from error
+    tensors = read_tensors(path, OTHER_RUN)
     if set(tensors) != set(_TENSORS):
-        raise RaucaError(f"{path}: not a checkpoint of this rauca; start the run in a new folder")
+        raise RaucaError(f"{path}: not a checkpoint of this rauca; {OTHER_RUN}")
     return Checkpoint(step, identity, tensors)
 
 
 def check_identity(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Refuse to resume a run under other conditions, naming what differs."""
-    changed = [k for k in sorted({*found, *wanted}) if found.get(k) != wanted.get(k)]
-    if changed:
+    if changed := differences(found, wanted):
         raise RaucaError(
             f"{folder}: holds a run made with another {', '.join(changed)}; use the same or another output folder"
         )

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from ..checkpoint_files import POINTER
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng, named_seed
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector, class_index
 from ..render import TAP_FORMAT, Canvas, undisplay
 from .augmentation import Augmentation
-from .checkpoint import POINTER, Checkpoint, check_identity, load_checkpoint, save_checkpoint
+from .checkpoint import Checkpoint, check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore, ReadyFrame, boxes_of, render_batch
 from .journal import Journal, StepReport
 from .losses import SmoothLoss, attack_loss, detection_score

@@ -15,6 +15,7 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 from torch.utils.tensorboard import SummaryWriter
 
+from ..checkpoint_files import POINTER
 from ..contract import RaucaError
 from ..contract.files import append_line
 from ..contract.recolour import TEST
@@ -26,7 +27,7 @@ from .frames import LightFrames
 from .learner import Draw, Item, Learner
 from .metrics import Error, measure, total
 from .settings import TrainingSettings
-from .training_state import POINTER, TrainingState, load_state, restore, save_state, state_tensors
+from .training_state import TrainingState, load_state, restore, save_state, state_tensors
 
 CHECKPOINTS = "checkpoints"
 LEDGER = "epochs.jsonl"

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import safetensors.torch
 import torch
-from safetensors import SafetensorError
 from torch import Tensor, nn
 
+from ..checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 from ..contract import RaucaError
-from ..contract.files import sweep_partials, write_bytes, write_json
 from ..contract.schema import read_json
 
 FORMAT = ("rauca-efe-checkpoint", 1)
-POINTER = "checkpoint.json"
 OTHER_RUN = "start the training in a new folder"
 
 
@@ -62,17 +59,9 @@ def restore(net: nn.Module, optimiser: torch.optim.Optimizer, tensors: dict[str,
 
 
 def save_state(folder: Path, state: TrainingState) -> None:
-    """Write the tensors under a name of their own, then the JSON that points at them: readers never meet a mix."""
-    name, version = FORMAT
-    file = f"epoch-{state.epoch:05d}.safetensors"
-    tensors = {k: v.detach().cpu().contiguous() for k, v in state.tensors.items()}
-    write_bytes(folder / file, safetensors.torch.save(tensors))
-    fields = {"format": name, "version": version, "epoch": state.epoch, "errors": state.errors, "tensors": file}
-    write_json(folder / POINTER, {**fields, "identity": state.identity})
-    for old in folder.glob("epoch-*.safetensors"):
-        if old.name != file:
-            old.unlink()
-    sweep_partials(folder)
+    """Write it; the one before goes when this one is whole."""
+    fields = {"errors": state.errors, "identity": state.identity}
+    write_checkpoint(folder, FORMAT, ("epoch", state.epoch, 5), fields, state.tensors)
 
 
 def load_state(folder: Path, identity: dict[str, Any]) -> TrainingState:
@@ -87,11 +76,6 @@ def load_state(folder: Path, identity: dict[str, Any]) -> TrainingState:
     errors = fields.array("errors", (epoch + 1,)).tolist()
     found = fields.raw("identity")
     fields.done()
-    changed = [k for k in sorted({*found, *identity}) if found.get(k) != identity.get(k)]
-    if changed:
+    if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
-    try:
-        tensors = safetensors.torch.load(path.read_bytes())
-    except (OSError, SafetensorError) as error:
-        raise RaucaError(f"{path}: missing or damaged ({error}); {OTHER_RUN}") from error
-    return TrainingState(epoch, errors, found, tensors)
+    return TrainingState(epoch, errors, found, read_tensors(path, OTHER_RUN))
