@@ -47,9 +47,9 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
     """Render a planned frame into its folder, atomically.
 
     The session has entered the location and set the weather. Frames of the same camera with the same light and less
-    fog come first (:func:`contract.in_rendering_order`): they lie in ``folder`` unless they were quarantined.
+    fog come first (:func:`contract.in_rendering_order`), so that the session's memory holds what they share.
     """
-    light = render_light(session, folder, task, sight)
+    light = render_light(session, task, sight)
     stops = meter(light, task, sight)
     light = add_weather_effects(session, task, sight, light.exposed(stops))
     frame, passes = describe(session, task, sight, stops), collect_passes(sight, light)
@@ -57,7 +57,7 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
     contract.save_frame(contract.frame_folder(folder, task.id), frame, passes)
 
 
-def render_light(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> Light:
+def render_light(session: Session, task: contract.PlannedFrame, sight: Sight) -> Light:
     """The frame's radiance by path tracing: both light maps, or the reference paint alone."""
     plan = session.plan
     reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
