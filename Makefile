@@ -34,7 +34,7 @@ extension: $(READY)
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet torch==2.13.0
-	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,slurm,dev]
+	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,slurm,detectors,dev]
 	touch $(READY)
 
 # bpy 4.5 was built against NumPy 1.
