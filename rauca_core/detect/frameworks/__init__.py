@@ -1,0 +1,5 @@
+"""Detectors of the large frameworks. Each framework is imported when one of its detectors is made, not before."""
+
+from .torchvision_ops import import_torchvision
+
+__all__ = ["import_torchvision"]
