@@ -43,6 +43,7 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
+    _add_only(add)
     _add_crew(add)
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
     return parser
@@ -68,6 +69,7 @@ def render_parser() -> argparse.ArgumentParser:
     add("--dataset", type=Path, required=True, help="data set whose views are rendered")
     add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
     add("--every", type=_whole, default=1, help="render only every n-th frame")
+    _add_only(add)
     add("--samples", type=_whole, help="Cycles samples per pixel; the data set's own by default")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
     _add_scene(add)
@@ -99,6 +101,10 @@ def _add_crew(add: Callable[..., object]) -> None:
     add("--recycle", type=_whole, default=200, help="frames after which a worker is replaced by a fresh one")
     add("--shard", type=_shard, default=WHOLE, help="i/n: only part i, counted from 1, of n that cover the data set")
     add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
+
+
+def _add_only(add: Callable[..., object]) -> None:
+    add("--only", type=Path, help="a text file with a frame id per line; the plan's other frames are left for later")
 
 
 def _add_scene(add: Callable[..., object]) -> None:

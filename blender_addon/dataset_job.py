@@ -19,6 +19,7 @@ from .jobs.supervisor import Crew, Listener, Supervisor
 from .jobs.worker import serve, tell
 from .scene.images import read_image_blender
 from .scratch import scratch_folder, sweep_scratch
+from .selection import named_frames
 from .vehicles import find_vehicle
 
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
@@ -127,14 +128,19 @@ class _Run:
             return left_out | supervisor.quarantined
 
     def _planned(self) -> int:
-        return len(contract.planned_frames(self.plan, self.options.shard))
+        return len(self._asked())
+
+    def _asked(self) -> list[contract.PlannedFrame]:
+        """The shard's frames, or those of them that ``--only`` names."""
+        named = named_frames(self.options.only, {frame_id for frame_id, *_ in self.plan.frame_ids()})
+        return [frame for frame in contract.planned_frames(self.plan, self.options.shard) if frame.id in named]
 
     def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
         """Frames to render, and those left out as quarantined; the ledger learns of done frames that it misses."""
         out, again = self.options.out, self.options.retry_quarantined
         ledger, states = contract.read_ledger(out), contract.frame_states(out)
         wanted, left_out = [], {}
-        for frame in contract.planned_frames(self.plan, self.options.shard):
+        for frame in self._asked():
             state = states.get(frame.id)
             if state == "quarantined" and not again:
                 left_out[frame.id] = ledger[frame.id].reason or ""

@@ -21,6 +21,7 @@ from .arguments import apply_parser, dataset_parser, render_parser, worker_parse
 from .core import contract, files
 from .jobs.pace import spoken
 from .scene.images import read_image_blender
+from .selection import named_frames
 from .vehicles import find_vehicle
 
 
@@ -93,7 +94,11 @@ def _render_camouflages(options: argparse.Namespace) -> None:
     def progress(done: int, total: int, last: str) -> None:
         report(contract.Progress(done, total, last))
 
-    render_camouflages(session, dataset, paintworks, options.out, progress, options.every)
+    frames = dataset.frames()[:: options.every]
+    if options.only:
+        named = named_frames(options.only, {frame_id for frame_id, *_ in dataset.plan.frame_ids()})
+        frames = [frame for frame in frames if frame.id in named]
+    render_camouflages(session, dataset, paintworks, options.out, progress, frames)
 
 
 def _apply_camouflage(options: argparse.Namespace) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,18 +48,22 @@ def render_camouflages(
     paintworks: list[Paintwork],
     out: Path,
     progress: Progress,
-    every: int = 1,
+    frames: Sequence[contract.Frame] | None = None,
 ) -> None:
-    """Render each ``every``-th frame of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
+    """Render frames of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
 
-    Frames already there are kept if they come from the same UV map and sample count, and are rendered again otherwise.
+    Frames already there are kept if they come from the same plan, UV map and sample count, and are rendered again
+    otherwise.
+
+    Args:
+        frames: of the data set; all of them by default.
     """
-    frames = dataset.frames()[::every]
+    frames = dataset.frames() if frames is None else frames
     total, done = len(frames) * len(paintworks), 0
     files.require_space(out, total * dataset.plan.size**2 * 4)
     for paintwork in paintworks:
         folder = out / paintwork.name
-        _claim(folder, paintwork, session.plan.quality.samples)
+        _claim(folder, paintwork, session.plan)
         missing = [frame for frame in frames if not (folder / f"{frame.id}.png").is_file()]
         done += len(frames) - len(missing)
         progress(done, total, paintwork.name)
@@ -82,12 +86,26 @@ def render_camouflages(
             progress(done, total, f"{paintwork.name}/{frame.id}")
 
 
-def _claim(folder: Path, paintwork: Paintwork, samples: int) -> None:
-    """Bind ``folder`` to a UV map and sample count; other renders are removed, they would be mistaken for these."""
+def _claim(folder: Path, paintwork: Paintwork, plan: contract.Plan) -> None:
+    """Bind ``folder`` to a plan and a UV map; renders of others are removed, they would be mistaken for these."""
     note = folder / "camouflage.json"
-    bound = {"name": paintwork.name, "uv_map": paintwork.digest, "samples": samples}
-    if note.is_file() and json.loads(note.read_text()) == bound:
+    views = json.dumps(replace(plan, blender="").to_json(), sort_keys=True)
+    bound = {
+        "name": paintwork.name,
+        "uv_map": paintwork.digest,
+        "samples": plan.quality.samples,
+        "plan": hashlib.sha256(views.encode()).hexdigest()[:16],
+    }
+    if _noted(note) == bound:
         return
     for stale in folder.glob("*.png"):
         stale.unlink()
     files.write_json(note, bound)
+
+
+def _noted(note: Path) -> object:
+    """What a folder is bound to; None when it does not say, or says it in a damaged file."""
+    try:
+        return json.loads(note.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
