@@ -46,7 +46,7 @@ def findings() -> Iterator[Finding]:
     yield from _blender()
     for entry in status():
         remedy = f"rauca weights fetch {entry.source.name}"
-        optional = entry.source.name == "yolov3" and entry.state == "not fetched"
+        optional = not entry.source.standard and entry.state == "not fetched"
         yield Finding(f"weights {entry.source.name}", entry.state, entry.ready or optional, remedy)
 
 

@@ -1,11 +1,14 @@
 """Detectors: one interface, an adapter per family, and the registry of their weights."""
 
+from .catalogue import SOURCES
+from .checks import check_images
+from .classes import canonical, class_list, find_class
 from .darknet import DarknetDetector
 from .interface import DensePredictions, Detections, Detector
 from .load import load_detector, resolve
 from .nms import box_iou
 from .scoring import car_score, class_index
-from .sources import SOURCES, Source
+from .sources import Source
 from .store import WeightsStatus, fetch, status, weights_folder
 
 __all__ = [
@@ -17,9 +20,13 @@ __all__ = [
     "Source",
     "WeightsStatus",
     "box_iou",
+    "canonical",
     "car_score",
+    "check_images",
     "class_index",
+    "class_list",
     "fetch",
+    "find_class",
     "load_detector",
     "resolve",
     "status",

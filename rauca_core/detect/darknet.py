@@ -9,11 +9,15 @@ import torch
 from torch import Tensor
 
 from ..contract import RaucaError
+from .checks import check_images
 from .interface import DensePredictions, Detections
 from .letterbox import Letterbox
 from .network import DarknetNetwork
-from .nms import detections
+from .nms import clipped, detections
 from .weights_file import read_weights
+
+# As the networks were published; a cfg may state 608, for which the tiny ones gain little.
+DEFAULT_SIZE = 416
 
 
 class DarknetDetector:
@@ -25,12 +29,15 @@ class DarknetDetector:
         network: the differentiable module; its weights take no gradient.
     """
 
-    def __init__(self, name: str, cfg: Path, weights: Path, class_names: tuple[str, ...], size: int = 416) -> None:
-        """Build the network of ``cfg`` and read ``weights``.
+    def __init__(
+        self, name: str, cfg: Path, weights: Path, class_names: tuple[str, ...], size: int | None = None
+    ) -> None:
+        """Build the network of ``cfg`` and read ``weights``; ``size`` is 416 unless given.
 
         Raises:
             RaucaError: anything wrong with the files, a class list of another length, a size the network cannot take.
         """
+        size = DEFAULT_SIZE if size is None else size
         self.network = DarknetNetwork(cfg)
         if len(class_names) != self.network.classes:
             raise RaucaError(
@@ -52,16 +59,17 @@ class DarknetDetector:
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        check_images(self.name, images)
+        return self._predict(images)
+
+    @torch.inference_mode()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        check_images(self.name, images, waits=True)
+        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
+
+    def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)
         found: DensePredictions = self.network(box.fit(images))
         found.boxes = box.boxes_to_image(found.boxes)
-        return found
-
-    @torch.no_grad()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        found = detections(self.dense(images), score_threshold, iou_threshold)
-        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
-        for one in found:
-            one.boxes = one.boxes.clamp(min=0).minimum(limit)
         return found

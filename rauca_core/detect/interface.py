@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import torch
 from torch import Tensor
 
 
@@ -43,7 +44,7 @@ class Detector(Protocol):
 
     Attributes:
         name: as in tables, e.g. ``"yolov3-tiny"``.
-        class_names: (C,) names.
+        class_names: (C,) names, see :mod:`rauca_core.detect.classes`.
         fingerprint: hexadecimal; changes with anything that could change a prediction (weights, network, input size),
             so that results may be kept on disk under it.
     """
@@ -52,10 +53,22 @@ class Detector(Protocol):
     class_names: tuple[str, ...]
     fingerprint: str
 
+    def to(self, device: torch.device | str) -> Detector:
+        """Move the network to a device; returns self."""
+        ...
+
     def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``.
+
+        Raises:
+            RaucaError: images of another shape, type or range, or with NaN; see :mod:`rauca_core.detect.checks`.
+        """
         ...
 
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image after class-wise non-maximum suppression; no gradient."""
+        """Final detections per image after class-wise non-maximum suppression; no gradient.
+
+        Raises:
+            RaucaError: as :meth:`dense`.
+        """
         ...

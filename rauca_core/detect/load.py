@@ -2,26 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
 from ..contract import RaucaError
-from .darknet import DarknetDetector
+from .catalogue import SOURCES, find_source
+from .classes import class_list, read_names
 from .interface import Detector
-from .sources import SOURCES, find_source, read_names
-from .store import stored_path, verify
+from .sources import Family, Source
+from .store import stored_paths, verify
+
+_FAMILY_OF: dict[str, Family] = {
+    ".weights": "darknet",
+    ".pb": "tf-ssd",
+    ".caffemodel": "caffe-ssd",
+    ".onnx": "onnx",
+}
 
 
 @dataclass(frozen=True)
 class Resolved:
-    """Everything a detector is built from."""
+    """Everything a detector is built from.
+
+    Attributes:
+        files: the weights first, in the order of the source's files.
+        class_names: None when the weights say so themselves, as many ONNX and transformers files do.
+        network: see :class:`rauca_core.detect.Source`.
+    """
 
     name: str
-    cfg: Path
-    weights: Path
-    class_names: tuple[str, ...]
+    family: Family
+    files: tuple[Path, ...]
+    class_names: tuple[str, ...] | None
+    network: str = ""
 
 
 def resolve(name_or_path: str) -> Resolved:
@@ -29,8 +45,10 @@ def resolve(name_or_path: str) -> Resolved:
 
     Args:
         name_or_path: one of three forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
-            ``"yolov3=PATH.weights"``: the named network with weights of your own. ``"PATH.weights"``: the cfg is
-            ``PATH.cfg`` and the class names are ``PATH.names``.
+            ``"yolov3=PATH"``: the named network with weights of your own, a folder for transformers and MMDetection.
+            ``"PATH"``: a ``.weights`` (its cfg is ``PATH.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``) or
+            ``.onnx``; the class names are ``PATH.names`` beside it (``.pb`` and ``.caffemodel``: COCO's and VOC's, and
+            ``.onnx``: those inside, unless there is such a file).
 
     Raises:
         RaucaError: unknown name, missing or damaged file.
@@ -38,30 +56,60 @@ def resolve(name_or_path: str) -> Resolved:
     name, equals, path = name_or_path.partition("=")
     if equals:
         source = find_source(name)
-        return Resolved(name, source.cfg, _existing(Path(path)), source.class_names)
-    if name in SOURCES or not name.endswith(".weights"):
+        return _resolved(source, _own_files(source, Path(path)))
+    if name in SOURCES or Path(name).suffix not in _FAMILY_OF:
         source = find_source(name)
-        verify(source, stored_path(source))
-        return Resolved(name, source.cfg, stored_path(source), source.class_names)
-    weights = _existing(Path(name))
-    cfg, names = weights.with_suffix(".cfg"), weights.with_suffix(".names")
-    for beside in (cfg, names):
-        if not beside.is_file():
-            raise RaucaError(f"{beside}: not found; it must lie beside {weights.name}, or write NETWORK={weights}")
-    return Resolved(weights.stem, cfg, weights, read_names(names))
+        if source.family != "synth" and not source.files:
+            raise RaucaError(f"{name}: its weights must be given as {name}=PATH; get them with: {source.how}")
+        verify(source)
+        return _resolved(source, stored_paths(source))
+    return _by_path(Path(name))
 
 
-def load_detector(name_or_path: str, size: int = 416, device: torch.device | str = "cpu") -> Detector:
+def load_detector(name_or_path: str, size: int | None = None, device: torch.device | str = "cpu") -> Detector:
     """Load a detector by name or path, see :func:`resolve`.
 
     Args:
-        size: the network's square input, pixels; a multiple of 32.
+        size: the network's square input, pixels; None for the family's own. Graphs of a fixed size refuse others.
 
     Raises:
-        RaucaError: unknown name, missing, damaged or mismatched files, a size the network cannot take.
+        RaucaError: unknown name, missing, damaged or mismatched files, a size the network cannot take, a family whose
+            package is not installed.
     """
     found = resolve(name_or_path)
-    return DarknetDetector(found.name, found.cfg, found.weights, found.class_names, size).to(device)
+    return _MAKERS[found.family](found, size).to(device)
+
+
+def _resolved(source: Source, files: tuple[Path, ...]) -> Resolved:
+    return Resolved(source.name, source.family, files, source.class_names, source.network)
+
+
+def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
+    """The user's own weights for a named network."""
+    path = path.expanduser()
+    if source.family in ("transformers", "mmdet"):
+        if not path.is_dir():
+            raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
+        return (path,)
+    return _with_prototxt(path) if source.family == "caffe-ssd" else (_existing(path),)
+
+
+def _by_path(path: Path) -> Resolved:
+    weights = _existing(path)
+    family = _FAMILY_OF[weights.suffix]
+    names = weights.with_suffix(".names")
+    if family == "darknet":
+        for beside in (weights.with_suffix(".cfg"), names):
+            if not beside.is_file():
+                raise RaucaError(f"{beside}: not found; it must lie beside {weights.name}, or write NETWORK={weights}")
+    usual = {"tf-ssd": "coco-91", "caffe-ssd": "voc-20"}
+    class_names = read_names(names) if names.is_file() else class_list(usual[family]) if family in usual else None
+    files = _with_prototxt(weights) if family == "caffe-ssd" else (weights,)
+    return Resolved(weights.stem, family, files, class_names)
+
+
+def _with_prototxt(weights: Path) -> tuple[Path, ...]:
+    return _existing(weights), _existing(weights.with_suffix(".prototxt"))
 
 
 def _existing(path: Path) -> Path:
@@ -69,3 +117,93 @@ def _existing(path: Path) -> Path:
     if not path.is_file():
         raise RaucaError(f"{path}: not found")
     return path
+
+
+# Each adapter is imported when one of its detectors is wanted: frameworks take seconds, and may not be installed.
+
+
+def _darknet(found: Resolved, size: int | None) -> Detector:
+    from .darknet import DarknetDetector
+
+    weights = found.files[0]
+    cfg = find_source(found.name).cfg if found.network else weights.with_suffix(".cfg")
+    return DarknetDetector(found.name, cfg, weights, _names(found), size)
+
+
+def _tf_ssd(found: Resolved, size: int | None) -> Detector:
+    from .graphs import TfSsdDetector
+
+    return TfSsdDetector(found.name, found.files[0], _names(found), size)
+
+
+def _caffe_ssd(found: Resolved, size: int | None) -> Detector:
+    from .graphs import CaffeSsdDetector
+
+    _refuse_size(found, size)
+    return CaffeSsdDetector(found.name, found.files[1], found.files[0], _names(found))
+
+
+def _onnx(found: Resolved, size: int | None) -> Detector:
+    from .onnx import OnnxDetector
+
+    return OnnxDetector(found.name, found.files[0], found.class_names, size, found.network or None)
+
+
+def _torchvision(found: Resolved, size: int | None) -> Detector:
+    from .frameworks import TorchvisionDetector
+
+    return TorchvisionDetector(found.name, found.network, found.files[0], _names(found), size=size)
+
+
+def _transformers(found: Resolved, size: int | None) -> Detector:
+    from .frameworks import TransformersDetector
+
+    return TransformersDetector(found.name, found.files[0], size=size)
+
+
+def _mmdet(found: Resolved, size: int | None) -> Detector:
+    from .frameworks import MmdetDetector
+
+    _refuse_size(found, size)
+    folder = found.files[0]
+    config, checkpoint = (_only(folder, pattern) for pattern in ("*.py", "*.pth"))
+    return MmdetDetector(found.name, config, checkpoint)
+
+
+def _synth(found: Resolved, size: int | None) -> Detector:
+    from .training import load_synth
+
+    _refuse_size(found, size)
+    return load_synth(found.name)
+
+
+def _names(found: Resolved) -> tuple[str, ...]:
+    if found.class_names is None:
+        raise RaucaError(
+            f"{found.name}: no class names; write them, one per line, into a .names file beside the weights"
+        )
+    return found.class_names
+
+
+def _refuse_size(found: Resolved, size: int | None) -> None:
+    if size is not None:
+        raise RaucaError(f"{found.name}: the input size of a {found.family} detector is its own; leave size out")
+
+
+def _only(folder: Path, pattern: str) -> Path:
+    found = sorted(folder.glob(pattern))
+    if len(found) != 1:
+        raise RaucaError(f"{folder}: must hold exactly one {pattern}, found {len(found)}")
+    return found[0]
+
+
+_MAKERS: dict[Family, Callable[[Resolved, int | None], Detector]] = {
+    "darknet": _darknet,
+    "tf-ssd": _tf_ssd,
+    "caffe-ssd": _caffe_ssd,
+    "onnx": _onnx,
+    "torchvision": _torchvision,
+    "transformers": _transformers,
+    "mmdet": _mmdet,
+    "synth": _synth,
+}

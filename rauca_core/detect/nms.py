@@ -49,6 +49,12 @@ def detections(predictions: DensePredictions, score_threshold: float, iou_thresh
     ]
 
 
+def clipped(found: list[Detections], images: Tensor) -> list[Detections]:
+    """The same detections with their boxes cut off at the borders of ``images`` (B, 3, H, W)."""
+    limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
+    return [Detections(one.boxes.clamp(min=0).minimum(limit), one.scores, one.labels) for one in found]
+
+
 def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_threshold: float) -> Detections:
     index, label = (scores > score_threshold).nonzero(as_tuple=True)
     chosen = []

@@ -5,15 +5,24 @@ from __future__ import annotations
 from torch import Tensor
 
 from ..contract import RaucaError
+from .classes import find_class
 from .interface import Detector
 from .nms import box_iou
 
 
 def class_index(detector: Detector, category: str) -> int:
-    """Index of ``category`` among the detector's classes; raises :class:`RaucaError` when it has no such class."""
-    if category not in detector.class_names:
-        raise RaucaError(f"{detector.name}: knows no class {category!r}; choose a detector trained on it")
-    return detector.class_names.index(category)
+    """Index of ``category``, under whichever name the detector's list uses for it.
+
+    Raises:
+        RaucaError: the detector has no such class.
+    """
+    index = find_class(detector.class_names, category)
+    if index is None:
+        raise RaucaError(
+            f"{detector.name}: knows no class {category!r} (its {len(detector.class_names)} are "
+            f"{', '.join(detector.class_names[:4])} ...); choose a detector trained on it"
+        )
+    return index
 
 
 def car_score(detector: Detector, images: Tensor, boxes: Tensor, category: str = "car", min_iou: float = 0.3) -> Tensor:

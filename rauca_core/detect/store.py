@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..contract import RaucaError
-from .download import download
-from .sources import SOURCES, Source, find_source
+from .catalogue import SOURCES, find_source
+from .download import download, keep
+from .sources import Source, WeightsFile
 from .weights_file import sha256_of
+
+OWN_FOLDER = "RAUCA_WEIGHTS"  # environment: a folder of weights that were downloaded elsewhere
 
 
 def weights_folder() -> Path:
@@ -18,35 +22,88 @@ def weights_folder() -> Path:
 
 
 def stored_path(source: Source) -> Path:
-    return weights_folder() / f"{source.name}.weights"
+    """Of the source's first file, the weights."""
+    return weights_folder() / source.files[0].name
 
 
-def fetch(name: str) -> Path:
-    """The path of the named weights, downloaded if they are not here yet.
+def stored_paths(source: Source) -> tuple[Path, ...]:
+    """Of all its files, in its order."""
+    return tuple(weights_folder() / file.name for file in source.files)
+
+
+def fetch(name: str, folder: Path | None = None) -> Path:
+    """The path of the named weights, brought here if they are not yet.
+
+    Args:
+        folder: looked through for the source's files, which may have any name as they are known by their sha256;
+            the environment's ``RAUCA_WEIGHTS`` unless given. What is not there is downloaded.
 
     Raises:
-        RaucaError: unknown name, no connection, or a file that is not what its sha256 promises.
+        RaucaError: unknown name, weights that rauca cannot fetch (the message says how to get them), no such folder,
+            no connection, or a file that is not what its sha256 promises.
     """
     source = find_source(name)
-    path = stored_path(source)
-    if path.is_file() and path.stat().st_size == source.size_bytes:
-        verify(source, path)
-    else:
-        download(source, path)
-    return path
+    if not source.files:
+        raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
+    missing = [file for file in source.files if not _whole(file)]
+    for file in source.files:
+        if file not in missing:
+            _verify_file(source, file)
+    own = folder or (Path(os.environ[OWN_FOLDER]) if os.environ.get(OWN_FOLDER) else None)
+    if own is not None:
+        missing = [file for file in missing if not _take(source, file, own.expanduser())]
+    if missing:
+        download(name, missing, weights_folder())
+    return stored_path(source)
 
 
-def verify(source: Source, path: Path) -> None:
+def fetch_all(names: Iterable[str], folder: Path | None = None) -> tuple[dict[str, Path], dict[str, RaucaError]]:
+    """:func:`fetch` of each name, going on after an error: what is here now, and why the others are not."""
+    paths, errors = {}, {}
+    for name in names:
+        try:
+            paths[name] = fetch(name, folder)
+        except RaucaError as error:
+            errors[name] = error
+    return paths, errors
+
+
+def _take(source: Source, file: WeightsFile, folder: Path) -> bool:
+    """Copy ``file`` out of the user's folder if it is there under whatever name."""
+    if not folder.is_dir():
+        raise RaucaError(f"{folder}: not a folder; weights were to be looked for in it")
+    for path in sorted(folder.iterdir()):
+        if not path.is_file() or path.stat().st_size != (file.size_bytes or path.stat().st_size):
+            continue
+        if sha256_of(path).startswith(file.sha256):
+            with path.open("rb") as stream:
+                keep(source.name, stream, file, weights_folder() / file.name)
+            return True
+    return False
+
+
+def verify(source: Source) -> None:
     """Compare size and sha256 of stored weights with the source's; raises :class:`RaucaError` when they differ."""
+    for file in source.files:
+        _verify_file(source, file)
+
+
+def _verify_file(source: Source, file: WeightsFile) -> None:
+    path = weights_folder() / file.name
     if not path.is_file():
         raise RaucaError(f"{source.name}: not fetched yet; run `rauca weights fetch {source.name}`")
     found = path.stat().st_size
-    if found != source.size_bytes:
+    if not _whole(file):
         raise RaucaError(
-            f"{path}: expected {source.size_bytes} bytes, found {found}; run `rauca weights fetch {source.name}`"
+            f"{path}: expected {file.size_bytes} bytes, found {found}; run `rauca weights fetch {source.name}`"
         )
-    if sha256_of(path) != source.sha256:
+    if not sha256_of(path).startswith(file.sha256):
         raise RaucaError(f"{path}: sha256 differs from the published weights; remove the file and fetch it again")
+
+
+def _whole(file: WeightsFile) -> bool:
+    path = weights_folder() / file.name
+    return path.is_file() and path.stat().st_size == (file.size_bytes or path.stat().st_size)
 
 
 @dataclass(frozen=True)
@@ -63,13 +120,14 @@ class WeightsStatus:
 
 
 def status() -> list[WeightsStatus]:
-    """Every named source and whether its weights are here and whole (by size; loading checks the hash)."""
-    return [_status(source, stored_path(source)) for source in SOURCES.values()]
+    """What can be fetched, and whether it is here and whole (by size; loading checks the hash)."""
+    return [_status(source) for source in SOURCES.values() if source.files]
 
 
-def _status(source: Source, path: Path) -> WeightsStatus:
-    if not path.is_file():
-        return WeightsStatus(source, path, "not fetched")
-    found = path.stat().st_size
-    whole = found == source.size_bytes
-    return WeightsStatus(source, path, "ready" if whole else f"{found} bytes, expected {source.size_bytes}")
+def _status(source: Source) -> WeightsStatus:
+    for file, path in zip(source.files, stored_paths(source), strict=True):
+        if not path.is_file():
+            return WeightsStatus(source, path, "not fetched")
+        if not _whole(file):
+            return WeightsStatus(source, path, f"{path.stat().st_size} bytes, expected {file.size_bytes}")
+    return WeightsStatus(source, stored_path(source), "ready")

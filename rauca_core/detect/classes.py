@@ -1,0 +1,62 @@
+"""Names of categories: the same thing is called differently in darknet's, VOC's and COCO's lists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..contract import RaucaError
+from ..contract.assets import assets_folder
+
+# COCO numbers its 80 categories up to 90; the numbers in between belong to none.
+GAP = "n/a"
+
+# From the names of darknet's and VOC's lists to COCO's, which data sets use.
+_COCO_NAMES = {
+    "aeroplane": "airplane",
+    "motorbike": "motorcycle",
+    "diningtable": "dining table",
+    "sofa": "couch",
+    "pottedplant": "potted plant",
+    "tvmonitor": "tv",
+    "tv monitor": "tv",
+}
+
+
+def canonical(name: str) -> str:
+    """COCO's name of a category, in lower case; a name that COCO does not know is its own."""
+    plain = " ".join(name.lower().replace("_", " ").split())
+    return _COCO_NAMES.get(plain, plain)
+
+
+def class_list(name: str) -> tuple[str, ...]:
+    """The shipped list ``coco-80``, ``coco-91`` or ``voc-20``, in canonical names.
+
+    ``coco-91`` has 90 entries: category 1 comes first, and :data:`GAP` stands where COCO left a number out.
+    """
+    return tuple(canonical(line) for line in read_names(assets_folder() / "detectors" / f"{name}.names"))
+
+
+def find_class(class_names: Sequence[str], category: str) -> int | None:
+    """Index of ``category`` under any of its names; None when the list lacks it."""
+    wanted = canonical(category)
+    if wanted == GAP:
+        return None
+    return next((index for index, name in enumerate(class_names) if canonical(name) == wanted), None)
+
+
+def read_names(path: Path) -> tuple[str, ...]:
+    """Class names, one per line.
+
+    Raises:
+        RaucaError: missing, unreadable or empty file.
+    """
+    try:
+        names = tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
+    except FileNotFoundError:
+        raise RaucaError(f"{path}: not found") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RaucaError(f"{path}: cannot be read as text ({error})") from error
+    if not names:
+        raise RaucaError(f"{path}: holds no class names")
+    return names
