@@ -1,0 +1,86 @@
+"""Local gradients smoothing (Naseer, Khan, Porikli, WACV 2019): darken where gradients crowd.
+
+An adversarial patch is a dense heap of strong gradients. The image's gradient magnitudes, scaled to [0, 1], are
+averaged over overlapping blocks; in blocks above a threshold every pixel is darkened in proportion to its own gradient.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from .interface import Configured, require
+
+
+@dataclass(frozen=True)
+class LocalGradientsSmoothing(Configured):
+    """LGS with the paper's parameters. Differentiable; the choice of blocks counts as constant.
+
+    The paper leaves three things open. Colour: squared differences are summed over the channels. Overlaps: a pixel is
+    smoothed when any of its blocks is above the threshold. Edges: the last row and column of blocks end with the image.
+
+    Attributes:
+        block: side of a block, pixels (k); all of the image's side where that is shorter.
+        overlap: of neighbouring blocks, pixels (o).
+        threshold: on a block's mean normalised gradient (gamma).
+        smoothing: factor on the gradient (lambda).
+    """
+
+    kind: ClassVar[str] = "lgs"
+    version: ClassVar[int] = 1
+    block: int = 15
+    overlap: int = 5
+    threshold: float = 0.1
+    smoothing: float = 2.3
+
+    def __post_init__(self) -> None:
+        require(self.block >= 1, self.kind, f"block={self.block}", "give a number of pixels above 0")
+        fits = 0 <= self.overlap < self.block
+        require(fits, self.kind, f"overlap={self.overlap}", f"give 0 to block - 1 = {self.block - 1}")
+        require(0 <= self.threshold <= 1, self.kind, f"threshold={self.threshold}", "give 0 to 1")
+        require(self.smoothing >= 0, self.kind, f"smoothing={self.smoothing}", "give 0 or more")
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """(B, 3, H, W) sRGB -> darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
+        self.check(images)
+        gradient = normalised_gradient(images)
+        crowded = self._crowded_blocks(gradient.detach())
+        return images * (1 - (self.smoothing * gradient * crowded).clamp(0, 1))
+
+    def _crowded_blocks(self, gradient: Tensor) -> Tensor:
+        """(B, 1, H, W) gradient -> 1 at the pixels of blocks above the threshold, else 0."""
+        height, width = gradient.shape[2:]
+        block = (min(self.block, height), min(self.block, width))
+        rows, columns = (self._starts(size, side) for size, side in zip((height, width), block, strict=True))
+        means = functional.avg_pool2d(functional.avg_pool2d(gradient, (block[0], 1), 1), (1, block[1]), 1)
+        chosen = torch.zeros_like(means)
+        at = (..., rows[:, None], columns)
+        chosen[at] = (means[at] > self.threshold).to(means)
+        # A pixel's blocks start up to a block's side before it.
+        before = functional.pad(chosen, (block[1] - 1, block[1] - 1, block[0] - 1, block[0] - 1))
+        return functional.max_pool2d(functional.max_pool2d(before, (block[0], 1), 1), (1, block[1]), 1)
+
+    def _starts(self, size: int, block: int) -> Tensor:
+        """First pixels of the blocks along an axis."""
+        stride = max(1, block - self.overlap)
+        last = size - block
+        return torch.arange(0, last + stride, stride).clamp(max=last)
+
+
+def normalised_gradient(images: Tensor) -> Tensor:
+    """First-order gradient magnitude of (B, 3, H, W), scaled per image to [0, 1] -> (B, 1, H, W); 0 where it is flat.
+
+    Forward differences; none across the last row and column.
+    """
+    dx = functional.pad(images.diff(dim=3), (0, 1, 0, 0))
+    dy = functional.pad(images.diff(dim=2), (0, 0, 0, 1))
+    squared = (dx.square() + dy.square()).sum(dim=1, keepdim=True)
+    # The root's slope is infinite at 0: flat pixels take a detour whose gradient is 0.
+    magnitude = torch.where(squared > 0, squared, 1).sqrt() * (squared > 0)
+    low, high = magnitude.amin((2, 3), keepdim=True), magnitude.amax((2, 3), keepdim=True)
+    span = high - low
+    return (magnitude - low) / torch.where(span > 0, span, 1)

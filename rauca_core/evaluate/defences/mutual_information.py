@@ -1,0 +1,71 @@
+"""How much neighbouring windows of an image tell about each other: PAD's first heat map."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+SMALLEST_WINDOW = 8
+LEVELS = 256
+
+
+def window_side(height: int, width: int) -> int:
+    """Side of PAD's windows, pixels: a hundredth of the longer side, even, at least 8."""
+    hundredth = -(-max(height, width) // 100)
+    return max(SMALLEST_WINDOW, hundredth + hundredth % 2)
+
+
+def mutual_information_map(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Mean mutual information, nats, of the window around each pixel with its neighbours above, below, left and right.
+
+    Windows of :func:`window_side` overlap by half; the image is mirrored at its border; between the windows' centres
+    the map is interpolated. Like the published code, this is the plug-in estimate over 256 grey levels from the few
+    pixels of a window: high where grey values hardly repeat, as in noise and in fine texture, and 0 where it is flat.
+
+    Args:
+        grey: (H, W) 8-bit.
+    """
+    height, width = grey.shape
+    side = window_side(height, width)
+    stride = side // 2
+    padded = np.pad(grey, stride, mode="symmetric").astype(np.uint16)
+    windows = sliding_window_view(padded, (side, side))[::stride, ::stride]
+    windows = np.ascontiguousarray(windows).reshape(*windows.shape[:2], -1)
+    means = _mean_over_neighbours(windows)
+    # Window i reaches from (i - 1) to (i + 1) strides: its centre lies on the pixel edge i * stride.
+    at_y, at_x = ((np.arange(size, dtype=np.float32) + 0.5) / stride for size in (height, width))
+    grid_x, grid_y = np.meshgrid(at_x, at_y)
+    heat = cv2.remap(means, grid_x, grid_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(heat, np.float32)
+
+
+def _mean_over_neighbours(windows: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """(rows, columns, pixels) windows half a side apart -> (rows, columns); neighbours are those that just touch."""
+    rows, columns, _ = windows.shape
+    entropy = _entropy(windows)
+    total, neighbours = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for axis in (0, 1):
+        if windows.shape[axis] <= 2:
+            continue  # no two windows touch without overlap
+        first: tuple[slice, ...] = (slice(None),) * axis + (slice(None, -2),)
+        second: tuple[slice, ...] = (slice(None),) * axis + (slice(2, None),)
+        joint = _entropy(windows[first] * LEVELS + windows[second])
+        information = entropy[first] + entropy[second] - joint
+        for place in (first, second):
+            total[place] += information
+            neighbours[place] += 1
+    return (total / np.maximum(neighbours, 1)).astype(np.float32)
+
+
+def _entropy(symbols: NDArray[np.uint16]) -> NDArray[np.float64]:
+    """Shannon entropy, nats, of the symbols along the last axis."""
+    shape, pixels = symbols.shape[:-1], symbols.shape[-1]
+    ordered = np.sort(symbols.reshape(-1, pixels), axis=1)
+    starts = np.ones(ordered.shape, bool)
+    starts[:, 1:] = ordered[:, 1:] != ordered[:, :-1]
+    positions = np.flatnonzero(starts)
+    counts = np.diff(positions, append=ordered.size)
+    weighted = np.bincount(positions // pixels, counts * np.log(counts), minlength=len(ordered))
+    return (np.log(pixels) - weighted / pixels).reshape(shape)

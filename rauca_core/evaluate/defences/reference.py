@@ -1,0 +1,73 @@
+"""The cheapest defences, to see whether the elaborate ones earn their keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from torch import Tensor
+from torch.nn import functional
+
+from .interface import Configured, require
+
+
+@dataclass(frozen=True)
+class Nothing(Configured):
+    """No defence: the images as they are."""
+
+    kind: ClassVar[str] = "none"
+    version: ClassVar[int] = 1
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """(B, 3, H, W) sRGB -> the same tensor, once checked."""
+        self.check(images)
+        return images
+
+
+@dataclass(frozen=True)
+class BitDepth(Configured):
+    """Fewer grey levels per channel (Xu, Evans, Qi: Feature Squeezing, NDSS 2018). Its gradient is zero.
+
+    Attributes:
+        depth: bits per channel, 1 to 8.
+    """
+
+    kind: ClassVar[str] = "bits"
+    version: ClassVar[int] = 1
+    depth: int = 5
+
+    def __post_init__(self) -> None:
+        require(1 <= self.depth <= 8, self.kind, f"depth={self.depth}", "give 1 to 8 bits per channel")
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """(B, 3, H, W) sRGB -> rounded to the nearest of 2^depth evenly spaced values."""
+        self.check(images)
+        levels = 2**self.depth - 1
+        return (images * levels).round() / levels
+
+
+@dataclass(frozen=True)
+class Median(Configured):
+    """Median over a square neighbourhood, per channel (Feature Squeezing again); the border is repeated outwards.
+
+    Differentiable: the gradient reaches the pixel that was the median.
+
+    Attributes:
+        size: side of the neighbourhood, pixels, odd.
+    """
+
+    kind: ClassVar[str] = "median"
+    version: ClassVar[int] = 1
+    size: int = 3
+
+    def __post_init__(self) -> None:
+        valid = 1 <= self.size <= 15 and self.size % 2 == 1
+        require(valid, self.kind, f"size={self.size}", "give an odd number of pixels, 1 to 15")
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """(B, 3, H, W) sRGB -> smoothed."""
+        self.check(images)
+        reach = self.size // 2
+        padded = functional.pad(images, (reach,) * 4, mode="replicate")
+        neighbourhoods = padded.unfold(2, self.size, 1).unfold(3, self.size, 1)
+        return neighbourhoods.flatten(-2).median(dim=-1).values
