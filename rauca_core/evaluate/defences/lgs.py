@@ -7,6 +7,7 @@ averaged over overlapping blocks; in blocks above a threshold every pixel is dar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import ClassVar
 
 import torch
@@ -42,7 +43,7 @@ class LocalGradientsSmoothing(Configured):
         fits = 0 <= self.overlap < self.block
         require(fits, self.kind, f"overlap={self.overlap}", f"give 0 to block - 1 = {self.block - 1}")
         require(0 <= self.threshold <= 1, self.kind, f"threshold={self.threshold}", "give 0 to 1")
-        require(self.smoothing >= 0, self.kind, f"smoothing={self.smoothing}", "give 0 or more")
+        require(0 <= self.smoothing < inf, self.kind, f"smoothing={self.smoothing}", "give 0 or more")
 
     def __call__(self, images: Tensor) -> Tensor:
         """(B, 3, H, W) sRGB -> darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
