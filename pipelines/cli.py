@@ -63,8 +63,14 @@ def optimize(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
     out: Annotated[Path, typer.Option(help="folder for the camouflage, its history and checkpoints")],
     detector: Annotated[
-        str, typer.Option(help="name from `rauca weights list`, or NETWORK=PATH.weights")
-    ] = "yolov3-tiny",
+        list[str] | None,
+        typer.Option(
+            help="a name or file, see `rauca detectors list`; repeat to attack several; yolov3-tiny by default"
+        ),
+    ] = None,
+    weight: Annotated[
+        list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
+    ] = None,
     steps: int = 1000,
     batch: Annotated[int, typer.Option(help="frames per step")] = 4,
     lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
@@ -73,22 +79,26 @@ def optimize(
     samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
     start: Annotated[str, typer.Option(help="random or plain")] = "random",
     limit: Annotated[
-        str, typer.Option(help="keep texels in range by project (ours) or clamp (as published)")
+        str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
     ] = "project",
     roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
+    rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
+    precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
     seed: int = 0,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
     name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
-    """Optimise a camouflage UV map against a detector."""
+    """Optimise a camouflage UV map against one or several detectors."""
     from .optimize_camouflage import optimize_camouflage
 
     settings = make_settings(
         steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, samples=samples, start=start, limit=limit,
-        roa=roa, seed=seed, threads=threads, name=name,
+        roa=roa, rest=rest, precision=precision, seed=seed, threads=threads, name=name,
+        weights=tuple(weight) if weight else None,
     )  # fmt: skip
-    console.print(f"camouflage: {optimize_camouflage(dataset, detector, settings, out, resume)}")
+    detectors = detector or ["yolov3-tiny"]
+    console.print(f"camouflage: {optimize_camouflage(dataset, detectors, settings, out, resume)}")
 
 
 @app.command()

@@ -78,7 +78,7 @@ def run_demo(choice: DemoChoice) -> Path:
     def optimise() -> None:
         settings = make_settings(steps=scale.steps, batch=scale.batch, lr=scale.lr, seed=SEED, checkpoint_every=50)
         started = (rauca.parent / "checkpoints").is_dir()
-        optimize_camouflage(train, WHITE_BOX, settings, rauca.parent, resume=started)
+        optimize_camouflage(train, [WHITE_BOX], settings, rauca.parent, resume=started)
 
     def paint_random() -> None:
         loaded = load_vehicle(train / "vehicle", read_image)

@@ -5,11 +5,13 @@ from .baselines import plain_camouflage, random_camouflage
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
 from .optimiser import optimise
+from .panel import Panel
 from .settings import OptimiserSettings, make_settings
 
 __all__ = [
     "Augmentation",
     "OptimiserSettings",
+    "Panel",
     "SmoothLoss",
     "StepReport",
     "attack_loss",

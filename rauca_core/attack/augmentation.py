@@ -52,6 +52,11 @@ class Augmentation:
             matrix, torch.tensor(brightness, dtype=torch.float32), torch.tensor(contrast, dtype=torch.float32)
         )
 
+    def part(self, first: int, step: int) -> Augmentation:
+        """Those of every ``step``-th image from ``first`` on."""
+        mine = slice(first, None, step)
+        return Augmentation(self.matrix[mine], self.brightness[mine], self.contrast[mine])
+
     def __call__(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """Augment sRGB images (B, 3, H, W) in [0, 1] and move their boxes (B, 4) xyxy along.
 

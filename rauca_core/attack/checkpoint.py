@@ -12,21 +12,23 @@ from ..checkpoint_files import POINTER, differences, read_tensors, write_checkpo
 from ..contract import RaucaError
 from ..contract.schema import read_json
 
-FORMAT = ("rauca-checkpoint", 1)
+FORMAT = ("rauca-checkpoint", 2)
 OTHER_RUN = "start the run in a new folder"
-_TENSORS = ("texels", "exp_avg", "exp_avg_sq", "adam_step")
+_TENSORS = ("parameter", "exp_avg", "exp_avg_sq", "adam_step", "order", "next")
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
     """A run after ``step`` steps.
 
-    Random streams are functions of the seed and the step, so there is no generator state to keep.
+    Random streams are functions of the seed and the step, so there is no generator state to keep. The frames
+    of the next step are drawn already: they are loaded while the step before them works.
 
     Attributes:
         step: steps done.
         identity: what the run depends on (settings, data set, vehicle, detector), as JSON.
-        tensors: ``texels`` (P, 3) sRGB, Adam's ``exp_avg``, ``exp_avg_sq`` (P, 3) and ``adam_step`` ().
+        tensors: the texture's ``parameter``; Adam's ``exp_avg`` and ``exp_avg_sq`` of its shape, ``adam_step`` ();
+            ``order``, see ``FrameOrder.state``; ``next`` (B,), the frames of the next step.
     """
 
     step: int

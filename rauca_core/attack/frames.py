@@ -111,19 +111,28 @@ class FrameStore:
         return ReadyFrame(frame, taps, torch.from_numpy(A[pixels]), torch.from_numpy(B[pixels]), background)
 
 
-def render_batch(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
-    """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1].
+def see(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+    """Linear albedo (R, 3) that the taps of a batch read from a texture, frame after frame."""
+    return canvas.see([f.taps.rows for f in batch])
+
+
+def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
+    """What :func:`see` returned, in the frames' light and place: sRGB images (B, 3, H, W) in [0, 1].
 
     The paint is lit exactly; pixels that no tap reaches keep the frame's reference paint.
     """
     width, height = batch[0].taps.width, batch[0].taps.height
-    albedo = canvas.see([f.taps.rows for f in batch])
     A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
     paint = display(composite(albedo, albedo.new_ones(()), A, B))
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
     places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
     flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)
     return flat.reshape(len(batch), height, width, 3).permute(0, 3, 1, 2)
+
+
+def render_batch(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+    """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1]."""
+    return light_up(batch, see(batch, canvas))
 
 
 def boxes_of(batch: Sequence[ReadyFrame]) -> Tensor:

@@ -25,7 +25,8 @@ class StepReport:
         step: counted from 1; ``steps`` in all.
         loss: Eq. 8; ``attack`` and ``smooth`` are Eq. 6 (mean over the batch) and Eq. 7, unweighted.
         score: max H_d, mean over the batch.
-        seconds: of the whole step; ``detector_seconds`` of them in the detector and its gradient.
+        seconds: of the whole step.
+        stages: seconds by stage, see `stopwatch`; ``detector`` is the detectors and their gradient.
     """
 
     step: int
@@ -35,7 +36,7 @@ class StepReport:
     smooth: float
     score: float
     seconds: float
-    detector_seconds: float
+    stages: dict[str, float]
 
 
 class Journal:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..contract import RaucaError
+from .limits import LimitName
 
 
 class OptimiserSettings(BaseModel):
@@ -24,9 +25,11 @@ class OptimiserSettings(BaseModel):
         pixel_filter: of the renderer that made the frames.
         seed: names every random stream.
         start: ``random`` uniform texels, or ``plain`` mid grey.
-        limit: keep texels in [0, 1] by ``project`` (after each step; every texel keeps its gradient) or by ``clamp``
-            (in the forward pass, as published; texels beyond the range have none).
+        limit: how texels are kept in [0, 1], see `limits`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
+        rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
+        weights: of the detectors in the attack loss; equal when None.
+        precision: of the detectors' networks; losses are in float32.
         target: the class to hide.
         detector_size: images are resized to this side first, pixels; None leaves them to the detector's adapter.
         checkpoint_every: steps.
@@ -48,8 +51,11 @@ class OptimiserSettings(BaseModel):
     pixel_filter: Literal["blackman-harris", "box"] = "blackman-harris"
     seed: int = Field(0, ge=0)
     start: Literal["random", "plain"] = "random"
-    limit: Literal["project", "clamp"] = "project"
+    limit: LimitName = "project"
     roa: bool = True
+    rest: int = Field(0, ge=0, le=1000)
+    weights: tuple[float, ...] | None = None
+    precision: Literal["float32", "bfloat16"] = "float32"
     target: str = "car"
     detector_size: int | None = Field(None, ge=32, le=8192)
     checkpoint_every: int = Field(100, ge=1)

@@ -53,6 +53,12 @@ class Team:
         dist.all_reduce(votes, dist.ReduceOp.MAX)
         return bool(votes.item())
 
+    def sum(self, values: torch.Tensor) -> torch.Tensor:
+        """Add ``values`` up over the processes, in place; every process must ask."""
+        if self.size > 1:
+            dist.all_reduce(values)
+        return values
+
     def broadcast(self, values: list[float]) -> list[float]:
         """Process 0's numbers, in every process; all give as many."""
         if self.size == 1:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimiserSettings, make_settings, optimise, optimiser, read_history
+from rauca_core.attack import OptimiserSettings, make_settings, optimise, panel, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimiser import CHECKPOINTS
 from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
@@ -27,16 +27,17 @@ def settings(**chosen: Any) -> OptimiserSettings:
 
 
 def texels(out: Path) -> torch.Tensor:
-    return load_checkpoint(out / CHECKPOINTS).tensors["texels"]
+    return load_checkpoint(out / CHECKPOINTS).tensors["parameter"]
 
 
 def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings(steps=40, roa=False, batch=6, start="plain", name="mine")
-    path = optimise(dataset, small_detector, chosen, tmp_path / "out", on_step=seen.append)
+    path = optimise(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
     assert [r.step for r in seen] == list(range(1, 41))
     assert seen[-1].attack < 0.9 * seen[0].attack
-    assert all(0 < r.detector_seconds < r.seconds for r in seen)
+    assert all(0 < r.stages["detector"] < r.seconds for r in seen)
+    assert all(0 < sum(r.stages.values()) <= r.seconds for r in seen)
     camouflage, image = load_camouflage(path)
     assert camouflage.atlas_id == dataset.plan.atlas_id
     assert (camouflage.name, camouflage.method, camouflage.size) == ("mine", "rauca", 64)
@@ -51,9 +52,9 @@ def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: An
     assert list((tmp_path / "out" / "tensorboard").iterdir())
 
 
-@pytest.mark.parametrize("limit", ["project", "clamp"])
+@pytest.mark.parametrize("limit", ["project", "clamp", "tanh"])
 def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str) -> None:
-    optimise(dataset, small_detector, settings(limit=limit), tmp_path / "whole")
+    optimise(dataset, [small_detector], settings(limit=limit), tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -63,10 +64,15 @@ def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimise(dataset, small_detector, settings(limit=limit), tmp_path / "parts", on_step=cut)
+        optimise(dataset, [small_detector], settings(limit=limit), tmp_path / "parts", on_step=cut)
     steps = []
     again = optimise(
-        dataset, small_detector, settings(limit=limit), tmp_path / "parts", lambda r: steps.append(r.step), resume=True
+        dataset,
+        [small_detector],
+        settings(limit=limit),
+        tmp_path / "parts",
+        lambda r: steps.append(r.step),
+        resume=True,
     )
     assert steps == [4, 5, 6, 7, 8]  # the checkpoint was made after step 3
     assert torch.equal(texels(tmp_path / "whole"), texels(tmp_path / "parts"))
@@ -85,16 +91,16 @@ def test_stop_signal_leaves_a_checkpoint(
 
     before = signal.getsignal(number)
     with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*--resume"):
-        optimise(dataset, small_detector, settings(), tmp_path / "out", on_step=stop)
+        optimise(dataset, [small_detector], settings(), tmp_path / "out", on_step=stop)
     assert signal.getsignal(number) == before
     assert load_checkpoint(tmp_path / "out" / CHECKPOINTS).step == 4
     assert len(read_history(tmp_path / "out")) == 4
-    optimise(dataset, small_detector, settings(), tmp_path / "out", resume=True)
+    optimise(dataset, [small_detector], settings(), tmp_path / "out", resume=True)
     assert len(read_history(tmp_path / "out")) == 8
 
 
 def test_runs_outside_the_main_thread(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
-    thread = threading.Thread(target=optimise, args=(dataset, small_detector, settings(steps=1), tmp_path / "out"))
+    thread = threading.Thread(target=optimise, args=(dataset, [small_detector], settings(steps=1), tmp_path / "out"))
     thread.start()
     thread.join()
     assert (tmp_path / "out" / "camouflage.json").is_file()
@@ -113,7 +119,7 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
 
     small_detector.dense = dense
     with pytest.raises(RaucaError, match=r"step 1: .* not finite on frame L00-"):
-        optimise(dataset, small_detector, settings(batch=6), tmp_path / "out")
+        optimise(dataset, [small_detector], settings(batch=6), tmp_path / "out")
     assert calls == [6]
 
     frame = load_frame(dataset.frame_folder(bad))
@@ -124,13 +130,13 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
     )
     small_detector.dense = broken
     with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN"):
-        optimise(dataset, small_detector, settings(batch=6), tmp_path / "other")
+        optimise(dataset, [small_detector], settings(batch=6), tmp_path / "other")
 
 
 def test_projection_keeps_every_texel_alive(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     shared = {"steps": 30, "lr": 0.2, "checkpoint_every": 30}
-    optimise(dataset, small_detector, settings(**shared), tmp_path / "project")
-    optimise(dataset, small_detector, settings(**shared, limit="clamp"), tmp_path / "clamp")
+    optimise(dataset, [small_detector], settings(**shared), tmp_path / "project")
+    optimise(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
     projected, clamped = texels(tmp_path / "project"), texels(tmp_path / "clamp")
     assert projected.min() >= 0
     assert projected.max() <= 1
@@ -145,18 +151,18 @@ def test_frames_without_a_box_are_skipped(
         fields = json.loads((folder / "frame.json").read_text())
         (folder / "frame.json").write_text(json.dumps({**fields, "box_xyxy": None}))
         (folder / "passes.npz").unlink()  # must not even be opened
-    optimise(dataset, small_detector, settings(steps=2), tmp_path / "out")
+    optimise(dataset, [small_detector], settings(steps=2), tmp_path / "out")
     first = dataset.frame_folder(dataset.frames()[0].id) / "frame.json"
     first.write_text(json.dumps({**json.loads(first.read_text()), "box_xyxy": None}))
     with pytest.raises(RaucaError, match="no finished frame shows the vehicle"):
-        optimise(dataset, small_detector, settings(steps=2), tmp_path / "none")
+        optimise(dataset, [small_detector], settings(steps=2), tmp_path / "none")
 
 
 def test_images_and_boxes_reach_the_detector_at_its_size(
     dataset: Dataset, small_detector: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shapes, boxes = [], []
-    score = optimiser.detection_score
+    score = panel.detection_score
 
     def listen(predictions: Any, truth: torch.Tensor, label: int) -> torch.Tensor:
         boxes.append(truth)
@@ -164,9 +170,9 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
 
     dense = small_detector.dense
     monkeypatch.setattr(small_detector, "dense", lambda x: (shapes.append(tuple(x.shape)), dense(x))[1])
-    monkeypatch.setattr(optimiser, "detection_score", listen)
+    monkeypatch.setattr(panel, "detection_score", listen)
     for number, size in enumerate((None, 128)):
-        optimise(dataset, small_detector, settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
+        optimise(dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
     assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
     assert torch.equal(boxes[0] * 2, boxes[1])
 
@@ -176,21 +182,21 @@ def test_wrong_conditions_are_refused(
 ) -> None:
     out = tmp_path / "out"
     with pytest.raises(RaucaError, match="no run"):
-        optimise(dataset, small_detector, settings(), out, resume=True)
-    optimise(dataset, small_detector, settings(steps=1), out)
+        optimise(dataset, [small_detector], settings(), out, resume=True)
+    optimise(dataset, [small_detector], settings(steps=1), out)
     with pytest.raises(RaucaError, match="resume it or choose another folder"):
-        optimise(dataset, small_detector, settings(), out)
+        optimise(dataset, [small_detector], settings(), out)
     with pytest.raises(RaucaError, match="another lr, seed;"):
-        optimise(dataset, small_detector, settings(lr=0.5, seed=9), out, resume=True)
+        optimise(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
     (tensors,) = (out / CHECKPOINTS).glob("*.safetensors")
     tensors.write_bytes(tensors.read_bytes()[:100])
     with pytest.raises(RaucaError, match="damaged"):
-        optimise(dataset, small_detector, settings(), out, resume=True)
+        optimise(dataset, [small_detector], settings(), out, resume=True)
     with pytest.raises(RaucaError, match="knows no class 'plane'"):
-        optimise(dataset, small_detector, settings(target="plane"), tmp_path / "plane")
+        optimise(dataset, [small_detector], settings(target="plane"), tmp_path / "plane")
     dark = dataset_factory(tmp_path / "dark", box_vehicle, 64, (40.0,), light=False)
     with pytest.raises(RaucaError, match="without light maps"):
-        optimise(dark, small_detector, settings(), tmp_path / "nolight")
+        optimise(dark, [small_detector], settings(), tmp_path / "nolight")
 
 
 def test_settings_name_what_is_wrong() -> None:
@@ -202,7 +208,7 @@ def test_settings_name_what_is_wrong() -> None:
 
 def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     torch.manual_seed(123)  # global state must not matter
-    optimise(dataset, small_detector, settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
+    optimise(dataset, [small_detector], settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
     found = texels(tmp_path / "out")
     wanted = torch.rand(found.shape, generator=torch.Generator().manual_seed(named_seed(5, "start")))
     assert torch.allclose(found, wanted, atol=1e-6)

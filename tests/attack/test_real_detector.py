@@ -33,7 +33,7 @@ def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_fact
     sedan = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     dataset = dataset_factory(tmp_path / "data", sedan, 256, (60.0, 300.0))
     chosen = make_settings(steps=14, batch=4, map_size=256, samples=2, start="plain", roa=False, checkpoint_every=20)
-    path = optimise(dataset, yolo, chosen, tmp_path / "out")
+    path = optimise(dataset, [yolo], chosen, tmp_path / "out")
 
     # Judge the PNG as anyone would load it, not the texels the optimiser held.
     store = FrameStore(dataset, chosen)

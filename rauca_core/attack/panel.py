@@ -1,0 +1,94 @@
+"""The detectors that a camouflage is optimised against: one, or several at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..contract import RaucaError
+from ..detect import Detector, class_index
+from .losses import attack_loss, detection_score
+
+
+@dataclass(frozen=True, eq=False)
+class Attacked:
+    """What a panel made of a batch.
+
+    Attributes:
+        losses: (B,) Eq. 6 per image, mean over the detectors by weight.
+        scores: (B,) max H_d per image, the highest over the detectors: what is left to hide.
+        gradient: (B, 3, H, W) of the sum of ``losses`` with respect to the images.
+    """
+
+    losses: Tensor
+    scores: Tensor
+    gradient: Tensor
+
+
+class Panel:
+    """White-box detectors, each with a weight in the attack loss.
+
+    Detectors are run and differentiated one after another: memory is that of the largest, not of all.
+    """
+
+    def __init__(
+        self,
+        detectors: Sequence[Detector],
+        target: str,
+        weights: Sequence[float] | None = None,
+        precision: str = "float32",
+    ) -> None:
+        """Check the panel.
+
+        Args:
+            target: the class to hide; every detector must know it.
+            weights: one per detector, of any sum; equal if left out.
+            precision: of the detectors' networks, ``float32`` or ``bfloat16``; losses are in float32.
+
+        Raises:
+            RaucaError: no detectors, as many weights as there are not detectors, an unknown class.
+        """
+        if not detectors:
+            raise RaucaError("optimise: no detector given; name at least one")
+        weights = [1.0] * len(detectors) if weights is None else list(weights)
+        if len(weights) != len(detectors):
+            raise RaucaError(f"weights: {len(weights)} for {len(detectors)} detectors; give one to each, or none")
+        if min(weights) < 0 or sum(weights) <= 0:
+            raise RaucaError(f"weights: {weights} must be 0 or above, one of them above 0")
+        self.detectors, self.precision = tuple(detectors), precision
+        self.weights = tuple(weight / sum(weights) for weight in weights)
+        self._labels = [class_index(detector, target) for detector in detectors]
+
+    @property
+    def name(self) -> str:
+        """As in tables: the detectors' names, joined by plus signs."""
+        return "+".join(detector.name for detector in self.detectors)
+
+    @property
+    def identity(self) -> list[Any]:
+        """What of the panel a result depends on, as JSON."""
+        return [
+            [detector.fingerprint, round(weight, 9)]
+            for detector, weight in zip(self.detectors, self.weights, strict=True)
+        ]
+
+    def attack(self, images: Tensor, boxes: Tensor) -> Attacked:
+        """Eq. 6 on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels."""
+        images = images.detach().requires_grad_()
+        losses, scores = images.new_zeros(len(images)), images.new_zeros(len(images))
+        for detector, weight, label in zip(self.detectors, self.weights, self._labels, strict=True):
+            if not weight:
+                continue
+            with torch.autocast(images.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+                found = detector.dense(images)
+            found_score = detection_score(found, boxes, label)
+            loss = weight * attack_loss(found_score)
+            loss.sum().backward()
+            losses += loss.detach()
+            scores = torch.maximum(scores, found_score.detach())
+        gradient = images.grad if images.grad is not None else torch.zeros_like(images)
+        return Attacked(losses, scores, gradient)

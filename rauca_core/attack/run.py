@@ -1,0 +1,204 @@
+"""One optimisation between two steps: UV map -> pixels -> light -> augmentation -> detectors, and back."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ..contract import Dataset, RaucaError
+from ..contract.seeding import named_rng
+from ..cpu import threads
+from ..environment.distributed import Team
+from ..render import TAP_FORMAT, Canvas, undisplay
+from .augmentation import Augmentation
+from .checkpoint import Checkpoint
+from .frame_order import FrameOrder
+from .frames import FrameStore, ReadyFrame, boxes_of, light_up, see
+from .journal import StepReport
+from .losses import SmoothLoss
+from .panel import Attacked, Panel
+from .settings import OptimiserSettings
+from .stopwatch import Stopwatch
+from .texture import FreeTexels, Texture
+
+ALONE = Team(0, 1, torch.device("cpu"))
+
+
+class Run:
+    """The state of an optimisation.
+
+    The frames of the next step are loaded by a thread of their own while this one works. Several processes of a
+    ``team`` share every batch and step alike.
+
+    Attributes:
+        step: steps done.
+        texture: what is optimised.
+        last_image: (3, H, W) sRGB, the latest batch's first frame as rendered.
+    """
+
+    def __init__(self, dataset: Dataset, panel: Panel, settings: OptimiserSettings, team: Team = ALONE) -> None:
+        if settings.batch < team.size:
+            raise RaucaError(f"batch: {settings.batch} frames for {team.size} processes; give one to each at least")
+        self.settings, self.panel, self.team = settings, panel, team
+        self.store = FrameStore(dataset, settings)
+        self.texture: Texture = FreeTexels(len(self.store.pyramid.texels), settings)
+        self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
+        self.smooth = SmoothLoss(self.store.pyramid.texels, settings.map_size)
+        self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
+        frames = _digest(dataset, self.store)
+        made_by = {"detectors": panel.identity, "frames": frames, "taps": TAP_FORMAT, "processes": team.size}
+        self.identity = {**settings.identity(), **made_by}
+        self.step, self.last_image = 0, torch.zeros(3, 1, 1)
+        self._loader = ThreadPoolExecutor(1, "frames")
+        self._next: list[int] = []
+        self._loading: Future[list[ReadyFrame]] | None = None
+
+    def advance(self) -> StepReport:
+        """Take one step of Eq. 8 on the step's own frames and augmentation."""
+        begin, watch = time.perf_counter(), Stopwatch()
+        with watch.time("load"):
+            drawn, batch = self._take()
+        with threads(1):
+            images = self._render(batch, watch)
+            with watch.time("augmentation"):
+                seen, boxes = self._augment(images, boxes_of(batch))
+        # Backward passes are cut at the images: the detectors' share can be timed, and a bad frame named.
+        with watch.time("detector"):
+            found = self.panel.attack(seen, boxes)
+        self._check(found, batch)
+        with threads(1):
+            smooth = self._descend(seen, found, batch, watch)
+        losses, scores = self._gather(drawn, found)
+        self.order.note(drawn, scores)
+        self.step, self.last_image = self.step + 1, images[0].detach()
+        attack, settings = float(losses.mean()), self.settings
+        loss = settings.alpha * attack + settings.beta * smooth
+        seconds = time.perf_counter() - begin
+        return StepReport(
+            self.step, settings.steps, loss, attack, smooth, float(scores.mean()), seconds, watch.seconds
+        )  # fmt: skip
+
+    def uv_map_srgb(self) -> Tensor:
+        """The UV map (3, size, size), black where nothing is paintable."""
+        flat = torch.zeros(self.settings.map_size**2, 3)
+        flat[torch.from_numpy(self.store.pyramid.texels)] = self.texture.texels().detach()
+        return flat.T.reshape(3, self.settings.map_size, self.settings.map_size)
+
+    def checkpoint(self) -> Checkpoint:
+        """Everything that the next step depends on."""
+        state = self.adam.state[self.texture.parameter]
+        tensors = {
+            "parameter": self.texture.parameter.detach(),
+            "exp_avg": state["exp_avg"],
+            "exp_avg_sq": state["exp_avg_sq"],
+            "adam_step": state["step"],
+            "order": self.order.state(),
+            "next": torch.tensor(self._next),
+        }
+        return Checkpoint(self.step, self.identity, tensors)
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to a checkpoint of the same run."""
+        tensors, parameter = checkpoint.tensors, self.texture.parameter
+        if tensors["parameter"].shape != parameter.shape:
+            raise RaucaError("checkpoint: its UV map has other texels; start the run in a new folder")
+        with torch.no_grad():
+            parameter.copy_(tensors["parameter"])
+        self.adam.state[parameter] = {
+            "step": tensors["adam_step"],
+            "exp_avg": tensors["exp_avg"],
+            "exp_avg_sq": tensors["exp_avg_sq"],
+        }
+        self.order.restore(tensors["order"])
+        self._prefetch(tensors["next"].tolist())
+        self.step = checkpoint.step
+
+    def close(self) -> None:
+        """Stop the thread that loads frames."""
+        self._loader.shutdown(wait=True, cancel_futures=True)
+
+    def _take(self) -> tuple[list[int], list[ReadyFrame]]:
+        """The frames of this step, and this process's part of them, ready; those of the next begin to load."""
+        if self._loading is None:
+            self._prefetch(self.order.draw(self.settings.batch))
+        assert self._loading is not None
+        drawn, batch = self._next, self._loading.result()
+        self._prefetch(self.order.draw(self.settings.batch))
+        return drawn, batch
+
+    def _prefetch(self, frames: list[int]) -> None:
+        mine = self.team.share(frames)
+        self._next = frames
+        self._loading = self._loader.submit(lambda: [self.store.ready(i) for i in mine])
+
+    def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
+        """The batch in the texture: sRGB images (B, 3, H, W)."""
+        with watch.time("taps"):
+            albedo = see(batch, Canvas(self.store.pyramid, undisplay(self.texture.texels())))
+        with watch.time("environment"):
+            return light_up(batch, albedo)
+
+    def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
+        """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
+        boxes = boxes.to(images)
+        if self.settings.roa:
+            drawn = Augmentation.draw(named_rng(self.settings.seed, "roa", self.step), self.settings.batch)
+            images, boxes = drawn.part(self.team.rank, self.team.size)(images, boxes)
+        if self.settings.detector_size is not None:
+            side = self.settings.detector_size
+            boxes = boxes * (side / images.shape[-1])
+            images = functional.interpolate(
+                images, size=(side, side), mode="bilinear", antialias=True, align_corners=False
+            )
+        return images, boxes
+
+    def _descend(self, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch) -> float:
+        """Carry the images' gradient to the texture and step; returns the smoothness loss, Eq. 7."""
+        parameter, settings = self.texture.parameter, self.settings
+        with watch.time("backward"):
+            smooth = self.smooth(self.texture.texels())
+            self.adam.zero_grad(set_to_none=True)
+            share = settings.beta if self.team.leads else 0.0  # gradients add up over the team
+            torch.autograd.backward([seen, smooth * share], [found.gradient * (settings.alpha / settings.batch), None])
+            assert parameter.grad is not None
+            self.team.sum(parameter.grad)
+        with watch.time("adam"):
+            if not torch.isfinite(parameter.grad).all():
+                names = ", ".join(f.frame.id for f in batch)
+                raise RaucaError(
+                    f"step {self.step + 1}: the UV map's gradient is not finite on frames {names}; remove them"
+                )
+            self.adam.step()
+            self.texture.settle()
+        return float(smooth.detach())
+
+    def _check(self, found: Attacked, batch: list[ReadyFrame]) -> None:
+        fine = torch.isfinite(found.losses) & torch.isfinite(found.gradient.flatten(1).sum(1))
+        bad = [frame.frame.id for frame, ok in zip(batch, fine.tolist(), strict=True) if not ok]
+        if self.team.any(bool(bad)):
+            named = f"on frame {bad[0]}" if bad else "in another process"
+            raise RaucaError(
+                f"step {self.step + 1}: the loss or its gradient is not finite {named}; "
+                "check the detector's weights, then remove the frame"
+            )
+
+    def _gather(self, drawn: list[int], found: Attacked) -> tuple[Tensor, Tensor]:
+        """Losses and scores of the whole batch, (B,) each."""
+        both = torch.zeros(2, len(drawn))
+        both[:, self.team.rank :: self.team.size] = torch.stack([found.losses, found.scores]).cpu()
+        losses, scores = self.team.sum(both)
+        return losses, scores
+
+
+def _digest(dataset: Dataset, store: FrameStore) -> str:
+    """Names the data: plan, geometry and the list of frames."""
+    plan: dict[str, Any] = dataset.plan.to_json()
+    text = json.dumps([plan, store.vehicle.geometry_id, [f.id for f in store.frames]], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
