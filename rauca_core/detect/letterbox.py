@@ -12,27 +12,33 @@ PADDING_SRGB = 0.5
 
 @dataclass(frozen=True)
 class Letterbox:
-    """How (height, width) images sit inside the (size, size) square: scaled evenly, centred, grey around.
+    """How (height, width) images sit inside the (size, size) square: scaled evenly, grey around.
 
     Attributes:
         height, width: of the image, pixels.
         size: of the square, pixels.
+        centred: in the middle of the square, its sides rounded; otherwise in the top left corner, rounded down, which
+            is how YOLOX was trained.
+        padding_srgb: the grey around.
     """
 
     height: int
     width: int
     size: int
+    centred: bool = True
+    padding_srgb: float = PADDING_SRGB
 
     @property
     def inner(self) -> tuple[int, int]:
         """(height, width) of the image inside the square, pixels."""
         scale = self.size / max(self.height, self.width)
-        return max(1, round(self.height * scale)), max(1, round(self.width * scale))
+        whole = round if self.centred else int
+        return max(1, whole(self.height * scale)), max(1, whole(self.width * scale))
 
     @property
     def corner(self) -> tuple[int, int]:
         """(top, left) of the image inside the square, pixels."""
-        height, width = self.inner
+        height, width = self.inner if self.centred else (self.size, self.size)
         return (self.size - height) // 2, (self.size - width) // 2
 
     def fit(self, images: Tensor) -> Tensor:
@@ -43,7 +49,7 @@ class Letterbox:
         if (height, width) != (self.height, self.width):
             images = functional.interpolate(images, size=(height, width), mode="bilinear", align_corners=False)
         margins = (left, self.size - width - left, top, self.size - height - top)
-        return functional.pad(images, margins, value=PADDING_SRGB) if any(margins) else images
+        return functional.pad(images, margins, value=self.padding_srgb) if any(margins) else images
 
     def boxes_to_image(self, boxes: Tensor) -> Tensor:
         """(..., 4) xyxy boxes, pixels of the square -> pixels of the image."""

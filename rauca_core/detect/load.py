@@ -144,9 +144,11 @@ def _caffe_ssd(found: Resolved, size: int | None) -> Detector:
 
 
 def _onnx(found: Resolved, size: int | None) -> Detector:
-    from .onnx import OnnxDetector
+    from .onnx_detector import OnnxDetector
 
-    return OnnxDetector(found.name, found.files[0], found.class_names, size, found.network or None)
+    return OnnxDetector(
+        found.name, found.files[0], found.class_names, size, "yolox" if found.network == "yolox" else None
+    )
 
 
 def _torchvision(found: Resolved, size: int | None) -> Detector:

@@ -1,0 +1,76 @@
+"""Making a converted graph fast without changing what it computes."""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import torch
+from torch import Tensor, fx, nn
+from torch.nn import functional
+
+
+def fuse(module: nn.Module) -> nn.Module:
+    """Sigmoid times its input becomes one operation, and convolutions get oneDNN's and cuDNN's own layout."""
+    if isinstance(module, fx.GraphModule):
+        _fuse_silu(module)
+        _fix_slices(module)
+        module.recompile()
+    for layer in module.modules():
+        if isinstance(layer, nn.Conv2d):
+            layer.weight.data = layer.weight.data.contiguous(memory_format=torch.channels_last)
+    return module
+
+
+def _fuse_silu(module: fx.GraphModule) -> None:
+    for node in list(module.graph.nodes):
+        if node.op != "call_module" or not isinstance(module.get_submodule(str(node.target)), nn.Sigmoid):
+            continue
+        source, users = node.args[0], list(node.users)
+        if len(users) == 1 and source in users[0].args and _multiplies(module, users[0]):
+            with module.graph.inserting_after(users[0]):
+                fused = module.graph.call_function(functional.silu, (source,))
+            users[0].replace_all_uses_with(fused)
+            module.graph.erase_node(users[0])
+            module.graph.erase_node(node)
+
+
+def _multiplies(module: fx.GraphModule, node: fx.Node) -> bool:
+    """Whether a node is onnx2torch's product of two values."""
+    return (
+        node.op == "call_module"
+        and getattr(module.get_submodule(str(node.target)), "math_op_function", None) is torch.mul
+    )
+
+
+def _fix_slices(module: fx.GraphModule) -> None:
+    """Slices whose bounds are constants need neither look at them on every run nor wait for a GPU to do so."""
+    for node in list(module.graph.nodes):
+        if node.op != "call_module" or type(module.get_submodule(str(node.target))).__name__ != "OnnxSlice":
+            continue
+        bounds = _bounds(module, node)
+        if bounds is None:
+            continue
+        slices = {axis: slice(start, end, step) for start, end, axis, step in bounds}
+        index = tuple(slices.get(axis, slice(None)) for axis in range(max(slices) + 1))
+        with module.graph.inserting_after(node):
+            fixed = module.graph.call_function(operator.getitem, (node.args[0], index))
+        node.replace_all_uses_with(fixed)
+        module.graph.erase_node(node)
+
+
+def _bounds(module: fx.GraphModule, node: fx.Node) -> list[tuple[int, int, int, int]] | None:
+    """Start, end, axis and step of each axis that a slice cuts, if all are constant and none counts backwards."""
+    found = [_constant(module, argument) for argument in (*node.args[1:], *node.kwargs.values())]
+    values = [value for value in found if value is not None]
+    if len(values) != 4 or len(found) != 4 or min(values[2] + values[3]) < 0:
+        return None
+    return list(zip(*values, strict=True))
+
+
+def _constant(module: fx.GraphModule, argument: Any) -> list[int] | None:
+    if not isinstance(argument, fx.Node) or argument.op != "get_attr":
+        return None
+    holder, _, name = str(argument.target).rpartition(".")
+    value = getattr(module.get_submodule(holder), name)
+    return value.tolist() if isinstance(value, Tensor) else None

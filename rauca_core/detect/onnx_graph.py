@@ -1,0 +1,177 @@
+"""ONNX files, read with distrust: what a file is, and where its tensors lie, is checked before anything runs."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from torch import nn
+
+from ..contract import RaucaError
+
+if TYPE_CHECKING:
+    from onnx import GraphProto, ModelProto, TensorProto
+
+
+@dataclass(frozen=True)
+class OnnxGraph:
+    """A graph with one image batch as its input.
+
+    Attributes:
+        batch, height, width: of the input; None where the export left them open.
+        operators: types of its nodes.
+        metadata: text that the exporter left.
+        sha256: of the file and the tensors outside it.
+    """
+
+    path: Path
+    model: ModelProto
+    input_name: str
+    output_names: tuple[str, ...]
+    batch: int | None
+    height: int | None
+    width: int | None
+    operators: frozenset[str]
+    metadata: dict[str, str]
+    sha256: str
+
+    @property
+    def class_names(self) -> tuple[str, ...] | None:
+        """Ultralytics exports hold theirs, as the text of a dict or list."""
+        names = self._literal("names")
+        values = list(names.values()) if isinstance(names, dict) else names
+        if not isinstance(values, list) or not values or not all(isinstance(value, str) for value in values):
+            return None
+        return tuple(values)
+
+    @property
+    def image_size(self) -> int | None:
+        """Ultralytics exports say for which size they were made."""
+        sizes = self._literal("imgsz")
+        return max(sizes) if isinstance(sizes, list) and sizes and all(isinstance(s, int) for s in sizes) else None
+
+    def _literal(self, key: str) -> Any:
+        try:
+            return ast.literal_eval(self.metadata.get(key, "None"))
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
+            return None
+
+
+def extra(module: str) -> Any:
+    """Import a package of the extra ``detectors``; raises :class:`RaucaError` that says how to get it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise RaucaError(f"{module} is not installed; get it with `pip install 'rauca[detectors]'`") from error
+
+
+def read_graph(path: Path) -> OnnxGraph:
+    """Read and check an ONNX file.
+
+    Raises:
+        RaucaError: not an ONNX file, unknown operators, tensors outside the file's folder, inputs other than one image
+            batch; names the file. Or onnx is not installed.
+    """
+    onnx = extra("onnx")
+    try:
+        data = path.read_bytes()
+        model = onnx.load_model_from_string(data)
+    except OSError as error:
+        raise RaucaError(f"{path}: cannot be read ({error.strerror})") from error
+    except Exception as error:  # protobuf's own error type differs between its implementations
+        raise RaucaError(f"{path}: not an ONNX file ({_first_line(error)})") from error
+    digest = hashlib.sha256(data)
+    for outside in _external_files(path, model):
+        digest.update(outside.read_bytes())
+    try:
+        onnx.external_data_helper.load_external_data_for_model(model, str(path.parent))
+        onnx.checker.check_model(model)
+    except (onnx.checker.ValidationError, OSError, ValueError) as error:
+        raise RaucaError(f"{path}: not a graph that can run ({_first_line(error)})") from error
+    name, (batch, channels, height, width) = _image_input(path, model.graph)
+    if channels not in (3, None):
+        raise RaucaError(f"{path}: input {name} has {channels} channels, expected a batch of images with 3")
+    return OnnxGraph(
+        path,
+        model,
+        name,
+        tuple(output.name for output in model.graph.output),
+        batch,
+        height,
+        width,
+        frozenset(node.op_type for node in model.graph.node),
+        {entry.key: entry.value for entry in model.metadata_props},
+        digest.hexdigest(),
+    )
+
+
+def to_torch(graph: OnnxGraph) -> nn.Module:
+    """The graph as a differentiable module; its weights take no gradient.
+
+    Raises:
+        RaucaError: an operator that onnx2torch does not know. Or it is not installed.
+    """
+    from .frameworks import import_torchvision
+
+    import_torchvision()  # onnx2torch imports it
+    onnx2torch = extra("onnx2torch")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a library about itself
+            module: nn.Module = onnx2torch.convert(graph.model)
+    except Exception as error:  # every converter has its own
+        raise RaucaError(f"{graph.path}: onnx2torch cannot convert this graph ({_first_line(error)})") from error
+    return module.eval().requires_grad_(False)
+
+
+def _external_files(path: Path, model: ModelProto) -> list[Path]:
+    """Files that hold tensors of the model: each must lie in its folder."""
+    folder = path.resolve().parent
+    found: dict[Path, None] = {}
+    for tensor in _tensors(model.graph):
+        for entry in tensor.external_data:
+            if entry.key != "location":
+                continue
+            outside = (folder / entry.value).resolve()
+            if not outside.is_relative_to(folder):
+                raise RaucaError(
+                    f"{path}: its tensor {tensor.name!r} lies outside its folder, at {entry.value!r}; refused"
+                )
+            if not outside.is_file():
+                raise RaucaError(f"{path}: {entry.value} is missing beside it; it holds tensor {tensor.name!r}")
+            found[outside] = None
+    return list(found)
+
+
+def _tensors(graph: GraphProto) -> Iterator[TensorProto]:
+    yield from graph.initializer
+    for node in graph.node:
+        for attribute in node.attribute:
+            yield from (attribute.t, *attribute.tensors)
+            for inner in (attribute.g, *attribute.graphs):
+                if inner.node:
+                    yield from _tensors(inner)
+
+
+def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | None]]:
+    constants = {tensor.name for tensor in graph.initializer}
+    inputs = [value for value in graph.input if value.name not in constants]
+    if len(inputs) != 1:
+        raise RaucaError(f"{path}: has {len(inputs)} inputs, expected one batch of images (B, 3, H, W)")
+    sizes = [dim.dim_value or None for dim in inputs[0].type.tensor_type.shape.dim]
+    if len(sizes) != 4:
+        raise RaucaError(
+            f"{path}: input {inputs[0].name} has {len(sizes)} axes, expected a batch of images (B, 3, H, W)"
+        )
+    return inputs[0].name, sizes
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return (lines[0] if lines else type(error).__name__)[:200]
