@@ -1,50 +1,68 @@
-"""The report of a run folder: what was measured, what it looks like, and the commands that print each number."""
+"""The report of a study, or of a run folder: what was measured, how it looks, and where each number comes from."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from pipelines.stages import Stages
 from rauca_core.attack import read_history
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.schema import read_json
-from rauca_core.evaluate import ReportNotes, save_showcase, write_report
+from rauca_core.evaluate import ReportNotes, load_results, save_showcase, write_report
+from rauca_core.evaluate.study import FILE_NAME, Entry, Study, load_study
 
 
-def report_run(run: Path) -> Path:
-    """Write ``report.html`` for a folder laid out as the demo's; returns its path.
+def report_run(folder: Path, latex: bool = False) -> Path:
+    """Write ``report.html``, ``.csv`` and ``.json`` (and ``.tex``) for a study's folder or one laid out as the demo's.
+
+    Returns:
+        The page's path.
 
     Raises:
-        RaucaError: the run has no results yet.
+        RaucaError: the folder has no results yet, or what it has is damaged.
     """
-    results = run / "results.json"
+    study, notes = _opened(folder)
+    return write_report(study, folder / "report.html", notes, latex)[0]
+
+
+def picture_run(folder: Path, pictures: Path) -> list[Path]:
+    """Save the report's main figures to ``pictures``; returns their paths."""
+    return save_showcase(_opened(folder)[0], pictures)
+
+
+def _opened(folder: Path) -> tuple[Study, ReportNotes]:
+    if (folder / FILE_NAME).is_file():
+        return load_study(folder), ReportNotes()
+    results = folder / "results.json"
     if not results.is_file():
-        raise RaucaError(f"{run}: has no results.json; run `rauca demo` or `rauca evaluate` first")
-    dataset, camouflages = Dataset(run / "held-out"), _camouflages(run)
-    made = read_json(run / "rauca" / "camouflage.json").raw("made")
-    out = run / "report.html"
-    write_report(results, dataset, camouflages, out, _notes(run, dataset, made))
-    return out
+        raise RaucaError(
+            f"{folder}: has no {FILE_NAME} and no results.json; run `rauca evaluate` or `rauca demo` first"
+        )
+    dataset = Dataset(folder / "held-out")
+    entry = Entry(
+        "held-out",
+        "none",
+        dataset.plan.vehicle_name,
+        "car",
+        load_results(results),
+        folder,
+        views=dataset.folder,
+        camouflages=_camouflages(folder),
+    )
+    return Study(f"rauca demo --out {folder.as_posix()}", (entry,)), _notes(folder, dataset)
 
 
-def picture_run(run: Path, folder: Path) -> list[Path]:
-    """Save the report's main figures to ``folder``; returns their paths."""
-    white_box = read_json(run / "rauca" / "camouflage.json").raw("made")["detector"]
-    return save_showcase(run / "results.json", Dataset(run / "held-out"), _camouflages(run), white_box, folder)
+def _camouflages(run: Path) -> dict[str, Path]:
+    return {name: path for name in ("random", "rauca") if (path := run / name / "camouflage.json").is_file()}
 
 
-def _camouflages(run: Path) -> list[Path]:
-    return [path for name in ("rauca", "random") if (path := run / name / "camouflage.json").is_file()]
-
-
-def _notes(run: Path, dataset: Dataset, made: dict[str, Any]) -> ReportNotes:
+def _notes(run: Path, dataset: Dataset) -> ReportNotes:
     history = read_history(run / "rauca")
+    made = read_json(run / "rauca" / "camouflage.json").raw("made")
     plan, trained = dataset.plan, Dataset(run / "train")
     return ReportNotes(
         title=f"Camouflage on the {plan.vehicle_name}",
-        white_box=(made["detector"],),
         histories={"rauca": {term: [row[term] for row in history] for term in ("attack", "score")}},
         settings={
             "vehicle": plan.vehicle_name,
@@ -75,7 +93,6 @@ def _agreement(run: Path) -> dict[str, str]:
 
 def _commands(run: Path) -> list[str]:
     return [
-        f"rauca demo --out {run.as_posix()}",
         f"rauca report {run.as_posix()}",
         f"rauca bench render {run.as_posix()}/train --camouflage {run.as_posix()}/rauca/camouflage.json",
     ]

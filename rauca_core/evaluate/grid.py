@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import RaucaError
 from ..detect.weights_file import sha256_of
 from .detection_cache import DetectionCache
-from .frame_choice import chosen_frames
+from .frame_choice import FEW, PLACES, caches_of, frame_scores, placed_frames, strongest_paint
 from .pictures import TILE, frame_picture
-from .results import FrameRow, Results
+from .results import FrameRow
+from .study import Entry
 
 PICTURE_THRESHOLD = 0.25
 _MARGIN = 26  # pixels for the paint's name above each row of the sheet
@@ -21,10 +22,11 @@ _MARGIN = 26  # pixels for the paint's name above each row of the sheet
 
 @dataclass(frozen=True)
 class PictureGrid:
-    """JPEG tiles: ``rows[paint][column]``, with a title per column."""
+    """JPEG tiles: ``rows[paint][column]``, with a title per column; ``rule`` says how the frames were chosen."""
 
     titles: list[str]
     rows: dict[str, list[bytes]]
+    rule: str
 
     def sheet(self) -> Image.Image:
         """The grid as one picture, each row under its paint's name."""
@@ -38,27 +40,72 @@ class PictureGrid:
         return sheet
 
 
-def picture_grid(results: Results, folder: Path, detector: str) -> PictureGrid:
-    """Draw ``detector``'s detections in a few frames that show the variety, for every paint.
+class FramePicker:
+    """The frames that a page shows of some entries, and pictures of them through any of the detectors.
 
     Raises:
-        RaucaError: an image in ``folder`` is missing or changed since it was evaluated.
+        RaucaError: an image is missing, changed, or was never detected in.
     """
-    cache = DetectionCache(folder / "detections", detector, results.detectors[detector], results.settings)
-    chosen = chosen_frames(results.frames)
-    rows: dict[str, list[bytes]] = {}
-    for paint in results.paints:
-        rows[paint] = [_tile(results, folder, cache, paint, index) for index in chosen]
-    return PictureGrid([_caption(results.frames[index]) for index in chosen], rows)
+
+    def __init__(self, entries: Sequence[Entry]) -> None:
+        self._entries = entries
+        self._paint = strongest_paint(entries[0].results)
+        self._places = tuple(PLACES) if len(entries) == 1 else FEW
+        self._caches = [caches_of(entry.results, entry.folder) for entry in entries]
+        self._chosen = [self._choose(entry, caches) for entry, caches in zip(entries, self._caches, strict=True)]
+
+    @property
+    def rule(self) -> str:
+        return (
+            f"Frames are chosen by rule: sorted by how surely the {self._entries[0].category} is found in "
+            f"{self._paint} (highest score at an overlap of 0.5 or more, 0 when missed; mean over all detectors), "
+            f"from the camouflage's best to its worst: {', '.join(self._places)}."
+        )
+
+    @property
+    def columns(self) -> int:
+        return len(self._entries) * len(self._places)
+
+    @property
+    def paints(self) -> list[str]:
+        """Paints that every entry has."""
+        first, *others = (entry.results.paints for entry in self._entries)
+        return [paint for paint in first if all(paint in other for other in others)]
+
+    def grid(self, detector: str) -> PictureGrid:
+        """What ``detector`` saw in the chosen frames, for every paint."""
+        titles = [
+            self._title(entry, place, entry.results.frames[index])
+            for entry, chosen in zip(self._entries, self._chosen, strict=True)
+            for place, index in zip(self._places, chosen, strict=True)
+        ]
+        rows = {
+            paint: [
+                _tile(entry, caches[detector], paint, index)
+                for entry, caches, chosen in zip(self._entries, self._caches, self._chosen, strict=True)
+                for index in chosen
+            ]
+            for paint in self.paints
+        }
+        return PictureGrid(titles, rows, self.rule)
+
+    def _choose(self, entry: Entry, caches: dict[str, DetectionCache]) -> list[int]:
+        paint = self._paint if self._paint in entry.results.paints else strongest_paint(entry.results)
+        try:
+            return placed_frames(frame_scores(entry.results, caches, paint), self._places)
+        except KeyError as error:
+            raise RaucaError(
+                f"{entry.folder}: detections of image {str(error.args[0])[:12]} are missing; evaluate again"
+            ) from error
+
+    def _title(self, entry: Entry, place: str, row: FrameRow) -> str:
+        weathers = f"{entry.weathers}, " if len(self._entries) > 1 else ""
+        return f"{weathers}{place}: {row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
 
 
-def _tile(results: Results, folder: Path, cache: DetectionCache, paint: str, index: int) -> bytes:
-    row, shown = results.frames[index], results.images[paint][index]
-    path = folder / shown.path
+def _tile(entry: Entry, cache: DetectionCache, paint: str, index: int) -> bytes:
+    row, shown = entry.results.frames[index], entry.results.images[paint][index]
+    path = entry.folder / shown.path
     if not path.is_file() or sha256_of(path) != shown.sha256 or shown.sha256 not in cache:
         raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
-    return frame_picture(path, row.box_xyxy, cache[shown.sha256], results.settings.category, PICTURE_THRESHOLD)
-
-
-def _caption(row: FrameRow) -> str:
-    return f"{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:.0f} m"
+    return frame_picture(path, row.box_xyxy, cache[shown.sha256], entry.category, PICTURE_THRESHOLD)

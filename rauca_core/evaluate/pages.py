@@ -1,29 +1,43 @@
-"""The HTML of the report, section by section; everything is escaped here and every image is inlined."""
+"""The HTML of the report, piece by piece; everything is escaped here and every image is inlined."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
-from .results import MEAN, Estimate, Results
+from .colours import Style, colour_rules, themed_colour
+
+_SHAPES = {
+    "o": '<circle cx="14" cy="6" r="3.6"/>',
+    "s": '<rect x="10.6" y="2.6" width="6.8" height="6.8"/>',
+    "^": '<path d="M14 1.6 18.4 9.6H9.6Z"/>',
+    "D": '<path d="M14 1 19 6 14 11 9 6Z"/>',
+    "v": '<path d="M14 10.4 18.4 2.4H9.6Z"/>',
+    "p": '<path d="M14 1.4 18.4 4.6 16.7 9.8H11.3L9.6 4.6Z"/>',
+    "*": '<path d="M14 .6 15.3 4.4H19.3L16.1 6.8 17.3 10.8 14 8.4 10.7 10.8 11.9 6.8 8.7 4.4H12.7Z"/>',
+}
 
 
 def page(title: str, header: str, sections: Iterable[str], footer: str) -> str:
     """A whole document; no script, nothing loaded from elsewhere."""
-    css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    css = Path(__file__).with_name("report.css").read_text(encoding="utf-8") + colour_rules()
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark">'
         f"<title>{escape(title)}</title>\n<style>\n{css}</style></head>\n<body><main>\n"
         f"<header>{header}</header>\n" + "\n".join(sections) + f"\n<footer>{footer}</footer>\n</main></body></html>\n"
     )
 
 
 def section(title: str, body: str, note: str = "") -> str:
-    paragraph = f'<p class="note">{escape(note)}</p>' if note else ""
-    return f"<section><h2>{escape(title)}</h2>{paragraph}{body}</section>"
+    return f"<section><h2>{escape(title)}</h2>{paragraph(note) if note else ''}{body}</section>"
+
+
+def paragraph(text: str, kind: str = "note") -> str:
+    return f'<p class="{kind}">{escape(text)}</p>'
 
 
 def image(data: bytes, kind: str, alt: str) -> str:
@@ -32,79 +46,56 @@ def image(data: bytes, kind: str, alt: str) -> str:
     return f'<img src="data:{kind};base64,{encoded}" alt="{escape(alt, quote=True)}">'
 
 
-def figure(img: str, caption: str) -> str:
-    return f"<figure>{img}<figcaption>{escape(caption)}</figcaption></figure>"
+def drawing(svg: str, alt: str) -> str:
+    """An ``<svg>`` element put into the page, so that it takes part in its colours."""
+    return svg.replace("<svg", f'<svg role="img" aria-label="{escape(alt, quote=True)}"', 1)
 
 
-def scores_table(results: Results, colours: Mapping[str, str], white_box: Collection[str]) -> str:
-    """Paints against detectors, AP in percent over its interval, shaded by value."""
-    columns = [*results.detectors, MEAN]
-    head = "".join(_column(name, name in white_box) for name in columns)
-    rows = "".join(
-        f"<tr><th>{_swatch(colours[paint])}{escape(paint)}</th>"
-        + "".join(_score(row[name], name == MEAN) for name in columns)
-        + "</tr>"
-        for paint, row in results.table.items()
-    )
+def figure(img: str, caption: str, more: str = "", kind: str = "") -> str:
+    """A picture over its caption; ``more`` is HTML that follows the caption."""
+    chosen = f' class="{kind}"' if kind else ""
+    return f"<figure{chosen}>{img}<figcaption>{escape(caption)}</figcaption>{more}</figure>"
+
+
+def swatch(style: Style) -> str:
+    """A paint's line and mark, as plots draw them."""
+    dash = {"--": ' stroke-dasharray="5 3"', ":": ' stroke-dasharray="1.5 2.5"'}.get(style.dashes, "")
+    colour = themed_colour(style.light)
     return (
-        f'<div class="scroll"><table class="scores"><thead><tr><th></th>{head}</tr></thead>'
-        f"<tbody>{rows}</tbody></table></div>"
+        f'<svg class="swatch" viewBox="0 0 28 12" aria-hidden="true" style="color:{colour}">'
+        f'<path d="M0 6H28" stroke="currentColor" stroke-width="2"{dash}/>'
+        f'<g fill="currentColor">{_SHAPES[style.mark]}</g></svg>'
     )
 
 
-def _column(name: str, white_box: bool) -> str:
-    mark = '<span class="white-box">white-box</span>' if white_box else ""
-    return f"<th{_mean_class(name == MEAN)}>{mark}{escape(name)}</th>"
-
-
-def _score(estimate: Estimate, is_mean: bool) -> str:
-    # pale blue for a detector that sees the car, pale orange for one that does not
-    low, high = (253, 219, 199), (209, 229, 240)
-    shade = ",".join(str(round(a + (b - a) * estimate.ap)) for a, b in zip(low, high, strict=True))
-    return (
-        f'<td{_mean_class(is_mean)} style="background:rgb({shade})"><b>{100 * estimate.ap:.1f}</b>'
-        f"<small>{100 * estimate.low:.1f} - {100 * estimate.high:.1f}</small></td>"
-    )
-
-
-def _mean_class(is_mean: bool) -> str:
-    return ' class="mean"' if is_mean else ""
-
-
-def _swatch(colour: str) -> str:
-    return f'<span class="swatch" style="background:{colour}"></span>'
-
-
-def legend(colours: Mapping[str, str]) -> str:
-    items = " &emsp; ".join(f"{_swatch(colour)}{escape(paint)}" for paint, colour in colours.items())
-    return f"<p>{items}</p>"
+def legend(styles: Mapping[str, Style]) -> str:
+    items = "".join(f"<span>{swatch(style)}{escape(paint)}</span>" for paint, style in styles.items())
+    return f'<p class="legend">{items}</p>'
 
 
 def picture_grid(columns: Iterable[str], rows: Mapping[str, Iterable[str]]) -> str:
     """Rows of inlined pictures under column titles."""
-    head = "".join(f"<th>{escape(title)}</th>" for title in columns)
+    head = "".join(f'<th scope="col">{escape(title)}</th>' for title in columns)
     body = "".join(
-        f"<tr><th>{escape(name)}</th>" + "".join(f"<td>{picture}</td>" for picture in pictures) + "</tr>"
+        f'<tr><th scope="row">{escape(name)}</th>' + "".join(f"<td>{picture}</td>" for picture in pictures) + "</tr>"
         for name, pictures in rows.items()
     )
     return (
-        f'<div class="scroll"><table class="grid"><thead><tr><th></th>{head}</tr></thead>'
+        f'<div class="scroll"><table class="grid"><thead><tr><td></td>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
 
 
 def facts(values: Mapping[str, object]) -> str:
     """A two-column table of names and values."""
-    rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in values.items())
+    rows = "".join(
+        f'<tr><th scope="row">{escape(str(k))}</th><td>{escape(str(v))}</td></tr>' for k, v in values.items()
+    )
     return f'<table class="facts">{rows}</table>'
 
 
 def commands(lines: Iterable[str]) -> str:
     return f"<pre>{escape(chr(10).join(lines))}</pre>"
-
-
-def paragraphs(texts: Iterable[str]) -> str:
-    return "".join(f"<p>{escape(text)}</p>" for text in texts)
 
 
 def bullets(texts: Iterable[str]) -> str:

@@ -9,36 +9,38 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from ..detect import canonical
 from ..images import read_image
 from .average_precision import IOU_THRESHOLD
 from .bootstrap import box_overlaps
 from .detection_cache import Found
 
-TILE = 320  # pixels across a picture of the grid
-MAP = 640  # and a UV map
-TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#2ecc71", "#ff5a4f", "#ffb300"
+TILE = 300  # pixels across a picture of the grid
+MAP = 512  # and a UV map
+TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#4cc2ff", "#ff6a3d", "#ffd84d"  # told apart with any colour vision
+_CASING = "#00000090"  # keeps the thin true box visible on white cars
 
 
 def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: str, threshold: float) -> bytes:
-    """The part of a frame around its target as JPEG, with ground truth (white, dashed) and detections.
+    """The part of a frame around its target as JPEG, with the true box (thin, white) and detections with their score.
 
-    Those that score ``threshold`` or more are drawn. Green finds the target, red is the target's class elsewhere,
-    amber is another class.
+    Those that score ``threshold`` or more are drawn. Blue finds the target, red is the target's class elsewhere,
+    yellow is another class.
     """
     pixels = read_image(path)
     window = _window(np.array(truth), pixels.shape[1], pixels.shape[0])
     left, top, side = window
     picture = Image.fromarray(pixels).convert("RGB")
     picture = picture.resize((TILE, TILE), Image.Resampling.LANCZOS, box=(left, top, left + side, top + side))
-    pen = ImageDraw.Draw(picture)
-    _dashed(pen, _in_window(np.array(truth), window))
+    pen = ImageDraw.Draw(picture, "RGBA")
+    _thin(pen, _in_window(np.array(truth), window))
     overlaps = box_overlaps(found.boxes, np.array(truth))
     shown = [i for i in range(len(found.scores)) if found.scores[i] >= threshold]
     for i in reversed(shown):  # best last, on top
         right = overlaps[i] >= IOU_THRESHOLD
-        colour = OTHER if found.names[i] != category else CORRECT if right else WRONG
+        colour = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
         _labelled(pen, _in_window(found.boxes[i], window), f"{found.names[i]} {found.scores[i]:.2f}", colour)
-    return _encode(picture, "JPEG")
+    return _jpeg(picture)
 
 
 def _window(truth: NDArray[np.float64], width: int, height: int) -> tuple[float, float, float]:
@@ -54,9 +56,11 @@ def _in_window(box: NDArray[np.float64], window: tuple[float, float, float]) -> 
     return (box - np.array([left, top, left, top])) * TILE / side
 
 
-def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8]) -> bytes:
-    """A UV map as PNG, dimmed outside the paintable charts and with their outline."""
+def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8] | None) -> bytes:
+    """A UV map as JPEG, dimmed outside the paintable charts and with their outline where the mask is known."""
     picture = Image.open(uv_map).convert("RGB").resize((MAP, MAP), Image.Resampling.LANCZOS)
+    if paint_mask is None:
+        return _jpeg(picture)
     inside = np.asarray(Image.fromarray(paint_mask).resize((MAP, MAP), Image.Resampling.BILINEAR)) > 127
     pixels = np.asarray(picture).astype(np.float32)
     pixels[~inside] = 0.2 * pixels[~inside] + 0.8 * 245
@@ -65,24 +69,19 @@ def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8]) -> bytes:
         inside[:-2, 1:-1] & inside[2:, 1:-1] & inside[1:-1, :-2] & inside[1:-1, 2:]
     )
     pixels[edge] = (20, 24, 30)
-    return _encode(Image.fromarray(pixels.astype(np.uint8)), "PNG")
+    return _jpeg(Image.fromarray(pixels.astype(np.uint8)))
 
 
-def _dashed(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
-    left, top, right, bottom = box.tolist()
-    dash = 6
-    for start in np.arange(left, right, 2 * dash):
-        for y in (top, bottom):
-            pen.line((start, y, min(start + dash, right), y), TRUTH, 2)
-    for start in np.arange(top, bottom, 2 * dash):
-        for x in (left, right):
-            pen.line((x, start, x, min(start + dash, bottom)), TRUTH, 2)
+def _thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
+    left, top, right, bottom = (round(v) for v in box.tolist())
+    pen.rectangle((left - 1, top - 1, right + 1, bottom + 1), outline=_CASING, width=3)
+    pen.rectangle((left, top, right, bottom), outline=TRUTH, width=1)
 
 
 def _labelled(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, colour: str) -> None:
     left, top, right, bottom = box.tolist()
-    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=3)
-    font = ImageFont.load_default(18)
+    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
+    font = ImageFont.load_default(15)
     _, _, width, height = (int(v) for v in font.getbbox(text))
     x = min(max(left, 0), TILE - width - 6)
     y = min(max(top - height - 5 if top > height + 5 else bottom, 0), TILE - height - 5)
@@ -90,7 +89,7 @@ def _labelled(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, col
     pen.text((x + 3, y + 1), text, fill="#101418", font=font)
 
 
-def _encode(picture: Image.Image, kind: str) -> bytes:
+def _jpeg(picture: Image.Image) -> bytes:
     stream = io.BytesIO()
-    picture.save(stream, kind, **({"quality": 86} if kind == "JPEG" else {"optimize": True}))
+    picture.save(stream, "JPEG", quality=80, optimize=True)
     return stream.getvalue()

@@ -4,96 +4,125 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from .results import Group, Results
+from .colours import COLOURS, PALETTE, Style, themed_colour
+from .tables.model import Block, Table
 
-# Okabe and Ito's palette: told apart with any colour vision.
-PALETTE = ("#4d4d4d", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b3a100")
-AXIS_TITLES = {
-    "azimuth_deg": "Azimuth (°), 0 = front",
-    "elevation_deg": "Camera elevation (°)",
-    "distance_m": "Distance (m)",
-    "sun_altitude_deg": "Sun altitude (°)",
-    "fog_density": "Fog density (CARLA, 0-100)",
-}
+INK, GRID = "#1c2128", "#dde1e6"
 _STYLE: Any = {
-    "font.size": 10,
+    "font.size": 9.5,
     "font.family": "DejaVu Sans",
+    "text.color": INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#9aa3ae",
-    "axes.labelcolor": "#1d2430",
-    "xtick.color": "#5b6675",
-    "ytick.color": "#5b6675",
-    "grid.color": "#e6eaee",
+    "axes.edgecolor": GRID,
+    "axes.facecolor": "none",
+    "axes.labelcolor": INK,
+    "figure.facecolor": "none",
+    "xtick.color": GRID,
+    "ytick.color": GRID,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
     "axes.grid": True,
     "axes.axisbelow": True,
     "svg.hashsalt": "rauca",  # the same numbers make the same file
 }
+_SIZE = (4.0, 2.7)  # inches
+_NAMES = {0: "front", 90: "left", 180: "rear", 270: "right"}
 
 
-def paint_colours(results: Results) -> dict[str, str]:
-    """One colour per paint, the same in every plot and table."""
-    return {paint: PALETTE[i % len(PALETTE)] for i, paint in enumerate(results.paints)}
+def curve_svg(curve: Table, styles: Mapping[str, Style]) -> str:
+    """AP@0.5 of every paint along the columns of ``curve``, whose names are numbers; intervals as bands.
 
-
-def curve_svg(results: Results, axis: str) -> bytes:
-    """AP@0.5 (mean over detectors) of every paint against an axis of :data:`AXIS_TITLES`; azimuth becomes a ring."""
+    An azimuth of four values or more becomes a ring.
+    """
+    values = np.array([float(column.name) for column in curve.columns])
     with mpl.rc_context(_STYLE):
-        if axis == "azimuth_deg" and len(results.groups[axis]) >= 4:
-            return _svg(_ring(results))
-        figure = Figure(figsize=(4.6, 3.1), layout="constrained")
+        if is_ring(curve):
+            return _svg(_ring(curve.blocks[0], values, styles))
+        figure = Figure(figsize=_SIZE, layout="constrained")
         axes = figure.add_subplot()
-        groups = results.groups[axis]
-        for paint, colour in paint_colours(results).items():
-            axes.plot([g.value for g in groups], _means(groups, paint), "o-", color=colour, lw=2, ms=4.5, label=paint)
-        axes.set(ylim=(-0.03, 1.03), xlabel=AXIS_TITLES[axis], ylabel="AP@0.5")
+        for paint, line, low, high in _lines(curve.blocks[0]):
+            _draw(axes, values, line, low, high, styles[paint])
+        axes.set(ylim=(-0.02, 1.02), yticks=np.linspace(0, 1, 5), xlabel=curve.title, ylabel="AP@0.5")
+        if _far_apart(values):
+            axes.set_xticks(values, [f"{value:g}" for value in values])
         return _svg(figure)
 
 
-def _ring(results: Results) -> Figure:
-    figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+def is_ring(curve: Table) -> bool:
+    return curve.title.startswith("Azimuth") and len(curve.columns) >= 4
+
+
+def _far_apart(values: NDArray[np.float64]) -> bool:
+    """Whether labels at every value would stay clear of each other."""
+    spread = np.ptp(values)
+    return len(values) == 1 or bool(np.diff(values).min() > 0.09 * spread)
+
+
+def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style]) -> Figure:
+    figure = Figure(figsize=(4.0, 4.0), layout="constrained")
     axes: Any = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")
-    groups = results.groups["azimuth_deg"]
-    around = np.radians([g.value for g in groups] + [groups[0].value])
-    for paint, colour in paint_colours(results).items():
-        values = _means(groups, paint)
-        axes.plot(around, [*values, values[0]], "o-", color=colour, lw=2, ms=4, label=paint)
+    closed = [*range(len(degrees)), 0]
+    for paint, line, low, high in _lines(block):
+        _draw(axes, np.radians(degrees[closed]), line[closed], low[closed], high[closed], styles[paint])
     axes.set_rlim(0, 1)
     axes.set_rticks([0.25, 0.5, 0.75, 1.0], labels=["", "0.5", "", "1"])
-    axes.set_rlabel_position(67.5)
-    axes.set_thetagrids(range(0, 360, 45), ["front", "45°", "left", "135°", "rear", "225°", "right", "315°"])
-    axes.spines["polar"].set_color("#c8ced6")
+    axes.set_rlabel_position(22.5)
+    axes.set_thetagrids(range(0, 360, 45), [_NAMES.get(angle, f"{angle}°") for angle in range(0, 360, 45)])
+    axes.spines["polar"].set_color(GRID)
     return figure
 
 
-def history_svg(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> bytes:
+def _draw(axes: Any, x: Any, line: Any, low: Any, high: Any, style: Style) -> None:
+    axes.fill_between(x, low, high, color=style.light, alpha=0.14, lw=0)
+    axes.plot(x, line, style.dashes, marker=style.mark, color=style.light, lw=1.7, ms=4.5)
+
+
+def _lines(block: Block) -> list[tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+    """Paint, values, and the lower and upper edge of its band; NaN where nothing was measured."""
+    lines = []
+    for row in block.rows:
+        rows = [(c.ap, c.low, c.high) if c is not None else (None, None, None) for c in row.cells]
+        value, low, high = np.array(rows, np.float64).T
+        lines.append((row.name, value, low, high))
+    return lines
+
+
+def history_svg(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """Training curves, one panel per camouflage: each term against the step."""
     with mpl.rc_context(_STYLE):
         columns = min(2, len(histories))
         rows = math.ceil(len(histories) / columns)
-        figure = Figure(figsize=(4.6 * columns + 0.4, 2.9 * rows), layout="constrained")
+        figure = Figure(figsize=(4.6 * columns + 0.4, 2.6 * rows), layout="constrained")
         for index, (name, terms) in enumerate(histories.items(), start=1):
             axes = figure.add_subplot(rows, columns, index)
-            for colour, (term, values) in zip(PALETTE * 3, terms.items(), strict=False):
-                axes.plot(np.arange(1, len(values) + 1), values, color=colour, lw=1.6, label=term)
+            for (colour, _), (term, values) in zip(PALETTE * 3, terms.items(), strict=False):
+                axes.plot(np.arange(1, len(values) + 1), values, color=colour, lw=1.2, label=term)
             axes.set(xlabel="step", title=name)
-            axes.legend(frameon=False, fontsize=9)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)
         return _svg(figure)
 
 
-def _means(groups: Sequence[Group], paint: str) -> list[float]:
-    return [float(np.mean(list(group.ap[paint].values()))) for group in groups]
-
-
-def _svg(figure: Figure) -> bytes:
+def _svg(figure: Figure) -> str:
+    """The picture's ``<svg>`` element alone."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()
+    figure.savefig(stream, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
+    return re.sub(r"^.*?(?=<svg)", "", stream.getvalue().decode(), flags=re.DOTALL)
+
+
+def themed(svg: str) -> str:
+    """The same picture in the page's colours, so that it follows the reader's choice of light or dark."""
+    named = {INK: "currentColor", GRID: "var(--line)", **{light: themed_colour(light) for light, _ in COLOURS}}
+    return re.sub("|".join(named), lambda found: named[found[0]], svg)

@@ -2,48 +2,47 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
 from pathlib import Path
 
-from PIL import Image
-
-from ..contract import Dataset, load_camouflage
 from ..contract.files import write_bytes
-from ..images import read_image
-from .grid import picture_grid
-from .pictures import map_picture
+from .colours import paint_styles
+from .defended import NO_DEFENCE
+from .grid import FramePicker
+from .maps import maps_of
 from .plots import curve_svg
-from .results import AXES, Results, load_results
+from .sections import shown_detectors
+from .study import Entry, Study
+from .tables import curves_of
+from .tables.of_study import vehicles_of
 
 
-def save_showcase(
-    results_path: Path, dataset: Dataset, camouflages: Sequence[Path], detector: str, folder: Path
-) -> list[Path]:
-    """Write ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per axis varied, ``ap-<axis>.svg``."""
-    results = load_results(results_path)
+def save_showcase(study: Study, folder: Path) -> list[Path]:
+    """Write ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per parameter varied, ``ap-<parameter>.svg``.
+
+    All of the first vehicle, undefended, under the study's first weathers.
+    """
+    entry = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)[0]
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "grid.jpg"]
-    picture_grid(results, results_path.parent, detector).sheet().save(written[0], quality=88)
+    FramePicker([entry]).grid(shown_detectors([entry])[0]).sheet().save(written[0], quality=88)
     written.append(folder / "table.md")
-    write_bytes(written[-1], _markdown(results).encode())
-    mask = read_image(dataset.vehicle_folder / "paint_mask.png")
-    for path in camouflages:
-        record, uv_map = load_camouflage(path)
-        written.append(folder / f"map-{record.name}.jpg")
-        Image.open(io.BytesIO(map_picture(uv_map, mask))).convert("RGB").save(written[-1], quality=85)
-    for axis in AXES:
-        if len(results.groups[axis]) > 1:
-            written.append(folder / f"ap-{axis.partition('_')[0]}.svg")
-            write_bytes(written[-1], curve_svg(results, axis))
+    write_bytes(written[-1], _markdown(entry).encode())
+    for camouflage, jpeg in maps_of([entry]):
+        written.append(folder / f"map-{camouflage.name}.jpg")
+        write_bytes(written[-1], jpeg)
+    styles = paint_styles(entry.results.paints)
+    for curve in curves_of(study, folder)[entry.weathers]:
+        written.append(folder / f"ap-{curve.key.partition('-')[0]}.svg")
+        write_bytes(written[-1], curve_svg(curve, styles).encode())
     return written
 
 
-def _markdown(results: Results) -> str:
+def _markdown(entry: Entry) -> str:
     """AP@0.5 of every paint and detector with its 95 % interval."""
-    columns = list(next(iter(results.table.values())))
+    table = entry.results.table
+    columns = list(next(iter(table.values())))
     lines = ["| paint | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
-    for paint, row in results.table.items():
+    for paint, row in table.items():
         cells = (f"{row[name].ap:.3f} ({row[name].low:.2f}-{row[name].high:.2f})" for name in columns)
         lines.append(f"| {paint} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

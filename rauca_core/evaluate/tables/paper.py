@@ -1,0 +1,66 @@
+"""The paper's own tables, as printed, from ``assets/paper/tables.json``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import mean
+from typing import Any
+
+from ...contract.assets import assets_folder
+from ...contract.schema import Fields, read_json
+from .model import AVERAGE, Block, Cell, Column, Row, Source, Table, shown
+
+FORMAT = ("rauca-paper-tables", 1)
+ROUNDING = 0.0015  # of six values and of their mean, each printed to 0.001
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """A published table. ``beside`` is the kind of our table that it compares with: detectors, defences, vehicles."""
+
+    number: int
+    beside: str
+    table: Table
+
+
+def paper_tables() -> list[PaperTable]:
+    """In the paper's order; raises :class:`RaucaError` when the file is missing or damaged."""
+    path = assets_folder() / "paper" / "tables.json"
+    fields = read_json(path)
+    fields.format(*FORMAT)
+    paper, rows = fields.text("paper"), fields.items("tables")
+    fields.done()
+    return [_paper_table(Fields(row, f"{path}: tables[{i}]"), paper) for i, row in enumerate(rows)]
+
+
+def _paper_table(fields: Fields, paper: str) -> PaperTable:
+    number, label, caption = fields.integer("number"), fields.text("label"), fields.text("caption")
+    columns = tuple(Column(name, group["group"]) for group in fields.items("columns") for name in group["names"])
+    blocks = tuple(_block(block, label) for block in fields.items("blocks"))
+    beside = fields.text("beside")
+    fields.done()
+    table = Table(f"paper-{number}", f"The paper's Table {number}", f"{caption}. From “{paper}”.", columns, blocks)
+    return PaperTable(number, beside, table)
+
+
+def _block(block: dict[str, Any], label: str) -> Block:
+    def cell(paint: str, value: float) -> Cell:
+        return Cell(value, source=Source(f"the paper, {label}", (block["title"], paint)))
+
+    rows = (Row(paint, tuple(cell(paint, v) for v in values)) for paint, values in block["rows"].items())
+    return Block(block["title"], tuple(rows))
+
+
+def odd_averages(table: Table) -> list[str]:
+    """Printed averages that are not the mean of their row, each in a few words."""
+    odd: list[str] = []
+    if table.columns[-1].name != AVERAGE:
+        return odd
+    for block in table.blocks:
+        for row in block.rows:
+            *values, printed = (cell.ap for cell in row.cells if cell is not None)
+            if abs(mean(values) - printed) > ROUNDING:
+                odd.append(
+                    f"{row.name}, {block.title.lower()}: {shown(printed)} printed, {shown(mean(values))} computed"
+                )
+    return odd
