@@ -1,0 +1,165 @@
+"""SSD graphs that TensorFlow's object detection API froze, without TensorFlow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract import RaucaError
+from .layers import Array
+from .ssd import SsdDetector, SsdParts
+from .tensorflow_file import Node, read_graph
+from .tensorflow_layers import Value, to_layers
+
+# Names that the object detection API gives, in the graph for servers and in the one for TensorFlow Lite.
+_SCORES = "Postprocessor/convert_scores"
+_ENCODINGS = "Postprocessor/Decode/transpose"
+_ANCHORS = "Postprocessor/Decode/get_center_coordinates_and_sizes/transpose"
+_DIVISORS = tuple(
+    f"Postprocessor/Decode/{name}/y" for name in ("div_1", "div", "div_3", "div_2")
+)  # x, y, width, height
+_IMAGE = "Preprocessor/map/TensorArrayStack/TensorArrayGatherV3"
+_LITE = "TFLite_Detection_PostProcess"
+_LITE_IMAGE = "normalized_input_image_tensor"
+_RESHAPING = frozenset({"Transpose", "Reshape", "Tile", "ExpandDims", "Identity"})
+
+MAX_SIZE = 2048
+
+
+class TfSsdDetector(SsdDetector):
+    """An SSD of TensorFlow's object detection API, e.g. SSD-MobileNetV2 or V3, behind the detector interface.
+
+    The graph's loops that resize, decode and suppress are replaced by this package's; weights, anchors, scales, the
+    kind of score and the resize's sampling are read from it. Differs from TensorFlow in that 8-bit images are not
+    rounded after the stretch (neither does the graph) and that suppression follows this interface's thresholds.
+    """
+
+    def __init__(self, name: str, graph: Path, class_names: tuple[str, ...], size: int | None = None) -> None:
+        """Read a frozen graph.
+
+        Args:
+            graph: a frozen_inference_graph.pb.
+            class_names: one per label id from 1 on, those that COCO never gave out among them; or COCO's 80 names.
+            size: only the graph's own, which its anchors are made for.
+
+        Raises:
+            RaucaError: anything wrong with the file, another size, class names of another number.
+        """
+        parts = read_tensorflow_ssd(graph)
+        if size is not None and size != parts.size:
+            raise RaucaError(f"{name}: input size must be {parts.size}, for which the graph's anchors are made")
+        super().__init__(name, parts, class_names, (graph,))
+
+
+def read_tensorflow_ssd(path: Path) -> SsdParts:
+    """The parts of the SSD in a frozen graph; see :class:`TfSsdDetector`."""
+    nodes = read_graph(path)
+    lite = next((node for node in nodes.values() if node.op == _LITE), None)
+    return _of_server(path, nodes) if lite is None else _of_lite(path, nodes, lite)
+
+
+def _of_lite(path: Path, nodes: dict[str, Node], post: Node) -> SsdParts:
+    """The graph exported for TensorFlow Lite takes the normalised image and names everything in its last node."""
+    if len(post.inputs) != 3:
+        post.fail(f"has {len(post.inputs)} inputs, expected boxes, scores and anchors")
+    layers, values = to_layers(nodes, _LITE_IMAGE, post.inputs)
+    encodings, scores, anchors = (values[name] for name in post.inputs)
+    shape = _node(path, nodes, _LITE_IMAGE).shape("shape")
+    if len(shape) != 4 or shape[1] != shape[2] or not 1 <= shape[1] <= MAX_SIZE or shape[3] != 3:
+        nodes[_LITE_IMAGE].fail(f"takes images of shape {shape}, expected (batch, size, size, 3)")
+    scales = np.array([post.number(f"{axis}_scale") for axis in "xywh"])
+    centred = _anchors(post, anchors)  # already y, x, height, width
+    return SsdParts(
+        path=path,
+        layers=layers,
+        boxes=_rows(post, encodings),
+        scores=_rows(post, scores),
+        anchors=centred[:, [1, 0, 3, 2]],
+        variances=_variances(post, scales),
+        columns=post.integer("num_classes") + 1,
+        # the API's MobileNets are trained on [-1, 1]; this graph leaves that, and the resize, to the caller
+        normalisation=(2.0, -1.0),
+        size=shape[1],
+        rows_first=True,
+        blue_first=False,
+        half_pixel_centers=True,
+    )
+
+
+def _of_server(path: Path, nodes: dict[str, Node]) -> SsdParts:
+    """The graph for servers resizes 8-bit images in a loop; what the loop gathers is the image, 0 to 255."""
+    resize = _resize(path, nodes)
+    encodings, anchors = (_source(path, nodes, name) for name in (_ENCODINGS, _ANCHORS))
+    layers, values = to_layers(nodes, _IMAGE, (encodings, _SCORES, anchors))
+    scales = np.array([_node(path, nodes, name).tensor() for name in _DIVISORS], np.float64).reshape(-1)
+    post = nodes[_SCORES]
+    low, high = np.split(_anchors(post, values[anchors])[:, [1, 0, 3, 2]], 2, axis=1)
+    return SsdParts(
+        path=path,
+        layers=layers,
+        boxes=_rows(post, values[encodings]),
+        scores=_rows(post, values[_SCORES]),
+        anchors=np.concatenate([(low + high) / 2, high - low], axis=1),
+        variances=_variances(post, scales),
+        columns=None,
+        normalisation=(255.0, 0.0),
+        size=_resized(path, nodes, resize),
+        rows_first=True,
+        blue_first=False,
+        half_pixel_centers=resize.flag("half_pixel_centers", False),
+    )
+
+
+def _resized(path: Path, nodes: dict[str, Node], resize: Node) -> int:
+    size = _node(path, nodes, resize.inputs[1] if len(resize.inputs) == 2 else "").tensor().reshape(-1).tolist()
+    if resize.flag("align_corners", False) or len(set(size)) != 1 or not 1 <= size[0] <= MAX_SIZE:
+        resize.fail(f"resizes to {size}, or aligns corners; only squares up to {MAX_SIZE} without that are supported")
+    return int(size[0])
+
+
+def _node(path: Path, nodes: dict[str, Node], name: str) -> Node:
+    if name not in nodes:
+        raise RaucaError(f"{path}: node {name} is missing; no SSD graph of the TensorFlow object detection API")
+    return nodes[name]
+
+
+def _resize(path: Path, nodes: dict[str, Node]) -> Node:
+    found = [node for node in nodes.values() if node.op == "ResizeBilinear" and node.name.startswith("Preprocessor/")]
+    if len(found) != 1:
+        raise RaucaError(
+            f"{path}: {len(found)} nodes ResizeBilinear under Preprocessor/, expected one; "
+            "no SSD graph of the TensorFlow object detection API"
+        )
+    return found[0]
+
+
+def _source(path: Path, nodes: dict[str, Node], name: str) -> str:
+    """The node whose value ``name`` only gives another shape."""
+    node = _node(path, nodes, name)
+    for _ in range(len(nodes)):
+        if node.op not in _RESHAPING or not node.inputs:
+            return node.name
+        node = _node(path, nodes, node.inputs[0])
+    node.fail("is part of a cycle")
+
+
+def _anchors(node: Node, value: Value) -> Array:
+    found: NDArray[Any] | None = value.constant
+    if found is None or found.ndim != 2 or found.shape[1] != 4 or not np.isfinite(found).all():
+        node.fail("has no anchors: expected a constant (N, 4) of finite numbers")
+    return found.astype(np.float64)
+
+
+def _variances(node: Node, scales: Array) -> Array:
+    if scales.shape != (4,) or not (np.isfinite(scales).all() and (scales > 0).all()):
+        node.fail(f"scales boxes by {scales.tolist()}; expected four positive numbers")
+    return 1 / scales
+
+
+def _rows(node: Node, value: Value) -> str:
+    if value.constant is not None or value.channels is not None:
+        node.fail("does not read the rows of heads")
+    return value.layer
