@@ -15,11 +15,12 @@ from rich.table import Table
 from blender_addon.arguments import apply_parser
 from rauca_core.attack import make_settings
 from rauca_core.contract import RaucaError
-from rauca_core.detect.store import fetch, status
+from rauca_core.detect.listing import ready_names
 
 from .blender_process import run_blender
 from .console import console, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
+from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 
 app = typer.Typer(
@@ -28,10 +29,10 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 bench_app = typer.Typer(help="Measure speed against error.", no_args_is_help=True)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(efe_app, name="efe")
+app.add_typer(detectors_app, name="detectors")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
 
@@ -123,14 +124,15 @@ def evaluate(
 
 @app.command()
 def report(
-    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder laid out as the demo's")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="folder of a study, or one laid out as the demo's")],
+    latex: Annotated[bool, typer.Option("--latex", help="write the tables as LaTeX too, to STUDY/report.tex")] = False,
     pictures: Annotated[Path | None, typer.Option(help="save the main figures to this folder too")] = None,
 ) -> None:
-    """Write RUN/report.html again from what RUN holds."""
+    """Write STUDY/report.html, and its numbers as report.csv and report.json, from what STUDY holds."""
     from .report import picture_run, report_run
 
-    console.print(f"report: {report_run(run_folder)}")
-    for path in picture_run(run_folder, pictures) if pictures else ():
+    console.print(f"report: {report_run(study, latex)}")
+    for path in picture_run(study, pictures) if pictures else ():
         console.print(f"picture: {path}")
 
 
@@ -241,9 +243,9 @@ def _vehicle_arguments(vehicle: str, paint_mask: Path | None, paint_material: st
 
 def _fetched() -> list[str]:
     """Detectors whose weights are here."""
-    names = [entry.source.name for entry in status() if entry.ready]
+    names = ready_names()
     if not names:
-        raise RaucaError("no detector weights are here; get some with `rauca weights fetch yolov3-tiny`")
+        raise RaucaError("no detector weights are here; get some with `rauca weights fetch --all`")
     return names
 
 
@@ -260,19 +262,3 @@ def doctor() -> None:
     Console().print(table)
     if not ready:
         raise typer.Exit(1)
-
-
-@weights_app.command("list")
-def weights_list() -> None:
-    """Show the known weights, their licences and whether they are here."""
-    table = Table("name", "licence", "MiB", "state")
-    for entry in status():
-        table.add_row(entry.source.name, entry.source.licence, f"{entry.source.size_bytes / 2**20:.0f}", entry.state)
-    Console().print(table)
-
-
-@weights_app.command("fetch")
-def weights_fetch(names: Annotated[list[str], typer.Argument(help="names from `rauca weights list`")]) -> None:
-    """Get weights by name, verified by size and sha256."""
-    for name in names:
-        console.print(f"{name}: {fetch(name)}")

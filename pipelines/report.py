@@ -36,12 +36,10 @@ def _opened(folder: Path) -> tuple[Study, ReportNotes]:
         return load_study(folder), ReportNotes()
     results = folder / "results.json"
     if not results.is_file():
-        raise RaucaError(
-            f"{folder}: has no {FILE_NAME} and no results.json; run `rauca evaluate` or `rauca demo` first"
-        )
+        raise RaucaError(f"{folder}: has no results.json or {FILE_NAME}; run `rauca evaluate` or `rauca demo` first")
     dataset = Dataset(folder / "held-out")
     entry = Entry(
-        "held-out",
+        "held-out views",
         "none",
         dataset.plan.vehicle_name,
         "car",

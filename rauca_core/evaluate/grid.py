@@ -22,7 +22,7 @@ _MARGIN = 26  # pixels for the paint's name above each row of the sheet
 
 @dataclass(frozen=True)
 class PictureGrid:
-    """JPEG tiles: ``rows[paint][column]``, with a title per column; ``rule`` says how the frames were chosen."""
+    """JPEG tiles: ``rows[paint][column]``, a title of two lines per column, and the ``rule`` behind the frames."""
 
     titles: list[str]
     rows: dict[str, list[bytes]]
@@ -100,7 +100,7 @@ class FramePicker:
 
     def _title(self, entry: Entry, place: str, row: FrameRow) -> str:
         weathers = f"{entry.weathers}, " if len(self._entries) > 1 else ""
-        return f"{weathers}{place}: {row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
+        return f"{weathers}{place}\n{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
 
 
 def _tile(entry: Entry, cache: DetectionCache, paint: str, index: int) -> bytes:

@@ -40,7 +40,7 @@ def headline(study: Study) -> list[str]:
 
 def _sentence(entry: Entry) -> str:
     results = entry.results
-    where = f"{weathers_title(entry.weathers)}: "
+    where = f"{weathers_title(entry.weathers).capitalize()}: "
     normal = next(paint for paint in results.paints if is_normal(paint))
     best = strongest_paint(results)
     if best == normal:

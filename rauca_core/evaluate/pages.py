@@ -74,8 +74,9 @@ def legend(styles: Mapping[str, Style]) -> str:
 
 
 def picture_grid(columns: Iterable[str], rows: Mapping[str, Iterable[str]]) -> str:
-    """Rows of inlined pictures under column titles."""
-    head = "".join(f'<th scope="col">{escape(title)}</th>' for title in columns)
+    """Rows of inlined pictures under column titles, whose first line stands out."""
+    titles = (escape(title).partition("\n") for title in columns)
+    head = "".join(f'<th scope="col"><b>{first}</b>{rest}</th>' for first, _, rest in titles)
     body = "".join(
         f'<tr><th scope="row">{escape(name)}</th>' + "".join(f"<td>{picture}</td>" for picture in pictures) + "</tr>"
         for name, pictures in rows.items()

@@ -122,7 +122,7 @@ def _grid(picker: FramePicker, detector: str) -> str:
     grid = picker.grid(detector)
     rows = {
         paint: [
-            pages.image(tile, "image/jpeg", f"{paint}, {title}, seen by {detector}")
+            pages.image(tile, "image/jpeg", f"{paint}, {title.replace(chr(10), ', ')}, seen by {detector}")
             for title, tile in zip(grid.titles, tiles, strict=True)
         ]
         for paint, tiles in grid.rows.items()

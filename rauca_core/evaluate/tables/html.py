@@ -27,9 +27,8 @@ class TableWriter:
     def __call__(self, table: Table) -> str:
         """The table under its caption; blocks side by side where they fit, else below each other."""
         body = self._beside(table) if table.beside else self._stacked(table)
-        return (
-            f'<div class="scroll"><table class="scores"><caption>{escape(table.caption)}</caption>{body}</table></div>'
-        )
+        caption = f"<caption><span>{escape(table.caption)}</span></caption>"
+        return f'<div class="scroll"><table class="scores">{caption}{body}</table></div>'
 
     def _beside(self, table: Table) -> str:
         blocks = table.blocks
