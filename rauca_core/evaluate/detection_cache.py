@@ -1,12 +1,14 @@
 """Detections that were made before: one line per image, in one file per detector and setting.
 
-A line is keyed by the image's sha256, so a render that changes is detected anew and one that does not never is.
+A line is keyed by the image's sha256, so a render that changes is detected anew and one that does not never is. That
+holds behind a defence too: what is detected in, and hashed, is the defended image.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
-from ..detect import Detections, Detector
+from ..detect import Detections, Detector, canonical
 from ..detect.scoring import class_index
 
 
@@ -39,7 +40,7 @@ class DetectionSettings:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Detections of one image, best first: boxes (M, 4) xyxy pixels, scores (M,), class names (M,)."""
+    """Detections of one image, best first: boxes (M, 4) xyxy pixels, scores (M,), canonical class names (M,)."""
 
     boxes: NDArray[np.float64]
     scores: NDArray[np.float64]
@@ -55,10 +56,8 @@ class DetectionCache:
     """The detections of one detector under one setting, on disk."""
 
     def __init__(self, folder: Path, detector_name: str, fingerprint: str, settings: DetectionSettings) -> None:
-        """Open or start the file in ``folder``; the end of a line that a killed run left is dropped.
-
-        Raises:
-            RaucaError: the file is damaged.
+        """Open or start the file in ``folder``; lines that a killed run or a failing disk left unreadable are dropped,
+        and their images detected in again.
         """
         key = hashlib.sha256(f"{fingerprint} {sorted(settings.__dict__.items())}".encode()).hexdigest()[:12]
         self.path = Path(folder) / f"{detector_name}-{key}.jsonl"
@@ -71,13 +70,13 @@ class DetectionCache:
     def __getitem__(self, image_sha256: str) -> Found:
         return self._found[image_sha256]
 
-    def add(self, detector: Detector, image_sha256: str, detections: Detections) -> None:
-        """Keep what the settings ask for, in memory and on disk."""
-        line = self._line(detector, image_sha256, detections)
+    def add(self, detector: Detector, hashes: Sequence[str], found: Sequence[Detections]) -> None:
+        """Keep what the settings ask for of a batch of images, in memory and on disk."""
+        lines = [self._line(detector, image, one) for image, one in zip(hashes, found, strict=True)]
         if not self.path.exists():
             write_bytes(self.path, b"")
-        append_line(self.path, json.dumps(line, allow_nan=False))
-        self._found[image_sha256] = _found(line)
+        append_line(self.path, "\n".join(json.dumps(line, allow_nan=False) for line in lines))
+        self._found |= {line["image"]: _found(line) for line in lines}
 
     def _line(self, detector: Detector, image_sha256: str, detections: Detections) -> dict[str, Any]:
         target = class_index(detector, self.settings.category)
@@ -86,26 +85,27 @@ class DetectionCache:
             "image": image_sha256,
             "boxes": [[round(x, 2) for x in box] for box in detections.boxes[keep].double().tolist()],
             "scores": [round(score, 7) for score in detections.scores[keep].double().tolist()],
-            "names": [detector.class_names[label] for label in detections.labels[keep].tolist()],
+            "names": [canonical(detector.class_names[label]) for label in detections.labels[keep].tolist()],
         }
 
     def _read(self) -> dict[str, Found]:
         if not self.path.is_file():
             return {}
-        data = self.path.read_bytes()
-        whole = data[: data.rfind(b"\n") + 1]
-        if whole != data:
-            write_bytes(self.path, whole)
-        found = {}
-        for number, text in enumerate(whole.splitlines(), start=1):
-            try:
-                line = json.loads(text)
-                found[str(line["image"])] = _found(line)
-            except (ValueError, KeyError, TypeError) as error:
-                raise RaucaError(
-                    f"{self.path}:{number}: damaged ({error}); remove the file, it is only a cache"
-                ) from error
-        return found
+        lines = self.path.read_bytes().splitlines()
+        read = {line: _read_line(line) for line in lines}
+        whole = [line for line in lines if read[line] is not None]
+        if whole != lines:
+            write_bytes(self.path, b"".join(line + b"\n" for line in whole))
+        return dict(entry for entry in read.values() if entry is not None)
+
+
+def _read_line(text: bytes) -> tuple[str, Found] | None:
+    """The image's sha256 and what was found in it; None for a damaged line."""
+    try:
+        line = json.loads(text)
+        return str(line["image"]), _found(line)
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _found(line: dict[str, Any]) -> Found:

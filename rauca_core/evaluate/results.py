@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ from ..contract.files import write_json
 from ..contract.schema import Fields, read_json
 from .detection_cache import DetectionSettings
 
-FORMAT = ("rauca-results", 1)
+FORMAT = ("rauca-results", 2)
 MEAN = "mean"
 T = TypeVar("T")
 AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
@@ -20,7 +20,10 @@ AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_d
 
 @dataclass(frozen=True)
 class FrameRow:
-    """A frame that took part, under its nominal camera (before jitter) and its weather."""
+    """A frame that took part, under its nominal camera (before jitter) and its weather.
+
+    ``location`` and ``view`` are the data set's; version 1 did not keep them.
+    """
 
     id: str
     weather: str
@@ -30,11 +33,13 @@ class FrameRow:
     sun_altitude_deg: float
     fog_density: float
     box_xyxy: tuple[float, float, float, float]
+    location: int = 0
+    view: int = 0
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """AP@0.5 in [0, 1] over all frames, and the bootstrap's 95 % interval over frames."""
+    """AP@0.5 in [0, 1] over frames, and the bootstrap's 95 % interval over their locations (see `bootstrap.py`)."""
 
     ap: float
     low: float
@@ -43,11 +48,19 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Group:
-    """AP@0.5 of the frames that share a value on one of :data:`AXES`; ``ap[paint][detector]``."""
+    """AP@0.5 of the frames that share a value on one of :data:`AXES`.
+
+    Attributes:
+        value: on the axis.
+        frames: how many share it.
+        ap: ``ap[paint][detector]``.
+        mean: ``mean[paint]``, over detectors, with its interval; empty in results of version 1.
+    """
 
     value: float
     frames: int
     ap: dict[str, dict[str, float]]
+    mean: dict[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -71,7 +84,10 @@ class Results:
         dropped: ids of frames that show too little of the vehicle to have a box.
         table: ``table[paint][detector or "mean"]``.
         groups: ``groups[axis]``, sorted by value.
-        images: ``images[paint]``, in the order of ``frames``.
+        images: ``images[paint]``, in the order of ``frames``; under a defence, as it left them.
+        vehicle: the data set's vehicle.
+        defence: what the images went through before detection.
+        clusters, cluster_count: what the bootstrap draws (``locations``, ``views`` or ``frames``), and how many.
     """
 
     dataset: str
@@ -84,6 +100,10 @@ class Results:
     table: dict[str, dict[str, Estimate]]
     groups: dict[str, tuple[Group, ...]]
     images: dict[str, tuple[ImageRow, ...]]
+    vehicle: str = ""
+    defence: str = "none"
+    clusters: str = "frames"
+    cluster_count: int = 0
 
     @property
     def paints(self) -> tuple[str, ...]:
@@ -105,7 +125,7 @@ def load_results(path: Path) -> Results:
         for paint, rows in _object(path, fields.raw("table")).items()
     }
     groups = {
-        axis: tuple(_record(Group, row, f"{path}: groups") for row in rows)
+        axis: tuple(_group(row, f"{path}: groups") for row in rows)
         for axis, rows in _object(path, fields.raw("groups")).items()
     }
     images = {
@@ -123,10 +143,18 @@ def load_results(path: Path) -> Results:
         table=table,
         groups=groups,
         images=images,
+        **_since_version_2(fields),
     )
     fields.done()
     _check(path, results)
     return results
+
+
+def _since_version_2(fields: Fields) -> dict[str, Any]:
+    if not fields.has("clusters"):
+        return {}
+    texts = {name: fields.text(name) for name in ("vehicle", "defence", "clusters")}
+    return {**texts, "cluster_count": fields.integer("cluster_count")}
 
 
 def _check(path: Path, results: Results) -> None:
@@ -141,10 +169,17 @@ def _check(path: Path, results: Results) -> None:
 
 def _frame_row(fields: Fields) -> FrameRow:
     left, top, right, bottom = fields.array("box_xyxy", (4,)).tolist()
-    numbers = {name: fields.number(name) for name in AXES}
+    numbers: dict[str, Any] = {name: fields.number(name) for name in AXES}
+    numbers |= {name: fields.integer(name) for name in ("location", "view") if fields.has(name)}
     row = FrameRow(fields.text("id"), fields.text("weather"), **numbers, box_xyxy=(left, top, right, bottom))
     fields.done()
     return row
+
+
+def _group(value: Any, where: str) -> Group:
+    group = _record(Group, value, where)
+    mean = {paint: _record(Estimate, row, where) for paint, row in group.mean.items()}
+    return replace(group, mean=mean)
 
 
 def _object(path: Path, value: Any) -> Mapping[str, Any]:

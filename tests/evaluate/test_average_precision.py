@@ -7,7 +7,6 @@ import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.evaluate import Sample, average_precision
-from rauca_core.evaluate.bootstrap import interval, resample_counts, resampled_average_precision
 
 TRUTH = (10.0, 10.0, 50.0, 50.0)
 ELSEWHERE = (100.0, 100.0, 140.0, 140.0)
@@ -92,34 +91,3 @@ def test_only_the_best_hundred_detections_count() -> None:
 def test_no_frames_is_an_error() -> None:
     with pytest.raises(RaucaError, match="no frames"):
         average_precision([])
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_resample_that_counts_every_frame_once_gives_the_same_value(seed: int) -> None:
-    samples = random_samples(40, seed)
-    (once,) = resampled_average_precision(samples, np.ones((1, 40), np.int64))
-    assert once == pytest.approx(average_precision(samples), abs=1e-9)
-
-
-def test_a_resample_equals_repeating_frames() -> None:
-    samples = random_samples(12, 3)
-    counts = resample_counts(12, 5, seed=1)
-    assert (counts.sum(1) == 12).all()
-    for count, value in zip(counts, resampled_average_precision(samples, counts), strict=True):
-        repeated = [s for s, times in zip(samples, count, strict=True) for _ in range(times)]
-        assert value == pytest.approx(average_precision(repeated), abs=0.02)  # ties between copies rank differently
-
-
-def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
-    """Frames found with chance 0.6 and nothing else detected: AP is the share found, so its spread is binomial."""
-    rng = np.random.default_rng(5)
-    covered = 0
-    for trial in range(100):
-        samples = [sample((TRUTH, 0.9)) if rng.random() < 0.6 else sample() for _ in range(80)]
-        low, high = interval(resampled_average_precision(samples, resample_counts(80, 200, trial)))
-        covered += low <= 0.6 + 0.5 / 101 <= high
-    assert 86 <= covered <= 100
-
-
-def test_nothing_found_has_no_spread() -> None:
-    assert interval(resampled_average_precision([sample()] * 3, resample_counts(3, 10, 0))) == (0.0, 0.0)

@@ -86,7 +86,12 @@ def test_groups_follow_the_nominal_camera_and_the_weather(scene, detectors: list
     }
     (whole,) = results.groups["elevation_deg"]
     name = detectors[0].name
-    assert whole.ap["noise"][name] == results.table["noise"][name].ap
+    assert whole.ap["noise"][name] == pytest.approx(results.table["noise"][name].ap, abs=1e-12)
+    assert whole.mean["noise"].ap == pytest.approx(whole.ap["noise"][name])
+    assert (whole.mean["noise"].low, whole.mean["noise"].high) == pytest.approx(
+        (results.table["noise"][name].low, results.table["noise"][name].high)
+    )
+    assert (results.clusters, results.cluster_count) == ("views", 8)  # one location
     clear, foggy = (group.ap["normal"][name] for group in results.groups["fog_density"])
     assert foggy < clear
 
@@ -97,7 +102,8 @@ def test_a_second_run_detects_only_what_is_new(scene, detectors: list[Detector],
     seen: list[tuple[str, int, int]] = []
     first = run(scene, [counting], out, on_progress=lambda what, done, total: seen.append((what, done, total)))
     assert counting.images == 46
-    assert seen[-1] == (f"{counting.name} on noise", 23, 23)
+    assert seen[0] == ("detecting", 0, 46)
+    assert seen[-1] == (f"{counting.name} on noise", 46, 46)
     assert run(scene, [counting], out) == first
     assert counting.images == 46
     changed = scene.noise / "L00-V000-fog.png"
@@ -108,17 +114,23 @@ def test_a_second_run_detects_only_what_is_new(scene, detectors: list[Detector],
     assert counting.images == 47 + 46
 
 
-def test_a_cache_cut_off_by_a_crash_goes_on(scene, detectors: list[Detector], tmp_path: Path) -> None:
+def test_a_damaged_cache_is_mended_by_detecting_again(scene, detectors: list[Detector], tmp_path: Path) -> None:
     counting = Counting(detectors[0])
     first = run(scene, [counting], tmp_path / "out")
     (cache,) = (tmp_path / "out" / "detections").iterdir()
-    cache.write_bytes(cache.read_bytes()[:-40])
+    whole = cache.read_bytes()
+    cache.write_bytes(whole[:-40])  # cut off by a crash
     assert run(scene, [counting], tmp_path / "out") == first
     assert counting.images == 47
-    lines = cache.read_bytes().splitlines()
-    cache.write_bytes(b"\n".join([lines[0][:30], *lines[1:]]) + b"\n")
-    with pytest.raises(RaucaError, match=r"jsonl:1: damaged .* remove the file"):
-        run(scene, [counting], tmp_path / "out")
+    lines = whole.splitlines()
+    hole = b"\0" * 200  # a block that the disk never wrote
+    cache.write_bytes(b"\n".join([lines[0][:30], hole, b'{"image": 3, "boxes": []}', *lines[2:]]))
+    assert run(scene, [counting], tmp_path / "out") == first
+    assert counting.images == 49
+    assert sorted(cache.read_bytes().splitlines()) == sorted(lines)
+    cache.write_bytes(b"")
+    assert run(scene, [counting], tmp_path / "out") == first
+    assert counting.images == 49 + 46
 
 
 def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Path) -> None:
@@ -126,10 +138,10 @@ def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Pa
     path = tmp_path / "out" / "results.json"
     assert load_results(path) == results
     written = json.loads(path.read_text())
-    assert (written["format"], written["version"]) == ("rauca-results", 1)
+    assert (written["format"], written["version"]) == ("rauca-results", 2)
     assert written["images"]["noise"][0]["path"] == "../noise/L00-V000-clear-day.png"
     for change, complaint in [
-        ({"version": 2}, "reads up to 1; update rauca"),
+        ({"version": 3}, "reads up to 2; update rauca"),
         ({"table": {}}, "table and detectors do not fit"),
         ({"images": {}}, "images and frames do not fit"),
         ({"settings": {"category": "car", "colour": 1}}, "not a DetectionSettings"),
