@@ -1,0 +1,80 @@
+"""Published weights into a framework's module: whole, or refused by the name of the first tensor that does not fit."""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import Tensor, nn
+
+from ...contract import RaucaError
+
+# Where training scripts put the weights inside a checkpoint.
+_WRAPPERS = ("model", "state_dict", "model_state_dict")
+
+# A counter of training steps that torch's batch normalisation keeps; frozen normalisations have none.
+_COUNTER = "num_batches_tracked"
+
+
+def read_state(path: Path) -> Mapping[str, Tensor]:
+    """The tensors of a ``.safetensors`` file or of a torch checkpoint, by name, on the CPU.
+
+    A torch checkpoint is read with ``weights_only=True``: tensors and plain containers, no other pickled object.
+
+    Raises:
+        RaucaError: missing or damaged file, a checkpoint that holds other objects or no tensors.
+    """
+    try:
+        state = load_file(path) if path.suffix == ".safetensors" else _read_pickled(path)
+    except FileNotFoundError:
+        raise RaucaError(f"{path}: not found") from None
+    except pickle.UnpicklingError:
+        raise RaucaError(
+            f"{path}: holds objects other than tensors, which could run code; save it anew as "
+            "torch.save(model.state_dict(), PATH) or as .safetensors"
+        ) from None
+    except (OSError, RuntimeError, EOFError, ValueError, SafetensorError, zipfile.BadZipFile) as error:
+        raise RaucaError(f"{path}: cannot be read as weights ({_first_line(error)})") from error
+    for wrapper in _WRAPPERS:
+        if isinstance(state, Mapping) and isinstance(state.get(wrapper), Mapping):
+            state = state[wrapper]
+    if not isinstance(state, Mapping) or not state or not all(isinstance(one, Tensor) for one in state.values()):
+        raise RaucaError(f"{path}: holds no tensors by name; expected the state_dict of a model")
+    return state
+
+
+def _read_pickled(path: Path) -> object:
+    return torch.load(path, map_location="cpu", weights_only=True)
+
+
+def fill(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:
+    """Copy every tensor of ``state`` into ``module``.
+
+    Raises:
+        RaucaError: names ``path`` and the first tensor that is missing, unknown, of another shape or not finite.
+    """
+    for name, value in state.items():
+        if value.is_floating_point() and not torch.isfinite(value).all():
+            raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
+    kind = type(module).__name__
+    try:
+        unmatched = module.load_state_dict(state, strict=False)
+    except RuntimeError as error:
+        wrong = next((line.strip() for line in str(error).splitlines() if "size mismatch" in line), _first_line(error))
+        raise RaucaError(
+            f"{path}: does not fit {kind}: {wrong.rstrip('.')}; these are another model's weights"
+        ) from None
+    for names, fault in ((unmatched.missing_keys, "lacks"), (unmatched.unexpected_keys, "has an unknown")):
+        wrong_names = [name for name in names if not name.endswith(_COUNTER)]
+        if wrong_names:
+            more = f" and {len(wrong_names) - 1} more" if len(wrong_names) > 1 else ""
+            raise RaucaError(f"{path}: {fault} tensor {wrong_names[0]}{more}; expected the weights of a {kind}")
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)

@@ -1,0 +1,182 @@
+"""torchvision's detection models behind the common interface."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ...contract import RaucaError
+from ..checks import check_images
+from ..interface import DensePredictions, Detections
+from . import torchvision_heads
+from .checkpoint import fill, read_state
+from .identity import fingerprint
+from .torchvision_ops import import_torchvision
+
+ARCHITECTURES = (
+    "fasterrcnn_resnet50_fpn",
+    "fasterrcnn_resnet50_fpn_v2",
+    "fasterrcnn_mobilenet_v3_large_fpn",
+    "fasterrcnn_mobilenet_v3_large_320_fpn",
+    "retinanet_resnet50_fpn",
+    "retinanet_resnet50_fpn_v2",
+    "fcos_resnet50_fpn",
+    "ssd300_vgg16",
+    "ssdlite320_mobilenet_v3_large",
+)
+
+# torchvision's models take a shorter side of 800 pixels and a longer one of at most 1333.
+_LONGEST = 1333 / 800
+
+
+class TorchvisionDetector:
+    """Faster R-CNN, RetinaNet, FCOS or SSD of torchvision.
+
+    ``detect`` is torchvision's own post-processing with the caller's two thresholds; its other limits are the model's
+    (at most 100 detections per image, for one). ``dense`` keeps what that post-processing starts from: all proposals
+    after the box head, or all anchors, see :mod:`rauca_core.detect.frameworks.torchvision_heads`. Where a softmax
+    shares one probability between the categories and the background, ``objectness`` is 1 and ``classes`` are the
+    categories' shares, so their product is torchvision's score throughout.
+
+    Attributes:
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        model: torchvision's module, in evaluation mode; its weights take no gradient.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        architecture: str,
+        weights: Path | None,
+        class_names: tuple[str, ...],
+        size: int | None = None,
+    ) -> None:
+        """Build an architecture and read its weights.
+
+        Args:
+            architecture: one of :data:`ARCHITECTURES`.
+            weights: ``.safetensors`` or torch's ``.pth``; None for random weights, always the same ones. The two
+                MobileNet Faster R-CNNs have tensors of the same shapes: only the file's name tells them apart.
+            class_names: without the background; for published weights ``class_list("coco-91")``.
+            size: shorter side that images are scaled to, pixels (the longer one at most 5/3 of it); None for the
+                architecture's own. SSDs take no other than their own.
+
+        Raises:
+            RaucaError: torchvision is missing, unknown architecture, unreadable weights or those of another model, a
+                size it cannot take.
+        """
+        if architecture not in ARCHITECTURES:
+            raise RaucaError(f"{name}: unknown architecture {architecture!r}; choose {', '.join(ARCHITECTURES)}")
+        build = getattr(import_torchvision().models.detection, architecture)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(0)
+            model = build(weights=None, weights_backbone=None, num_classes=len(class_names) + 1)
+        if weights is not None:
+            fill(model, read_state(weights), weights)
+        if size is not None:
+            _set_size(name, model, size)
+        self._hold(model, name, class_names)
+
+    @classmethod
+    def of(cls, model: nn.Module, name: str, class_names: tuple[str, ...]) -> TorchvisionDetector:
+        """The detector that a model in memory makes, e.g. one that was just trained.
+
+        The model is copied: training it further changes neither the detector nor what its fingerprint stands for.
+
+        Args:
+            model: torchvision's ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, with any backbone.
+            class_names: without the background. RetinaNet and FCOS may have a column for the background or none.
+
+        Raises:
+            RaucaError: another kind of model, a number of names that does not fit.
+        """
+        self = cls.__new__(cls)
+        self._hold(copy.deepcopy(model), name, class_names)
+        return self
+
+    def _hold(self, model: nn.Module, name: str, class_names: tuple[str, ...]) -> None:
+        self._head, self._thresholds_of, columns, has_background = _anatomy(name, model)
+        self._skipped = columns - len(class_names)
+        if self._skipped not in ((1,) if has_background else (0, 1)):
+            raise RaucaError(
+                f"{name}: the model predicts {columns - has_background} categories, {len(class_names)} names were given"
+            )
+        self.name = name
+        self.class_names = class_names
+        self.model: Any = model.eval().requires_grad_(False)
+        self.fingerprint = fingerprint(model, class_names)
+
+    def to(self, device: torch.device | str) -> TorchvisionDetector:
+        """Move the model to a device; returns self."""
+        self.model.to(device)
+        return self
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        batch, _ = self.model.transform(self._checked(images))
+        features = self.model.backbone(batch.tensors)
+        found = self._head(self.model, batch, {"0": features} if isinstance(features, Tensor) else features)
+        height, width = batch.image_sizes[0]
+        scale = found.boxes.new_tensor([images.shape[3] / width, images.shape[2] / height] * 2)
+        return DensePredictions(found.boxes * scale, found.objectness, found.classes[..., self._skipped :])
+
+    @torch.inference_mode()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        checked = self._checked(images, waits=True)
+        with _thresholds(self._thresholds_of, score_threshold, iou_threshold):
+            found = self.model(checked)
+        return [self._named(one) for one in found]
+
+    def _named(self, found: dict[str, Tensor]) -> Detections:
+        labels = found["labels"] - self._skipped
+        named = labels >= 0
+        return Detections(found["boxes"][named], found["scores"][named], labels[named])
+
+    def _checked(self, images: Tensor, waits: bool = False) -> list[Tensor]:
+        """One by one, in the model's precision."""
+        check_images(self.name, images, waits)
+        transform = self.model.transform
+        shorter, longer = sorted(images.shape[2:])
+        if transform.fixed_size is None and shorter * transform.max_size < longer:  # scaled, thinner than one pixel
+            raise RaucaError(f"{self.name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
+        return list(images.to(next(self.model.parameters()).dtype))
+
+
+def _set_size(name: str, model: Any, size: int) -> None:
+    if model.transform.fixed_size is not None:
+        raise RaucaError(f"{name}: its input size is its own; leave size out")
+    if size < 32:
+        raise RaucaError(f"{name}: input size {size} must be at least 32 pixels")
+    model.transform.min_size = (size,)
+    model.transform.max_size = round(size * _LONGEST)
+
+
+def _anatomy(name: str, model: Any) -> tuple[torchvision_heads.Head, Any, int, bool]:
+    """How to decode a model, which module holds its thresholds, its class columns and whether it has a background."""
+    models = import_torchvision().models.detection
+    if isinstance(model, models.FasterRCNN):
+        return torchvision_heads.two_stage, model.roi_heads, model.roi_heads.box_predictor.cls_score.out_features, True
+    if isinstance(model, models.RetinaNet):
+        return torchvision_heads.retinanet, model, model.head.classification_head.num_classes, False
+    if isinstance(model, models.FCOS):
+        return torchvision_heads.fcos, model, model.head.classification_head.num_classes, False
+    if isinstance(model, models.ssd.SSD):
+        return torchvision_heads.ssd, model, model.head.classification_head.num_columns, True
+    raise RaucaError(f"{name}: a {type(model).__name__} is none of torchvision's FasterRCNN, RetinaNet, FCOS and SSD")
+
+
+@contextlib.contextmanager
+def _thresholds(holder: Any, score: float, iou: float) -> Iterator[None]:
+    before = holder.score_thresh, holder.nms_thresh
+    holder.score_thresh, holder.nms_thresh = score, iou
+    try:
+        yield
+    finally:
+        holder.score_thresh, holder.nms_thresh = before
