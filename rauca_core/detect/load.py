@@ -13,13 +13,14 @@ from .catalogue import SOURCES, find_source
 from .classes import class_list, read_names
 from .interface import Detector
 from .sources import Family, Source
-from .store import stored_paths, verify
+from .store import shipped_path, stored_paths, verify
 
 _FAMILY_OF: dict[str, Family] = {
     ".weights": "darknet",
     ".pb": "tf-ssd",
     ".caffemodel": "caffe-ssd",
     ".onnx": "onnx",
+    ".safetensors": "synth",
 }
 
 
@@ -46,9 +47,9 @@ def resolve(name_or_path: str) -> Resolved:
     Args:
         name_or_path: one of three forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
             ``"yolov3=PATH"``: the named network with weights of your own, a folder for transformers and MMDetection.
-            ``"PATH"``: a ``.weights`` (its cfg is ``PATH.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``) or
-            ``.onnx``; the class names are ``PATH.names`` beside it (``.pb`` and ``.caffemodel``: COCO's and VOC's, and
-            ``.onnx``: those inside, unless there is such a file).
+            ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
+            or, of a detector of our own, ``.safetensors`` (with its card). Class names come from a ``.names`` beside
+            it; without one, from the file (ONNX, our own) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
 
     Raises:
         RaucaError: unknown name, missing or damaged file.
@@ -59,7 +60,9 @@ def resolve(name_or_path: str) -> Resolved:
         return _resolved(source, _own_files(source, Path(path)))
     if name in SOURCES or Path(name).suffix not in _FAMILY_OF:
         source = find_source(name)
-        if source.family != "synth" and not source.files:
+        if source.family == "synth":
+            return _resolved(source, (shipped_path(source),))
+        if not source.files:
             raise RaucaError(f"{name}: its weights must be given as {name}=PATH; get them with: {source.how}")
         verify(source)
         return _resolved(source, stored_paths(source))
@@ -81,7 +84,8 @@ def load_detector(name_or_path: str, size: int | None = None, device: torch.devi
 
 
 def _resolved(source: Source, files: tuple[Path, ...]) -> Resolved:
-    return Resolved(source.name, source.family, files, source.class_names, source.network)
+    names = source.class_names if source.categories else None
+    return Resolved(source.name, source.family, files, names, source.network)
 
 
 def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
@@ -173,10 +177,10 @@ def _mmdet(found: Resolved, size: int | None) -> Detector:
 
 
 def _synth(found: Resolved, size: int | None) -> Detector:
-    from .training import load_synth
+    from .training import load_weights
 
     _refuse_size(found, size)
-    return load_synth(found.name)
+    return load_weights(found.files[0])
 
 
 def _names(found: Resolved) -> tuple[str, ...]:

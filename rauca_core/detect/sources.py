@@ -68,7 +68,7 @@ class Source:
 
     Attributes:
         family: which adapter loads it.
-        categories: a list of :func:`rauca_core.detect.classes.class_list`.
+        categories: a list of :func:`rauca_core.detect.classes.class_list`; empty when the weights' card has its own.
         files: what is fetched, the weights first; empty when rauca cannot fetch them, see ``how``.
         network: stem of the cfg in ``assets/detectors`` (darknet), or the framework's name of the architecture.
         how: the command that gets the weights, for those that rauca does not fetch.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..contract import RaucaError
+from ..contract.assets import assets_folder
 from .catalogue import SOURCES, find_source
 from .download import download, keep
 from .sources import Source, WeightsFile
@@ -29,6 +30,11 @@ def stored_path(source: Source) -> Path:
 def stored_paths(source: Source) -> tuple[Path, ...]:
     """Of all its files, in its order."""
     return tuple(weights_folder() / file.name for file in source.files)
+
+
+def shipped_path(source: Source) -> Path:
+    """Where the weights of a detector of our own come with rauca."""
+    return assets_folder() / "detectors" / f"{source.name}.safetensors"
 
 
 def fetch(name: str, folder: Path | None = None) -> Path:

@@ -92,11 +92,14 @@ def test_published_weights_agree_with_opencv(name: str, tiny_weights: dict[str, 
     check(detector, source.cfg, tiny_weights[name], 416, tmp_path)
 
 
-def test_full_yolov3_agrees_with_opencv(tmp_path: Path, random_weights: Callable[..., Path]) -> None:
-    source = SOURCES["yolov3"]
+@pytest.mark.parametrize(("name", "published_bytes"), [("yolov3", 248007048), ("yolov4", 257717640)])
+def test_full_networks_agree_with_opencv(
+    name: str, published_bytes: int, tmp_path: Path, random_weights: Callable[..., Path]
+) -> None:
+    source = SOURCES[name]
     weights = random_weights(tmp_path / "random.weights", source.cfg)
-    assert weights.stat().st_size == source.size_bytes  # the published file fits this cfg
-    detector = DarknetDetector("yolov3", source.cfg, weights, source.class_names, 96)
+    assert weights.stat().st_size == published_bytes  # the published file fits this cfg
+    detector = DarknetDetector(name, source.cfg, weights, source.class_names, 96)
     check(detector, source.cfg, weights, 96, tmp_path)
 
 

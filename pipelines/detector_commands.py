@@ -1,0 +1,78 @@
+"""``rauca detectors ...`` and ``rauca weights ...``: what is ready, what is missing, and getting it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from rauca_core.contract import RaucaError
+from rauca_core.detect.catalogue import SOURCES
+from rauca_core.detect.listing import listing
+from rauca_core.detect.store import OWN_FOLDER, fetch_all, status
+
+from .console import console
+
+detectors_app = typer.Typer(help="Detectors: what is ready, what the others need.", no_args_is_help=True)
+weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
+
+Names = Annotated[list[str] | None, typer.Argument(help="names from `rauca weights list`")]
+All = Annotated[bool, typer.Option("--all", help="the seven of the standard evaluation")]
+From = Annotated[
+    Path | None, typer.Option("--from", help="look in this folder first; files are known by sha256", envvar=OWN_FOLDER)
+]
+
+TABLE_WIDTH = 100
+OTHERS = (
+    "Any other detector: a .weights, .pb, .caffemodel, .onnx or .safetensors by its path. An ONNX graph that "
+    "onnx2torch cannot convert has no gradients: it can be evaluated, not attacked."
+)
+
+
+@detectors_app.command("list")
+def detectors_list() -> None:
+    """Show every known detector: its family, training data, licence, and what it needs to run."""
+    listed = listing()
+    table = Table("name", "family", "trained on", "licence", "gradients", "state", title="rauca detectors")
+    for entry in listed:
+        source = entry.source
+        state = f"[green]{entry.state}" if entry.ready else entry.state
+        table.add_row(source.name, source.family, source.trained_on, source.licence, "yes", state)
+    wide = Console(width=max(Console().width, TABLE_WIDTH))  # a log has no terminal's width
+    wide.print(table)
+    for entry in listed:
+        for remedy in entry.remedies:
+            wide.print(f"[bold]{entry.source.name}[/bold]: {remedy}", soft_wrap=True, highlight=False)
+    wide.print(OTHERS, soft_wrap=True, highlight=False)
+
+
+@weights_app.command("list")
+def weights_list() -> None:
+    """Show the weights that can be fetched, their licences and whether they are here."""
+    table = Table("name", "licence", "MiB", "state")
+    for entry in status():
+        size = f"{entry.source.size_bytes / 2**20:.0f}" if entry.source.size_bytes else "?"
+        table.add_row(entry.source.name, entry.source.licence, size, entry.state)
+    Console().print(table)
+
+
+@weights_app.command("fetch")
+def weights_fetch(names: Names = None, everything: All = False, folder: From = None) -> None:
+    """Get weights by name, verified by sha256; what cannot be had does not keep the others from coming."""
+    standard = [source.name for source in SOURCES.values() if source.standard] if everything else []
+    wanted = list(dict.fromkeys([*(names or []), *standard]))
+    if not wanted:
+        raise RaucaError("nothing to fetch; give names from `rauca weights list`, or --all")
+    with console.status(f"fetching {len(wanted)}"):
+        paths, errors = fetch_all(wanted, folder)
+    for name, path in paths.items():
+        console.print(f"{name}: {path}", soft_wrap=True)
+    if len(wanted) == len(errors) == 1:
+        raise errors[wanted[0]]
+    if errors:
+        for error in errors.values():
+            console.print(f"[red]{error}", soft_wrap=True)
+        raise RaucaError(f"{len(errors)} of {len(wanted)} could not be fetched: {', '.join(errors)}; see above")
