@@ -1,0 +1,328 @@
+"""Tables of a study and of the paper: what is ranked, what is marked, and that files hold what was measured."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camouflage, save_camouflage
+from rauca_core.contract.files import png_bytes
+from rauca_core.evaluate.detection_cache import DetectionSettings
+from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from rauca_core.evaluate.study import Entry, Study, load_study, save_study
+from rauca_core.evaluate.tables import (
+    BEST,
+    SECOND,
+    Block,
+    Cell,
+    Column,
+    Row,
+    Table,
+    curves_of,
+    odd_averages,
+    paper_tables,
+    ranks,
+    shown,
+    tables_csv,
+    tables_json,
+    tables_latex,
+    tables_of,
+)
+from rauca_core.evaluate.tables.families import family_of, in_table_order
+from rauca_core.evaluate.tables.latex import escape
+
+HOSTILE = "<script>alert(1)</script> & 50%_{x}\\end"
+PAINTS = ("normal", "random", "ours")
+DETECTORS = ("yolov3-tiny", "frcnn-synth", "detr", "faster-rcnn", "yolox-nano")
+SHARED = Path(os.environ.get("RAUCA_SHARED", Path(__file__).parents[3] / "shared"))
+
+
+def results(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> Results:
+    """Numbers of no meaning, all different."""
+    rng = np.random.default_rng(seed)
+
+    def estimate(ap: float) -> Estimate:
+        return Estimate(ap, ap * 0.9, min(1.0, ap * 1.1))
+
+    table = {}
+    for paint in paints:
+        values = {name: float(rng.random()) for name in detectors}
+        table[paint] = {
+            name: estimate(v) for name, v in {**values, MEAN: float(np.mean(list(values.values())))}.items()
+        }
+    frames = tuple(FrameRow(f"f{i}", "clear", 90.0 * i, 10, 6, 45, 0, (0, 0, 9, 9), i, i) for i in range(4))
+    mean = {paint: row[MEAN] for paint, row in table.items()}
+    ap = {paint: {name: row[name].ap for name in detectors} for paint, row in table.items()}
+    azimuths = tuple(Group(90.0 * i, 1, ap, mean if i else {}) for i in range(4))
+    return Results(
+        dataset="made up",
+        settings=DetectionSettings(),
+        resamples=10,
+        seed=0,
+        detectors=dict.fromkeys(detectors, "0" * 64),
+        frames=frames,
+        dropped=(),
+        table=table,
+        groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap, mean),) for axis in AXES},
+        images={paint: tuple(ImageRow(f"{i}.png", "0") for i in range(4)) for paint in paints},
+    )
+
+
+def study_at(
+    folder: Path,
+    conditions: list[tuple[str, str, str]],
+    paints: tuple[str, ...] = PAINTS,
+    detectors: tuple[str, ...] = DETECTORS,
+) -> Study:
+    """Written to disk and read again; the last paint was optimised against the first detector."""
+    camouflage = folder / "camouflage.json"
+    made = Camouflage("c", "sedan", "0" * 16, 8, "rauca", {"detector": detectors[0]})
+    save_camouflage(camouflage, made, png_bytes(np.zeros((8, 8, 3), np.uint8)))
+    entries = []
+    for number, (vehicle, weathers, defence) in enumerate(conditions):
+        out = folder / str(number)
+        found = results(number, paints, detectors)
+        save_results(out / "results.json", found)
+        category = "boat" if vehicle == "boat" else "car"
+        entries.append(Entry(weathers, defence, vehicle, category, found, out, camouflages={paints[-1]: camouflage}))
+    save_study(folder / "study.json", "rauca evaluate --out here", entries)
+    return load_study(folder)
+
+
+def block(*rows: tuple[str, list[float | None]]) -> Block:
+    return Block("", tuple(Row(name, tuple(None if v is None else Cell(v) for v in values)) for name, values in rows))
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([0.1, 0.2, 0.3], [BEST, SECOND, 0]),
+        ([0.3, 0.1, 0.1], [SECOND, BEST, BEST]),
+        ([0.1, 0.2, 0.2], [BEST, SECOND, SECOND]),
+        ([0.1, 0.10004, 0.5], [BEST, BEST, SECOND]),  # print alike
+        ([0.1, 0.1, 0.1], [BEST, BEST, BEST]),
+        ([0.2, None, 0.1], [SECOND, 0, BEST]),
+        ([None, None, 0.1], [0, 0, 0]),
+    ],
+)
+def test_best_and_second(values: list[float | None], expected: list[int]) -> None:
+    rows = [("normal", [0.0])] + [(f"paint {i}", [value]) for i, value in enumerate(values)]
+    assert ranks(block(*rows)) == [[0], *[[rank] for rank in expected]]
+    assert ranks(block(*rows[::-1])) == [*[[rank] for rank in expected[::-1]], [0]]
+
+
+def test_one_camouflage_alone_is_not_the_best() -> None:
+    assert ranks(block(("Normal", [0.9, 0.8]), ("ours", [0.1, 0.2]))) == [[0, 0], [0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("yolov3-tiny", "single-stage"),
+        ("ssd-mobilenet-v2", "single-stage"),
+        ("retinanet-r50", "single-stage"),
+        ("YOLOX", "single-stage"),
+        ("frcnn-synth", "two-stage"),
+        ("fasterrcnn_mobilenet_v3_large_320_fpn", "two-stage"),
+        ("dynamic-rcnn", "two-stage"),
+        ("sparse_rcnn_r50", "two-stage"),
+        ("detr-synth", "transformer"),
+        ("rt-detr", "transformer"),
+        ("yolos-tiny", "transformer"),
+        ("mine", "other"),
+    ],
+)
+def test_families(name: str, family: str) -> None:
+    assert family_of(name) == family
+
+
+def test_columns_are_grouped_and_our_own_come_last() -> None:
+    names = ["detr-synth", "frcnn-synth", "detr", "faster-rcnn", "yolov3"]
+    assert in_table_order(names) == ["yolov3", "faster-rcnn", "frcnn-synth", "detr", "detr-synth"]
+
+
+def test_the_tables_of_a_study(tmp_path: Path) -> None:
+    conditions = [
+        ("sedan", "seen", "none"),
+        ("sedan", "unseen", "none"),
+        ("sedan", "seen", "lgs"),
+        ("boat", "seen", "none"),
+    ]
+    study = study_at(tmp_path, conditions)
+    tables = {table.key: table for table in tables_of(study, tmp_path)}
+    assert list(tables) == ["detectors-sedan", "detectors-boat", "defences-sedan", "vehicles"]
+    main = tables["detectors-sedan"]
+    assert [b.title for b in main.blocks] == ["Seen weathers", "Unseen weathers"]
+    assert [b.title for b in tables["defences-sedan"].blocks] == ["No defence", "LGS"]
+    assert main.groups() == [("single-stage", 2), ("two-stage", 2), ("transformer", 1), ("Average", 2)]
+    assert [column.name for column in main.columns if column.own] == ["frcnn-synth"]
+    assert [column.name for column in main.columns if column.white_box] == ["yolov3-tiny"]
+    met = [(row.name, i) for row in main.blocks[0].rows for i, cell in enumerate(row.cells) if cell and cell.white_box]
+    assert met == [("ours", 0)]
+    for part, entry in zip(main.blocks, study.entries, strict=False):
+        for row in part.rows:
+            found = entry.results.table[row.name]
+            for column, cell in zip(main.columns, row.cells, strict=True):
+                assert cell is not None
+                if column.name in found:
+                    assert (cell.ap, cell.low, cell.high) == tuple(vars(found[column.name]).values())
+            every, published = (cell.ap for cell in row.cells[-2:] if cell)
+            assert every == found[MEAN].ap
+            others = [found[name].ap for name in DETECTORS if name != "frcnn-synth"]
+            assert published == pytest.approx(np.mean(others), abs=1e-12)
+    vehicles = tables["vehicles"]
+    assert [(c.name, c.group) for c in vehicles.columns] == [("sedan", "car"), ("boat", "boat")]
+    assert [row.cells[1] is None for row in vehicles.blocks[1].rows] == [True] * 3  # the boat met no unseen weathers
+
+
+def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
+    study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "seen", "pad"), ("boat", "seen", "none")])
+    curves = [curve for some in curves_of(study, tmp_path).values() for curve in some]
+    assert [curve.key for curve in curves] == ["azimuth-seen"]
+    checked = 0
+    for table in [*tables_of(study, tmp_path), *curves]:
+        for cell in (cell for part in table.blocks for row in part.rows for cell in row.cells if cell):
+            assert cell.source
+            value = json.loads((tmp_path / cell.source.file).read_text())
+            for key in cell.source.keys:
+                value = value[int(key)] if isinstance(value, list) else value[key]
+            if "ap" in value:
+                assert value["ap"] == cell.ap
+            else:  # an average of these
+                numbers = [v["ap"] if isinstance(v, dict) else v for v in value.values()]
+                assert min(numbers) <= cell.ap <= max(numbers)
+            checked += 1
+    assert checked > 80
+
+
+def test_csv_and_json_hold_every_number_in_full(tmp_path: Path) -> None:
+    study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "unseen", "none")], ("normal", HOSTILE, 'a,"b"\n'))
+    tables = tables_of(study, tmp_path)
+    lines = list(csv.DictReader(io.StringIO(tables_csv(tables).decode(), newline="")))
+    value = json.loads(tables_json(tables, study.command))
+    assert value["command"] == "rauca evaluate --out here"
+    stored = [line for table in value["tables"] for line in table["values"]]
+    assert len(lines) == len(stored) == 2 * 3 * 7
+    for line, other in zip(lines, stored, strict=True):
+        assert (line["block"], line["row"], line["column"]) == (other["block"], other["row"], other["column"])
+        assert float(line["ap"]) == other["ap"]
+        if line["column"] not in ("all", "pre-trained"):
+            entry = study.entries[line["block"] == "Unseen weathers"]
+            estimate = entry.results.table[line["row"]][line["column"]]
+            assert (float(line["ap"]), float(line["low"]), float(line["high"])) == (
+                estimate.ap,
+                estimate.low,
+                estimate.high,
+            )
+    best = [line for line in lines if line["column"] == "detr" and line["rank"] == "best"]
+    assert [float(line["ap"]) for line in best] == [
+        min(e.results.table[p]["detr"].ap for p in e.results.paints[1:]) for e in study.entries
+    ]
+
+
+# What of LaTeX a table may hold: an escaped sign, a command, braces, or plain text without special signs.
+TOKEN = re.compile(r"\\[%&$#_{}\\,]|\\[A-Za-z]+|[{}]|[&~]|[^\\{}&%$#_^~]+")
+
+
+def checked(latex: str) -> list[list[str]]:
+    """Rows of cells of each line of every tabular; fails on what LaTeX would refuse."""
+    body = latex[latex.index("\\begin{document}") :]
+    depth, environments = 0, []
+    for line in body.splitlines():
+        line = line.removesuffix("%")  # swallows the end of its line
+        assert "".join(TOKEN.findall(line)) == line, line
+        depth += len(re.findall(r"(?<!\\)\{", line)) - len(re.findall(r"(?<!\\)\}", line))
+        for kind, name in re.findall(r"\\(begin|end)\{(\w+)\}", line):
+            if kind == "begin":
+                environments.append(name)
+            else:
+                assert environments.pop() == name
+    assert depth == 0
+    assert environments == []
+    rows = []
+    for columns, text in re.findall(r"\\begin\{tabular\}\{([lr|]+)\}(.*?)\\end\{tabular\}", body, re.DOTALL):
+        width = len(columns.replace("|", ""))
+        for line in text.splitlines():
+            if not line.endswith("\\\\"):
+                assert re.fullmatch(r"(\\(top|mid|bottom)rule|(\\cmidrule\(lr\)\{\d+-\d+\})*)", line), line
+                continue
+            cells = re.split(r"(?<!\\)&", line.removesuffix("\\\\"))
+            spans = [int(n) for cell in cells for n in re.findall(r"\\multicolumn\{(\d+)\}", cell)]
+            assert len(cells) - len(spans) + sum(spans) == width, line
+            rows.append([cell.strip() for cell in cells])
+    return rows
+
+
+@pytest.mark.parametrize("detectors", [DETECTORS[:1], DETECTORS, tuple(f"{d}{i}" for i in range(4) for d in DETECTORS)])
+def test_latex_holds_the_numbers_and_is_well_formed(tmp_path: Path, detectors: tuple[str, ...]) -> None:
+    paints = ("normal", "random_1", HOSTILE, "[x]", "日本 ü")
+    study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "unseen", "none")], paints, detectors)
+    (table,) = tables_of(study, tmp_path)
+    latex = tables_latex([table], "rauca evaluate\n\\input{secret}").decode()
+    assert latex.splitlines()[0] == "% Written by: rauca evaluate \\input{secret}"
+    rows = checked(latex)
+    for place, row in enumerate(table.blocks[1].rows):
+        found = [line for line in rows if line[0] == escape(row.name)][-1]
+        values = found[1:][-len(table.columns) :]
+        for cell, value, rank in zip(row.cells, values, ranks(table.blocks[1])[place], strict=True):
+            assert cell is not None
+            form = {BEST: r"\textbf{%s}", SECOND: r"\underline{%s}"}.get(rank, "%s")
+            assert value == form % shown(cell.ap)
+    assert "\\textsuperscript{w}" in latex
+
+
+def test_tables_side_by_side_and_below_each_other_hold_the_same() -> None:
+    def table(columns: int) -> Table:
+        cells = tuple(Cell(0.1 * i) for i in range(columns))
+        rows = (Row("normal", cells), Row("a", cells))
+        return Table(
+            "k", "t", "c", tuple(Column(f"d{i}") for i in range(columns)), (Block("x", rows), Block("y", rows))
+        )
+
+    assert table(7).beside
+    assert not table(8).beside
+    for columns in (7, 8):
+        values = list(itertools.chain(*checked(tables_latex([table(columns)], "c").decode())))
+        assert values.count("0.600") == 4
+
+
+def test_the_papers_averages_and_their_oddities() -> None:
+    papers = paper_tables()
+    assert [(paper.number, paper.beside) for paper in papers] == [(3, "detectors"), (4, "defences"), (7, "vehicles")]
+    assert odd_averages(papers[0].table) == [
+        "Random, seen-weather: 0.554 printed, 0.597 computed",
+        "DTA, unseen-weather: 0.287 printed, 0.334 computed",
+    ]
+    assert odd_averages(papers[1].table) == odd_averages(papers[2].table) == []
+
+
+def test_the_papers_tables_are_as_printed() -> None:
+    source = SHARED / "paper" / "rauca_e2e.tex"
+    if not source.is_file():
+        pytest.skip(f"{source}: the paper's source is not here")
+    printed = re.findall(r"\\begin\{table\*?\}.*?\\end\{table\*?\}", source.read_text(), re.DOTALL)
+    for paper in paper_tables():
+        text = printed[paper.number - 1].split("\\midrule", 1)[1]
+        found = {}
+        for line in text.split("\\bottomrule")[0].replace("\\midrule", "").split("\\\\"):
+            name, *cells = (cell.strip() for cell in line.split("&"))
+            found[name] = [(re.findall(r"0\.\d+", cell)[0], "bm" in cell, "underline" in cell) for cell in cells]
+        blocks = paper.table.blocks
+        width = len(paper.table.columns)
+        assert [row.name for row in blocks[0].rows] == [name for name in found if name]
+        for number, part in enumerate(blocks):
+            for row, places in zip(part.rows, ranks(part), strict=True):
+                expected = found[row.name][number * width : (number + 1) * width]
+                assert [
+                    (shown(cell.ap), rank == BEST) for cell, rank in zip(row.cells, places, strict=True) if cell
+                ] == [(value, bold) for value, bold, _ in expected]
+                if paper.number != 7:  # which has no underlines
+                    assert [rank == SECOND for rank in places] == [underlined for _, _, underlined in expected]
