@@ -12,6 +12,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from . import augmentation_cpu
+
 ROTATION_DEG = 5.0
 TRANSLATION = 0.1  # of the image's side
 SCALES = (0.7, 1.0)
@@ -63,18 +65,31 @@ class Augmentation:
         A moved box is the upright hull of the turned one, cut to the image. Values beyond [0, 1] are clipped and
         have zero gradient.
         """
-        return self.relight(self.move_images(images)), self.move_boxes(boxes, images.shape[3], images.shape[2])
+        height, width = images.shape[2:]
+        if images.device.type == "cpu":
+            to_source = self.to_source(width, height)
+            seen = augmentation_cpu.augment(images, to_source, self.brightness, self.contrast, BACKDROP)
+        else:
+            seen = self.relight(self.move_images(images))
+        return seen, self.move_boxes(boxes, width, height)
+
+    def to_source(self, width: int, height: int) -> Tensor:
+        """(B, 2, 3) float64, from pixels of the moved image to pixels of the image."""
+        matrix = self.matrix.double().cpu()
+        centre = torch.tensor([[width / 2], [height / 2]], dtype=torch.float64)
+        inverse = torch.linalg.inv(matrix[:, :, :2])
+        shift = centre - inverse @ (centre + matrix[:, :, 2:] * torch.tensor([[width], [height]]))
+        return torch.cat([inverse, shift], 2)
 
     def move_images(self, images: Tensor) -> Tensor:
-        """The affine part on images, bilinear."""
+        """The affine part on images, bilinear, on any device."""
         height, width = images.shape[2:]
-        matrix = self.matrix.to(images)
-        inverse = torch.linalg.inv(matrix[:, :, :2])
-        # grid_sample measures each axis in half-sides; conjugate by the sides so that rotations stay rotations.
-        sides = images.new_tensor([width, height])
-        turn = inverse * sides[None, None, :] / sides[None, :, None]
-        shift = -(inverse @ (matrix[:, :, 2:] * sides[None, :, None])) * 2 / sides[None, :, None]
-        grid = functional.affine_grid(torch.cat([turn, shift], 2), list(images.shape), align_corners=False)
+        # grid_sample measures each axis in half-sides from the centre.
+        half = images.new_tensor([width, height]) / 2
+        to_source = self.to_source(width, height).to(images)
+        turn = to_source[:, :, :2] * half[None, None, :] / half[None, :, None]
+        shift = (to_source @ torch.cat([half, half.new_ones(1)]) - half) / half
+        grid = functional.affine_grid(torch.cat([turn, shift[..., None]], 2), list(images.shape), align_corners=False)
         moved = functional.grid_sample(images - BACKDROP, grid, mode="bilinear", align_corners=False)
         return moved + BACKDROP
 

@@ -16,7 +16,7 @@ from .panel import Panel
 from .result import write_result
 from .run import ALONE, Run
 from .settings import OptimiserSettings
-from ..stopping import stop_request
+from .stopping import stop_request
 
 CHECKPOINTS = "checkpoints"
 OnStep = Callable[[StepReport], None]

@@ -64,3 +64,27 @@ def test_gradient_reaches_the_image() -> None:
     images = (torch.rand(1, 3, 6, 6, dtype=torch.float64) * 0.4 + 0.3).requires_grad_()
     boxes = torch.tensor([[1.0, 1.0, 4.0, 4.0]], dtype=torch.float64)
     assert torch.autograd.gradcheck(lambda x: roa(x, boxes)[0], images)
+
+
+@pytest.mark.parametrize(("width", "height"), [(64, 64), (50, 34)])
+def test_one_pass_is_grid_sample_mean_and_clamp(width: int, height: int) -> None:
+    roa = Augmentation.draw(named_rng("one pass", width), 8)
+    source = torch.rand(8, 3, height, width, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
+    one, two = (source.clone().requires_grad_() for _ in range(2))
+    fast, slow = roa(one, torch.zeros(8, 4))[0], roa.relight(roa.move_images(two))
+    assert torch.allclose(fast, slow, atol=1e-12)
+    assert ((fast == 0) | (fast == 1)).any()  # some of it is clipped
+    weights = torch.rand(fast.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(3))
+    (fast * weights).sum().backward()
+    (slow * weights).sum().backward()
+    assert torch.allclose(one.grad, two.grad, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, float("nan")])
+def test_hard_pictures(value: float) -> None:
+    roa = Augmentation.draw(named_rng("hard"), 6)
+    images = torch.full((6, 3, 9, 9), value, requires_grad=True)
+    seen, _ = roa(images, torch.zeros(6, 4))
+    assert bool(torch.isnan(seen).any()) == (value != value)  # what is wrong is not hidden
+    seen.nan_to_num().sum().backward()
+    assert torch.isfinite(images.grad).all()
