@@ -10,7 +10,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.evaluate.defences import Pad, Superpixels
+from rauca_core.evaluate.defences import GraphSegments, Pad
 from rauca_core.evaluate.defences.mutual_information import mutual_information_map, window_side
 from rauca_core.evaluate.defences.recompression import recompression_map
 from rauca_core.images import read_image
@@ -104,18 +104,18 @@ def test_pad_covers_little_of_a_clean_view(views: list[NDArray[np.uint8]]) -> No
     assert [Pad().mask(view).mean() < 0.2 for view in views] == [True] * len(views)
 
 
-def test_the_mask_is_whole_superpixels_of_suspect_heat(views: list[NDArray[np.uint8]]) -> None:
+def test_the_mask_is_whole_segments_of_suspect_heat(views: list[NDArray[np.uint8]]) -> None:
     pad, pixels = Pad(), views[0]
-    suspect, labels, found = pad.suspect(pad.heat(pixels)), Superpixels().labels(pixels), pad.mask(pixels)
+    suspect, labels, found = pad.suspect(pad.heat(pixels)), GraphSegments().labels(pixels), pad.mask(pixels)
     for label in range(labels.max() + 1):
         inside = labels == label
         assert found[inside].all() == (suspect[inside].mean() > 0.5)
         assert found[inside].any() == found[inside].all()
 
 
-def test_superpixels_tile_the_image(views: list[NDArray[np.uint8]]) -> None:
+def test_segments_tile_the_image(views: list[NDArray[np.uint8]]) -> None:
     for pixels in (views[0], views[0][:8, :8], views[0][:5, :200]):
-        assert (np.sum(list(Superpixels()(np.ascontiguousarray(pixels))), axis=0) == 1).all()
+        assert (np.sum(list(GraphSegments()(np.ascontiguousarray(pixels))), axis=0) == 1).all()
 
 
 def test_overlapping_segments_are_taken_in_their_order() -> None:

@@ -6,18 +6,18 @@ from .lgs import LocalGradientsSmoothing
 from .pad import Pad
 from .reference import BitDepth, Median, Nothing
 from .registry import defence_names, make_defence
-from .superpixels import Segmenter, Superpixels
+from .segments import GraphSegments, Segmenter
 
 __all__ = [
     "BitDepth",
     "Defence",
+    "GraphSegments",
     "Jpeg",
     "LocalGradientsSmoothing",
     "Median",
     "Nothing",
     "Pad",
     "Segmenter",
-    "Superpixels",
     "defence_names",
     "make_defence",
 ]

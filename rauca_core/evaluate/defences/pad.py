@@ -18,16 +18,16 @@ from torch import Tensor
 from .interface import Configured, require, to_pixels
 from .mutual_information import mutual_information_map
 from .recompression import recompression_map, scaled
-from .superpixels import Segmenter, Superpixels
+from .segments import GraphSegments, Segmenter
 
 
 @dataclass(frozen=True)
 class Pad(Configured):
     """PAD with the published parameters, and superpixels where the authors use Segment Anything.
 
-    That step is a deviation: superpixels are smaller than the things that Segment Anything cuts out, so the mask
-    follows the heat map more closely and never takes a whole object for the heat of its parts. Pass ``segmenter`` to
-    use the real one.
+    That step is a deviation: :class:`GraphSegments` needs no weights, but knows colours, not objects. Its segments are
+    smaller where things are colourful, and do not overlap, so the mask follows the heat map more closely. Pass
+    ``segmenter`` to use the real one.
 
     The gradient passes through the pixels that stay; the mask counts as constant.
 
@@ -45,7 +45,7 @@ class Pad(Configured):
     percentile: float = 80.0
     kernel: int = 80
     covered: float = 0.5
-    segmenter: Segmenter = field(default_factory=Superpixels)
+    segmenter: Segmenter = field(default_factory=GraphSegments)
 
     def __post_init__(self) -> None:
         require(0 <= self.weight <= 1, self.kind, f"weight={self.weight}", "give 0 to 1")
