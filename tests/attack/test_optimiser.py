@@ -3,6 +3,9 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -212,3 +215,39 @@ def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_p
     found = texels(tmp_path / "out")
     wanted = torch.rand(found.shape, generator=torch.Generator().manual_seed(named_seed(5, "start")))
     assert torch.allclose(found, wanted, atol=1e-6)
+
+
+ONE_OF_TWO = """
+import sys
+from pathlib import Path
+from rauca_core.attack import make_settings, optimise
+from rauca_core.contract import Dataset
+from rauca_core.environment.distributed import team
+from tests.attack.conftest import SmallDetector
+with team() as processes:
+    chosen = make_settings(**{settings})
+    optimise(Dataset(Path(sys.argv[1])), [SmallDetector()], chosen, Path(sys.argv[2]), team=processes)
+"""
+
+
+def test_two_processes_end_where_one_does(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    chosen = settings(batch=3, beta=3.0)  # three frames for two: the shares differ
+    script = ONE_OF_TWO.replace("{settings}", repr(chosen.model_dump(mode="json")))
+    common = {**os.environ, "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+    pair = [
+        subprocess.Popen(
+            [sys.executable, "-c", script, str(dataset.folder), str(tmp_path / "pair")],
+            env={**common, "RANK": str(rank), "LOCAL_RANK": str(rank)},
+            cwd=Path(__file__).parents[2],
+        )
+        for rank in range(2)
+    ]
+    assert [process.wait(timeout=180) for process in pair] == [0, 0]
+    optimise(dataset, [small_detector], chosen, tmp_path / "alone")
+    assert (texels(tmp_path / "pair") - texels(tmp_path / "alone")).abs().max() < 1e-4
+    for one, two in zip(read_history(tmp_path / "pair"), read_history(tmp_path / "alone"), strict=True):
+        assert one["loss"] == pytest.approx(two["loss"], rel=1e-4)
+        assert one["score"] == pytest.approx(two["score"], rel=1e-4)
