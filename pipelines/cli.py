@@ -218,6 +218,23 @@ def bench_vehicle_command(
     _benchmark("vehicle").bench_vehicle(chosen, detector or _fetched(), json)
 
 
+@bench_app.command("defences")
+def bench_defences_command(
+    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a finished `rauca demo`")],
+    detector: Annotated[
+        list[str] | None, typer.Option(help="repeat for more; yolov3-tiny and yolov4-tiny by default")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not five")] = False,
+    docs: Annotated[
+        Path | None, typer.Option(help="renew the figures and the picture of defences.md in this folder too")
+    ] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/defences.json"),
+) -> None:
+    """What LGS, PAD and cheap defences cost, do to clean views, and save from a camouflage and a patch."""
+    detectors = detector or ["yolov3-tiny", "yolov4-tiny"]
+    _benchmark("defences.bench").bench_defences(run_folder, detectors, json, quick, docs)
+
+
 @bench_app.command("jobs")
 def bench_jobs_command(
     quick: Annotated[bool, typer.Option("--quick", help="fewer frames and kills: two minutes, not ten")] = False,

@@ -1,0 +1,1 @@
+"""What defences cost, what they do to clean pictures, and what they save: ``rauca bench defences``."""

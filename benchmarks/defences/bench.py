@@ -1,0 +1,119 @@
+"""The order of events of ``rauca bench defences``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmarks.page import fill_page
+from benchmarks.tables import markdown_tables, print_tables
+from pipelines.console import progress_bar
+from rauca_core.contract import Progress
+from rauca_core.contract.files import write_json
+from rauca_core.detect import Detector, car_score, class_index, load_detector
+from rauca_core.evaluate.average_precision import Sample, average_precision
+from rauca_core.evaluate.defences import Defence, defence_names, make_defence
+
+from .patch import optimise_patch, paste
+from .results import Outcome, Results, grids
+from .sheet import save_sheet
+from .views import Views, read_views
+
+ALTERED = 16 / 255
+BATCH = 6
+LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
+
+
+def bench_defences(
+    run: Path, detectors: Sequence[str], out: Path, quick: bool = False, docs: Path | None = None
+) -> Results:
+    """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimised patch.
+
+    The patch is optimised on every other view against the first detector, and measured on the rest.
+
+    Args:
+        run: folder laid out as the demo's.
+        detectors: names from ``rauca weights list``.
+        out: JSON to write.
+        quick: eight views and a patch of 20 steps instead.
+        docs: folder whose ``defences.md`` gets the figures anew, and its pictures the sheet.
+
+    Raises:
+        RaucaError: the run has no views, a detector's weights are missing.
+    """
+    loaded = [load_detector(name) for name in detectors]
+    defences = [make_defence(name) for name in defence_names()]
+    steps = 20 if quick else 120
+    views = read_views(run)
+    everything = range(len(views.frames))
+    with progress_bar("defences") as move:
+        patch = optimise_patch(loaded[0], views.part(everything[1::2]), steps, _told(move, "patch"))
+        held = views.part(everything[::2][:8] if quick else everything[::2])
+        held = held.with_paint("patch", paste(held.paints["normal"], held.boxes, patch))
+        outcomes = _measure(held, defences, loaded, _told(move, "views"))
+    height, width = held.paints["normal"].shape[2:]
+    results = Results(
+        run.name, len(held.frames), (height, width), loaded[0].name, steps, outcomes
+    )  # the run's name, not its place: the page is public
+    print_tables(grids(results), width=150)
+    write_json(out, asdict(results))
+    save_sheet(held, defences, out.with_suffix(".jpg"))
+    if docs is not None:
+        fill_page(docs / "defences.md", markdown_tables(grids(results)), "defences")
+        save_sheet(held, defences, docs / "pictures" / "defences.jpg")
+    return results
+
+
+def _told(move: Callable[[Progress], None], stage: str) -> Callable[[int, int], None]:
+    return lambda done, total: move(Progress(done, total, stage))
+
+
+def _measure(
+    views: Views, defences: Sequence[Defence], detectors: Sequence[Detector], progress: Callable[[int, int], None]
+) -> tuple[Outcome, ...]:
+    outcomes = []
+    pairs = [(defence, paint) for defence in defences for paint in views.paints]
+    for done, (defence, paint) in enumerate(pairs, start=1):
+        images = views.paints[paint]
+        started = time.process_time()
+        defended = defence(images)
+        cpu_ms = 1000 * (time.process_time() - started) / len(images)
+        altered = ((defended - images).abs().amax(1) > ALTERED).float()
+        ap, score = {}, {}
+        for detector in detectors:
+            ap[detector.name], score[detector.name] = _seen(detector, defended, views.boxes)
+        on_vehicle = _mean_in_boxes(altered, views.boxes)
+        whole = float(altered.mean())
+        outcomes.append(Outcome(defence.name, defence.fingerprint, paint, cpu_ms, whole, on_vehicle, ap, score))
+        progress(done, len(pairs))
+    return tuple(outcomes)
+
+
+@torch.no_grad()
+def _seen(detector: Detector, images: Tensor, boxes: Tensor) -> tuple[float, float]:
+    """AP@0.5 of class car and the mean best car score on the vehicle."""
+    car, samples, scores = class_index(detector, "car"), [], []
+    for start in range(0, len(images), BATCH):
+        batch, truth = images[start : start + BATCH], boxes[start : start + BATCH]
+        scores.append(car_score(detector, batch, truth))
+        for box, found in zip(truth, detector.detect(batch, LOW_SCORE, NMS_IOU), strict=True):
+            cars = found.labels == car
+            samples.append(
+                Sample(box.double().numpy(), found.boxes[cars].double().numpy(), found.scores[cars].double().numpy())
+            )
+    return average_precision(samples), float(torch.cat(scores).mean())
+
+
+def _mean_in_boxes(values: Tensor, boxes: Tensor) -> float:
+    """Mean over the boxes (B, 4) of the mean of (B, H, W) inside each."""
+    parts = []
+    for value, box in zip(values, boxes.round().int().tolist(), strict=True):
+        left, top, right, bottom = (max(0, x) for x in box)
+        parts.append(float(value[top:bottom, left:right].mean()))
+    return float(np.mean(parts))
