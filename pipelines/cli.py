@@ -22,6 +22,7 @@ from .console import console, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
+from .evaluate_command import evaluate
 
 app = typer.Typer(
     name="rauca",
@@ -35,6 +36,7 @@ app.add_typer(efe_app, name="efe")
 app.add_typer(detectors_app, name="detectors")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
+app.command()(evaluate)
 
 
 def run(*command: str) -> None:
@@ -100,26 +102,6 @@ def optimize(
     )  # fmt: skip
     detectors = detector or ["yolov3-tiny"]
     console.print(f"camouflage: {optimize_camouflage(dataset, detectors, settings, out, resume)}")
-
-
-@app.command()
-def evaluate(
-    dataset: Annotated[Path, typer.Argument(help="data set whose views are re-rendered; best made with --no-light")],
-    camouflage: Annotated[list[Path], typer.Option(help="camouflage .json; repeat for more")],
-    out: Annotated[Path, typer.Option(help="folder for renders, detections and results.json")],
-    detector: Annotated[list[str] | None, typer.Option(help="repeat for more; all fetched ones by default")] = None,
-    blender: Blender = None,
-) -> None:
-    """Measure AP@0.5 on the reference paint and on camouflages, re-rendered by Cycles."""
-    from .evaluate import measure, render_camouflages
-
-    detectors = detector or _fetched()
-    render_camouflages(dataset, camouflage, out / "renders", blender)
-    results = measure(dataset, camouflage, out / "renders", detectors, out)
-    table = Table("paint", *results.table[results.paints[0]], title="AP@0.5 of class car [95 % interval]")
-    for paint, row in results.table.items():
-        table.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
-    Console().print(table)
 
 
 @app.command()

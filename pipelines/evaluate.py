@@ -13,13 +13,17 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, Progress, load_camouflage
 from rauca_core.detect import load_detector
 from rauca_core.evaluate import Results, evaluate, reference_images
+from rauca_core.evaluate.contestants import NORMAL
 from rauca_core.evaluate.images_of import ImageOf
-
-NORMAL = "normal"  # the data set's own reference paint
 
 
 def render_camouflages(
-    dataset: Path, camouflages: Sequence[Path], out: Path, blender: Path | None = None, options: Sequence[str] = ()
+    dataset: Path,
+    camouflages: Sequence[Path],
+    out: Path,
+    blender: Path | None = None,
+    options: Sequence[str] = (),
+    title: str = "re-rendering in camouflage",
 ) -> None:
     """Render the data set's views in each camouflage to ``out/<name>``, with Cycles, never with the neural renderer.
 
@@ -27,14 +31,23 @@ def render_camouflages(
         options: more of ``pipelines/render_camouflage.py``, such as ``--every 12``.
     """
     arguments = ["--dataset", str(dataset), "--out", str(out), "--json-progress", *options, *map(str, camouflages)]
-    with progress_bar("re-rendering in camouflage") as move:
+    with progress_bar(title) as move:
         run_blender("render_camouflages", arguments, move, blender)
 
 
 def measure(
-    dataset: Path, camouflages: Sequence[Path], renders: Path, detectors: Sequence[str], out: Path, size: int = 416
+    dataset: Path,
+    camouflages: Sequence[Path],
+    renders: Path,
+    detectors: Sequence[str],
+    out: Path,
+    size: int | None = None,
 ) -> Results:
-    """Detect in the renders and write ``out/results.json``."""
+    """Detect in the renders and write ``out/results.json``.
+
+    Args:
+        size: of the detectors' square input, pixels; their own by default.
+    """
     opened = Dataset(dataset)
     paints: Mapping[str, Path | ImageOf] = {
         NORMAL: reference_images(opened),

@@ -1,0 +1,57 @@
+"""What the renders of a folder show, so that a resumed study knows whether they are still the ones it needs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..contract import Plan, load_camouflage
+from ..contract.files import write_json
+from ..detect.weights_file import sha256_of
+
+FILE_NAME = "rendered.json"
+
+
+@dataclass(frozen=True)
+class RenderRecord:
+    """The views' plan and each camouflage's UV map, by hash.
+
+    It only saves the start of Blender, which keeps a record of its own and renders again what has changed.
+    """
+
+    plan: str
+    uv_maps: dict[str, str]
+
+    @staticmethod
+    def of(plan: Plan, camouflages: Sequence[Path]) -> RenderRecord:
+        """Describe renders of ``plan`` in ``camouflages`` (JSON paths)."""
+        text = json.dumps(replace(plan, blender="").to_json(), sort_keys=True)
+        read = [load_camouflage(path) for path in camouflages]
+        uv_maps = {record.name: sha256_of(image) for record, image in read}
+        return RenderRecord(hashlib.sha256(text.encode()).hexdigest(), uv_maps)
+
+    def holds(self, folder: Path, frames: Sequence[str]) -> bool:
+        """True when ``folder`` was recorded to hold these renders, and all their images are there."""
+        found = _recorded(folder)
+        if found is None or found.plan != self.plan or not found.uv_maps.items() >= self.uv_maps.items():
+            return False
+        return all((folder / name / f"{frame}.png").is_file() for name in self.uv_maps for frame in frames)
+
+    def save(self, folder: Path) -> None:
+        """Record that ``folder`` now holds these renders."""
+        write_json(folder / FILE_NAME, self.__dict__)
+
+    @staticmethod
+    def forget(folder: Path) -> None:
+        """To be called before anything is rendered: a killed run must not leave a record that no longer holds."""
+        (folder / FILE_NAME).unlink(missing_ok=True)
+
+
+def _recorded(folder: Path) -> RenderRecord | None:
+    try:
+        return RenderRecord(**json.loads((folder / FILE_NAME).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None

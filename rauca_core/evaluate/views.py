@@ -1,0 +1,121 @@
+"""Held-out views: the paper's camera ring in a town of its own, of which a balanced part is rendered.
+
+The plan is as large as the published one (8 azimuths, 4 elevations and 4 distances in 16 weathers, at 8 locations:
+16,384 frames). A small part of it tells nearly as much about each parameter when every pair of values meets equally
+often, as in a Latin square; a larger part contains the smaller one, so that a study can grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Plan, Quality, RaucaError, Ring, Weather
+from ..contract.seeding import named_rng
+
+SCALES = {"quick": 32, "standard": 128, "full": 1024}  # frames per weather set
+TOWN_SEED = 20_000  # far from the small seeds that people train with
+RING = Ring(
+    azimuths_deg=tuple(45.0 * step for step in range(8)),
+    elevations_deg=(0.0, 22.5, 45.0, 67.5),
+    distances_m=(5.0, 10.0, 15.0, 20.0),
+    jitter_azimuth_deg=15.0,
+    jitter_elevation_deg=5.0,
+    jitter_distance=0.1,
+    jitter_aim_m=0.3,
+)
+_SINGLE_WEIGHT = 20.0  # a value's own share counts for more than that of its pairs
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How held-out views are made.
+
+    Attributes:
+        frames: rendered per weather set.
+        size: frames are square, pixels.
+        samples: per pixel.
+        seed: of the town and its cameras; another than the one that camouflages were trained in.
+    """
+
+    frames: int = SCALES["standard"]
+    ring: Ring = RING
+    locations: int = 8
+    size: int = 320
+    samples: int = 8
+    seed: int = TOWN_SEED
+
+    def plan(self, vehicle_name: str, atlas_id: str, weathers: Sequence[Weather]) -> Plan:
+        """The whole plan, of which :func:`balanced_frames` chooses.
+
+        Fog is rendered, not composed: every paint is judged by the same renderer.
+        """
+        quality = Quality(self.samples, composed_fog=False)
+        return Plan(
+            "views", vehicle_name, atlas_id, self.size, quality, False, tuple(weathers), self.ring, self.locations,
+            (140, 140, 140), 0.5, self.seed, "",
+        )  # fmt: skip
+
+    def arguments(self, vehicle: Path, preset: str) -> list[str]:
+        """Arguments of ``rauca dataset make`` for that plan, all but the output and which frames."""
+        ring = self.ring
+        options = {
+            "--vehicle": vehicle, "--weathers": preset, "--seed": self.seed, "--locations": self.locations,
+            "--size": self.size, "--samples": self.samples, "--fov": ring.fov_deg,
+            "--azimuths": _listed(ring.azimuths_deg), "--elevations": _listed(ring.elevations_deg),
+            "--distances": _listed(ring.distances_m), "--jitter-azimuth": ring.jitter_azimuth_deg,
+            "--jitter-elevation": ring.jitter_elevation_deg, "--jitter-distance": ring.jitter_distance,
+            "--jitter-aim": ring.jitter_aim_m, "--jitter-roll": ring.jitter_roll_deg,
+        }  # fmt: skip
+        return ["--no-light", "--no-composed-fog", *(str(part) for option in options.items() for part in option)]
+
+
+def frames_of_scale(scale: str) -> int:
+    """Frames per weather set; raises :class:`RaucaError` for an unknown scale."""
+    if scale not in SCALES:
+        known = ", ".join(f"{name} ({count} frames per weather set)" for name, count in SCALES.items())
+        raise RaucaError(f"--scale {scale}: unknown; choose {known}, or a count with --frames")
+    return SCALES[scale]
+
+
+def balanced_frames(plan: Plan, count: int) -> list[str]:
+    """Ids of ``count`` frames of a plan (all if it has no more), in the plan's order.
+
+    Locations, azimuths, elevations, distances and weathers, and all pairs of them, are as even as a greedy choice makes
+    them. The choice of fewer frames is part of the choice of more.
+    """
+    ring, weathers = plan.ring, len(plan.weathers)
+    shape = (plan.locations, weathers, len(ring.distances_m), len(ring.elevations_deg), len(ring.azimuths_deg))
+    every = [frame_id for frame_id, *_ in plan.frame_ids()]  # in just this order of axes
+    chosen = range(len(every)) if count >= len(every) else sorted(_even_choice(shape, count, plan.seed).tolist())
+    return [every[index] for index in chosen]
+
+
+def _even_choice(shape: tuple[int, ...], count: int, seed: int) -> NDArray[np.int64]:
+    """(count,) distinct flat indices into a grid: each is the point whose values, and pairs of them, were taken least.
+
+    Equals are told apart by a seeded draw, once for all.
+    """
+    cost = named_rng("held-out views", seed).random(shape) * 1e-3
+    axes = range(len(shape))
+    subsets = [*combinations(axes, 1), *combinations(axes, 2)]
+    chosen = []
+    for _ in range(count):
+        flat = int(cost.argmin())
+        chosen.append(flat)
+        point = np.unravel_index(flat, shape)
+        for subset in subsets:
+            sharing = tuple(int(point[axis]) if axis in subset else slice(None) for axis in axes)
+            rarity = float(np.prod([shape[axis] for axis in subset]))
+            cost[sharing] += rarity * (_SINGLE_WEIGHT if len(subset) == 1 else 1.0)
+        cost[point] = np.inf
+    return np.array(chosen, np.int64)
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ",".join(f"{value:g}" for value in values)
