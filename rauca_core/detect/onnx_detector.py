@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -15,17 +14,20 @@ from .classes import class_list
 from .interface import DensePredictions, Detections
 from .nms import clipped, detections
 from .onnx_fusion import fuse
-from .onnx_graph import OnnxGraph, extra, read_graph, to_torch
+from .onnx_graph import OnnxGraph, first_line, read_graph, to_torch
 from .onnx_layouts import GraphFamily, Layout, find_layout
+from .onnx_session import Session
 
 DEFAULT_SIZE = 640
+LARGEST_DIFFERENCE = 1e-3  # between the runtimes, of the largest output; rounding makes 1e-6
 
 
 class OnnxDetector:
     """An ONNX graph behind :class:`rauca_core.detect.Detector`.
 
-    The graph runs in torch, with gradients. One that onnx2torch cannot convert runs in onnxruntime on the CPU:
-    ``differentiable`` is then False and :meth:`dense` refuses images that want a gradient.
+    Where a gradient is wanted the graph runs in torch, converted by onnx2torch; on the CPU without one it runs in
+    onnxruntime, several times as fast. The two are compared when the graph is loaded. A graph that cannot be converted
+    is not ``differentiable``: :meth:`dense` refuses images that want a gradient.
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
@@ -41,7 +43,7 @@ class OnnxDetector:
         size: int | None = None,
         family: GraphFamily | None = None,
     ) -> None:
-        """Read the graph and run it once on a grey image.
+        """Read the graph and run it once, so that one which cannot run is met here.
 
         Args:
             class_names: those in the file, or COCO's for 80 classes, unless given.
@@ -58,17 +60,22 @@ class OnnxDetector:
         if graph.batch not in (1, None):
             raise RaucaError(f"{path}: exported for batches of {graph.batch}; export it with batch 1 or an open batch")
         self._one_by_one = graph.batch == 1
-        self._module, self._run, self._why_not = _runner(graph)
-        self.differentiable = self._module is not None
-        self._layout = self._probe(graph, family or ("ultralytics" if graph.class_names else None))
+        self._session = Session(graph)
+        image = torch.rand(1, 3, self.size, self.size, generator=torch.Generator().manual_seed(0))
+        output = self._session(image)
+        family = family or ("ultralytics" if graph.class_names else None)
+        self._layout = _layout(graph, tuple(output.shape), self.size, family)
         self.class_names = _class_names(graph, self._layout.classes, class_names)
-        runtime = "torch" if self.differentiable else "onnxruntime"
-        self.fingerprint = hashlib.sha256(
-            f"{graph.sha256} {self.size} {self._layout.yolox} {runtime}".encode()
-        ).hexdigest()
+        self._module, self._why_not = _differentiable(graph, image, output)
+        settings = f"{graph.sha256} {self.size} {self._layout.yolox}"
+        self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
+
+    @property
+    def differentiable(self) -> bool:
+        return self._module is not None
 
     def to(self, device: torch.device | str) -> OnnxDetector:
-        """Move the network to a device; returns self. A graph in onnxruntime stays on the CPU."""
+        """Move the network to a device; returns self. A graph that is not differentiable stays on the CPU."""
         if self._module is not None:
             self._module.to(device)
         return self
@@ -93,57 +100,38 @@ class OnnxDetector:
         return found
 
     def _forward(self, prepared: Tensor) -> Tensor:
+        wants_gradient = prepared.requires_grad and torch.is_grad_enabled()
+        in_torch = wants_gradient or prepared.device.type != "cpu" or prepared.dtype != torch.float32
+        run = self._module if in_torch and self._module is not None else self._session
         if self._one_by_one and len(prepared) > 1:
-            return torch.cat([self._run(one) for one in prepared.split(1)])
-        return self._run(prepared)
-
-    @torch.inference_mode()
-    def _probe(self, graph: OnnxGraph, family: GraphFamily | None) -> Layout:
-        """Run the graph once, so that one which cannot run is met here, and see what comes out."""
-        try:
-            output = self._run(torch.full((1, 3, self.size, self.size), 0.5))
-        except Exception as error:  # whatever the operators of a foreign graph may raise
-            reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
-            raise RaucaError(
-                f"{graph.path}: does not run on images of {self.size} pixels ({reason[0][:200]})"
-            ) from error
-        layout = find_layout(tuple(output.shape), self.size, "Exp" in graph.operators, family)
-        if layout is None:
-            raise RaucaError(
-                f"{graph.path}: its output {tuple(output.shape)} is neither YOLOX's (1, N, 5 + C), "
-                f"YOLOv5's (1, 3 N, 5 + C) nor YOLOv8's (1, 4 + C, N) for {self.size} pixels; "
-                "export without non-maximum suppression"
-            )
-        return layout
+            return torch.cat([run(one) for one in prepared.split(1)])
+        found: Tensor = run(prepared)
+        return found
 
 
-def _runner(graph: OnnxGraph) -> tuple[nn.Module | None, Callable[[Tensor], Tensor], str]:
-    """The graph in torch, or else in onnxruntime with the reason."""
+def _differentiable(graph: OnnxGraph, image: Tensor, expected: Tensor) -> tuple[nn.Module | None, str]:
+    """The graph in torch, or the reason why there is none."""
     try:
         module = fuse(to_torch(graph))
+        with torch.no_grad():
+            off = float((module(image) - expected).abs().max() / expected.abs().max().clamp(min=1.0))
     except RaucaError as error:
-        return None, _onnxruntime(graph, str(error)), str(error)
+        return None, str(error)
+    except Exception as error:  # whatever the operators of a foreign graph may raise
+        return None, f"{graph.path}: onnx2torch's conversion does not run ({first_line(error)})"
+    if not off <= LARGEST_DIFFERENCE:
+        return None, f"{graph.path}: onnx2torch's conversion is {off:.2g} off what onnxruntime computes"
+    return module, ""
 
-    def run(images: Tensor) -> Tensor:
-        found = module(images)
-        return found[0] if isinstance(found, list | tuple) else found
 
-    return module, run, ""
-
-
-def _onnxruntime(graph: OnnxGraph, why: str) -> Callable[[Tensor], Tensor]:
-    onnxruntime = extra("onnxruntime")
-    try:
-        session = onnxruntime.InferenceSession(graph.model.SerializeToString(), providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors have no common base
-        reason = str(error).strip().splitlines()[0][:200]
-        raise RaucaError(f"{why}, nor can onnxruntime run it ({reason})") from error
-
-    def run(images: Tensor) -> Tensor:
-        fed = {graph.input_name: images.detach().float().cpu().numpy()}
-        return torch.from_numpy(session.run([graph.output_names[0]], fed)[0]).to(images.device)
-
-    return run
+def _layout(graph: OnnxGraph, shape: tuple[int, ...], size: int, family: GraphFamily | None) -> Layout:
+    layout = find_layout(shape, size, "Exp" in graph.operators, family)
+    if layout is None:
+        raise RaucaError(
+            f"{graph.path}: its output {shape} is neither YOLOX's (1, N, 5 + C), YOLOv5's (1, 3 N, 5 + C) "
+            f"nor YOLOv8's (1, 4 + C, N) for {size} pixels; export without non-maximum suppression"
+        )
+    return layout
 
 
 def _input_size(graph: OnnxGraph, size: int | None) -> int:

@@ -10,16 +10,47 @@ from torch import Tensor, fx, nn
 from torch.nn import functional
 
 
-def fuse(module: nn.Module) -> nn.Module:
-    """Sigmoid times its input becomes one operation, and convolutions get oneDNN's and cuDNN's own layout."""
-    if isinstance(module, fx.GraphModule):
-        _fuse_silu(module)
-        _fix_slices(module)
-        module.recompile()
-    for layer in module.modules():
+class Pointwise(nn.Module):
+    """A convolution of one pixel as the matrix product it is: torch's own takes half as long again on small maps."""
+
+    def __init__(self, layer: nn.Conv2d) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(layer.weight.detach().flatten(1).clone(), requires_grad=False)
+        self.bias = layer.bias
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.linear(x.permute(0, 2, 3, 1), self.weight, self.bias).permute(0, 3, 1, 2)
+
+
+class FirstOutput(nn.Module):
+    """A graph whose first output is the detections; some exports put more behind."""
+
+    def __init__(self, graph: nn.Module) -> None:
+        super().__init__()
+        self.graph = graph
+
+    def forward(self, images: Tensor) -> Tensor:
+        found = self.graph(images.contiguous(memory_format=torch.channels_last))
+        first: Tensor = found[0] if isinstance(found, list | tuple) else found
+        return first
+
+
+def fuse(module: fx.GraphModule) -> nn.Module:
+    """The same graph with fewer and cheaper operations, convolutions in oneDNN's and cuDNN's own layout."""
+    _fuse_silu(module)
+    _fix_slices(module)
+    module.recompile()
+    for name, layer in list(module.named_modules()):
         if isinstance(layer, nn.Conv2d):
             layer.weight.data = layer.weight.data.contiguous(memory_format=torch.channels_last)
-    return module
+            if _is_pointwise(layer):
+                module.set_submodule(name, Pointwise(layer))
+    return FirstOutput(module)
+
+
+def _is_pointwise(layer: nn.Conv2d) -> bool:
+    plain = layer.kernel_size == layer.stride == (1, 1) and layer.groups == 1
+    return plain and layer.padding in ((0, 0), 0, "valid")
 
 
 def _fuse_silu(module: fx.GraphModule) -> None:

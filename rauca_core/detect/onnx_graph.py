@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torch import nn
+from torch.fx import GraphModule
 
 from ..contract import RaucaError
 
@@ -85,7 +85,7 @@ def read_graph(path: Path) -> OnnxGraph:
     except OSError as error:
         raise RaucaError(f"{path}: cannot be read ({error.strerror})") from error
     except Exception as error:  # protobuf's own error type differs between its implementations
-        raise RaucaError(f"{path}: not an ONNX file ({_first_line(error)})") from error
+        raise RaucaError(f"{path}: not an ONNX file ({first_line(error)})") from error
     digest = hashlib.sha256(data)
     for outside in _external_files(path, model):
         digest.update(outside.read_bytes())
@@ -93,7 +93,7 @@ def read_graph(path: Path) -> OnnxGraph:
         onnx.external_data_helper.load_external_data_for_model(model, str(path.parent))
         onnx.checker.check_model(model)
     except (onnx.checker.ValidationError, OSError, ValueError) as error:
-        raise RaucaError(f"{path}: not a graph that can run ({_first_line(error)})") from error
+        raise RaucaError(f"{path}: not a graph that can run ({first_line(error)})") from error
     name, (batch, channels, height, width) = _image_input(path, model.graph)
     if channels not in (3, None):
         raise RaucaError(f"{path}: input {name} has {channels} channels, expected a batch of images with 3")
@@ -111,7 +111,7 @@ def read_graph(path: Path) -> OnnxGraph:
     )
 
 
-def to_torch(graph: OnnxGraph) -> nn.Module:
+def to_torch(graph: OnnxGraph) -> GraphModule:
     """The graph as a differentiable module; its weights take no gradient.
 
     Raises:
@@ -124,10 +124,11 @@ def to_torch(graph: OnnxGraph) -> nn.Module:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a library about itself
-            module: nn.Module = onnx2torch.convert(graph.model)
+            module: GraphModule = onnx2torch.convert(graph.model)
     except Exception as error:  # every converter has its own
-        raise RaucaError(f"{graph.path}: onnx2torch cannot convert this graph ({_first_line(error)})") from error
-    return module.eval().requires_grad_(False)
+        raise RaucaError(f"{graph.path}: onnx2torch cannot convert this graph ({first_line(error)})") from error
+    module.eval().requires_grad_(False)
+    return module
 
 
 def _external_files(path: Path, model: ModelProto) -> list[Path]:
@@ -172,6 +173,7 @@ def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | Non
     return inputs[0].name, sizes
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """Of foreign libraries' messages, which may run over pages."""
     lines = str(error).strip().splitlines()
     return (lines[0] if lines else type(error).__name__)[:200]
