@@ -15,6 +15,7 @@ def simplify(layers: Iterable[Layer], outputs: Iterable[str]) -> list[Layer]:
     """Layers, in an order of computation, that give the same ``outputs``; values in between may disappear."""
     kept = {layer.name: layer for layer in layers}
     outputs = tuple(outputs)
+    _drop_identities(kept, outputs)
     _join_hard_swish(kept, outputs)
     _fold_affine(kept, outputs)
     return list(kept.values())
@@ -24,6 +25,18 @@ def _uses(layers: dict[str, Layer], outputs: tuple[str, ...]) -> Counter[str]:
     uses = Counter(name for layer in layers.values() for name in layer.inputs)
     uses.update(outputs)
     return uses
+
+
+def _drop_identities(layers: dict[str, Layer], outputs: tuple[str, ...]) -> None:
+    """Graphs divide all scores by a temperature of 1."""
+    renamed: dict[str, str] = {}
+    for name, layer in list(layers.items()):
+        inputs = tuple(renamed.get(source, source) for source in layer.inputs)
+        if _is_affine(layer, 1.0, 0.0) and name not in outputs:
+            renamed[name] = inputs[0]
+            del layers[name]
+        elif inputs != layer.inputs:
+            layers[name] = replace(layer, inputs=inputs)
 
 
 def _fold_affine(layers: dict[str, Layer], outputs: tuple[str, ...]) -> None:

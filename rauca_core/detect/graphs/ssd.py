@@ -12,8 +12,9 @@ import torch
 from torch import Tensor
 
 from ...contract import RaucaError
+from ..checks import check_images
 from ..interface import DensePredictions, Detections
-from ..nms import detections
+from ..nms import clipped, detections
 from .boxes import CentreSizeBoxes
 from .fold import simplify
 from .labels import score_columns
@@ -107,8 +108,9 @@ class SsdDetector:
     def _heads(self, images: Tensor) -> tuple[Tensor, Tensor]:
         """(B, 3, size, size) sRGB -> encodings (B, N, 4), probabilities (B, N, columns)."""
         boxes, scores = self.network(images.flip(1) if self._parts.blue_first else images)
-        count = len(self._parts.anchors)
-        return boxes.reshape(len(images), -1, 4), scores.reshape(len(images), count, -1)
+        if scores.ndim == 2:  # caffe leaves them flat
+            scores = scores.reshape(len(images), len(self._parts.anchors), -1)
+        return boxes.reshape(len(images), -1, 4), scores
 
     def to(self, device: torch.device | str) -> Self:
         """Move the network to a device; returns self."""
@@ -119,20 +121,21 @@ class SsdDetector:
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        check_images(self.name, images)
+        return self._predict(images)
+
+    @torch.inference_mode()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        check_images(self.name, images, waits=True)
+        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
+
+    def _predict(self, images: Tensor) -> DensePredictions:
         encodings, scores = self._heads(stretch(images, self.size, self._parts.half_pixel_centers))
         height, width = images.shape[2:]
         boxes = self.boxes(encodings) * images.new_tensor([width, height, width, height])
         classes = scores[..., 1:] if len(self._columns) == scores.shape[2] - 1 else scores[..., self._columns]
         return DensePredictions(boxes, torch.ones_like(classes[..., 0]), classes)
-
-    @torch.no_grad()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        found = detections(self.dense(images), score_threshold, iou_threshold)
-        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
-        for one in found:
-            one.boxes = one.boxes.clamp(min=0).minimum(limit)
-        return found
 
 
 def _with_normalisation(parts: SsdParts) -> list[Layer]:

@@ -55,20 +55,23 @@ class Node:
     Attributes:
         op: the operator's name, e.g. ``"Conv2D"``.
         inputs: names of the nodes it reads, with ``:k`` for their outputs after the first; control inputs are left out.
+        entries: its attributes as they lie in the file: most nodes of a graph are never asked for theirs.
     """
 
     path: Path
     name: str
     op: str
     inputs: tuple[str, ...]
-    attributes: dict[str, memoryview]
+    entries: list[memoryview]
 
     def fail(self, what: str) -> NoReturn:
         raise RaucaError(f"{self.path}: node {self.name} ({self.op}) {what}")
 
     def _attribute(self, name: str) -> Message | None:
-        data = self.attributes.get(name)
-        return None if data is None else Message(self.path, data, _ATTR)
+        for entry in (Message(self.path, data, _ENTRY) for data in self.entries):
+            if entry.text(1) == name:
+                return Message(self.path, _last(entry, 2), _ATTR)
+        return None
 
     def integer(self, name: str, default: int | None = None) -> int:
         found = self._attribute(name)
@@ -165,12 +168,8 @@ def read_graph(path: Path) -> dict[str, Node]:
 
 def _read_node(path: Path, data: memoryview) -> Node:
     message = Message(path, data, _NODE)
-    attributes = {}
-    for pair in message.messages(5):
-        entry = Message(path, pair, _ENTRY)
-        attributes[entry.text(1)] = _last(entry, 2)
     inputs = tuple(name.removesuffix(":0") for name in message.texts(3) if not name.startswith("^"))
-    return Node(path, message.text(1), message.text(2), inputs, attributes)
+    return Node(path, message.text(1), message.text(2), inputs, message.messages(5))
 
 
 def _last(message: Message, number: int) -> memoryview:

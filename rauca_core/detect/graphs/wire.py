@@ -8,7 +8,7 @@ numbers written down once.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from enum import Enum
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _FIXED_SIZE = {_FIXED64: 8, _FIXED32: 4}
 
 
-class Kind(Enum):
+class Kind(IntEnum):
     """What a field holds; numbers may be repeated, packed or not."""
 
     INTEGER = _VARINT
@@ -72,8 +72,8 @@ class Message:
 
     def _checked(self, number: int, wire: int, value: int | memoryview) -> int | memoryview:
         kind = self._schema[number]
-        if wire != kind.value and not (wire == _BYTES and kind is not Kind.BYTES):
-            raise RaucaError(f"{self.path}: field {number} has wire type {wire}, expected {kind.value}; damaged file")
+        if wire != kind and not (wire == _BYTES and kind is not Kind.BYTES):
+            raise RaucaError(f"{self.path}: field {number} has wire type {wire}, expected {int(kind)}; damaged file")
         return value
 
     def __contains__(self, number: int) -> bool:

@@ -1,0 +1,328 @@
+"""Graphs written by Google's own protobuf library, which rauca's reader does not use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from numpy.typing import NDArray
+
+torch.set_num_threads(1)
+cv2.setNumThreads(1)
+
+# message: {field: (number, type)}; * repeats, packed when numeric and marked P
+FIELDS = {
+    "GraphDef": {"node": (1, "*NodeDef")},
+    "NodeDef": {"name": (1, "string"), "op": (2, "string"), "input": (3, "*string"), "attr": (5, "*Entry")},
+    "Entry": {"key": (1, "string"), "value": (2, "AttrValue")},
+    "AttrValue": {
+        "list": (1, "ListValue"),
+        "s": (2, "bytes"),
+        "i": (3, "int64"),
+        "f": (4, "float"),
+        "b": (5, "bool"),
+        "type": (6, "int32"),
+        "shape": (7, "TensorShape"),
+        "tensor": (8, "TensorProto"),
+    },
+    "ListValue": {"i": (3, "P*int64")},
+    "TensorShape": {"dim": (2, "*Dim")},
+    "Dim": {"size": (1, "int64"), "name": (2, "string")},
+    "TensorProto": {
+        "dtype": (1, "int32"),
+        "tensor_shape": (2, "TensorShape"),
+        "tensor_content": (4, "bytes"),
+        "float_val": (5, "P*float"),
+        "double_val": (6, "P*double"),
+        "int_val": (7, "P*int32"),
+        "int64_val": (10, "*int64"),
+    },
+    "NetParameter": {"name": (1, "string"), "layers": (2, "*LayerParameter"), "layer": (100, "*LayerParameter")},
+    "LayerParameter": {"name": (1, "string"), "type": (2, "string"), "blobs": (7, "*BlobProto")},
+    "BlobProto": {
+        "num": (1, "int32"),
+        "channels": (2, "int32"),
+        "height": (3, "int32"),
+        "width": (4, "int32"),
+        "data": (5, "P*float"),
+        "shape": (7, "BlobShape"),
+    },
+    "BlobShape": {"dim": (1, "P*int64")},
+}
+
+
+def _message_classes() -> SimpleNamespace:
+    field_type = descriptor_pb2.FieldDescriptorProto
+    file = descriptor_pb2.FileDescriptorProto(name="graphs.proto", package="written", syntax="proto3")
+    for message, fields in FIELDS.items():
+        described = file.message_type.add(name=message)
+        for name, (number, kind) in fields.items():
+            plain = kind.lstrip("P*")
+            field = described.field.add(name=name, number=number)
+            field.label = field_type.LABEL_REPEATED if "*" in kind else field_type.LABEL_OPTIONAL
+            if plain in FIELDS:
+                field.type, field.type_name = field_type.TYPE_MESSAGE, f".written.{plain}"
+            else:
+                field.type = getattr(field_type, f"TYPE_{plain.upper()}")
+                if "*" in kind and plain not in ("string", "bytes"):
+                    field.options.packed = kind.startswith("P")
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    found = {name: pool.FindMessageTypeByName(f"written.{name}") for name in FIELDS}
+    return SimpleNamespace(**{name: message_factory.GetMessageClass(found[name]) for name in FIELDS})
+
+
+PROTO = _message_classes()
+TYPES = {"float32": 1, "float64": 2, "int32": 3, "int64": 9}
+
+
+class GraphWriter:
+    """Collects the nodes of a graph: kept for the naive interpreter, written by protobuf."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[str, tuple[str, list[str], dict[str, Any]]] = {}
+
+    def __call__(self, op: str, name: str, *inputs: str, **attributes: Any) -> str:
+        self.nodes[name] = (op, list(inputs), attributes)
+        return name
+
+    def const(self, name: str, value: Any) -> str:
+        array = np.asarray(value)
+        return self("Const", name, value=array.astype("float32" if array.dtype.kind == "f" else "int32"))
+
+    def save(self, path: Path) -> Path:
+        graph = PROTO.GraphDef()
+        for name, (op, inputs, attributes) in self.nodes.items():
+            entries = [PROTO.Entry(key=key, value=attribute(value)) for key, value in attributes.items()]
+            graph.node.append(PROTO.NodeDef(name=name, op=op, input=inputs, attr=entries))
+        path.write_bytes(graph.SerializeToString())
+        return path
+
+
+def attribute(value: Any) -> Any:
+    if isinstance(value, bool):
+        return PROTO.AttrValue(b=value)
+    if isinstance(value, int):
+        return PROTO.AttrValue(i=value)
+    if isinstance(value, float):
+        return PROTO.AttrValue(f=value)
+    if isinstance(value, str):
+        return PROTO.AttrValue(s=value.encode())
+    if isinstance(value, list):
+        return PROTO.AttrValue(list=PROTO.ListValue(i=value))
+    if isinstance(value, tuple):
+        return PROTO.AttrValue(shape=tensor_shape(value))
+    return PROTO.AttrValue(tensor=tensor(value))
+
+
+def tensor_shape(shape: tuple[int, ...]) -> Any:
+    return PROTO.TensorShape(dim=[PROTO.Dim(size=extent) for extent in shape])
+
+
+def tensor(value: NDArray[Any]) -> Any:
+    """Small tensors as TensorFlow's converters write them, in the typed fields; others as bytes."""
+    proto = PROTO.TensorProto(dtype=TYPES[value.dtype.name], tensor_shape=tensor_shape(value.shape))
+    if value.size == 1:
+        getattr(proto, {"f": "float_val", "i": "int_val"}[value.dtype.kind]).append(value.item())
+    else:
+        proto.tensor_content = value.tobytes()
+    return proto
+
+
+@pytest.fixture(scope="session")
+def proto() -> SimpleNamespace:
+    """Message classes of graphs and caffemodels."""
+    return PROTO
+
+
+def ssd_graph(lite: bool, size: int = 33, classes: int = 4) -> GraphWriter:
+    """A small SSD with every operator: written-out and fused batch norms, hard swish, squeeze-excite, a residual."""
+    rng = np.random.default_rng(7)
+    g = GraphWriter()
+    x = (
+        _server_input(g, size)
+        if not lite
+        else g("Placeholder", "normalized_input_image_tensor", shape=(1, size, size, 3))
+    )
+    x = conv(g, rng, "stem", x, 3, 8, 3, 2)
+    x = g("Relu6", "stem/Relu6", _written_norm(g, rng, "stem/bn", x, 8))
+    x = _fused_norm(g, rng, "swish/bn", conv(g, rng, "swish", x, 8, 8, 3, 1, depthwise=True), 8)
+    x = _hard_swish(g, "swish", x)
+    x = residual = _fused_norm(g, rng, "project/bn", conv(g, rng, "project", x, 8, 8, 1, 1), 8)
+    x = g("Relu", "expand/Relu", _fused_norm(g, rng, "expand/bn", conv(g, rng, "expand", x, 8, 16, 5, 1), 16))
+    x = _squeeze_excite(g, rng, x, 16)
+    x = g("AddV2", "residual", conv(g, rng, "back", x, 16, 8, 1, 1), residual)
+    deep = conv(g, rng, "deep", x, 8, 12, 4, 3, dilation=1)
+    boxes, scores = zip(
+        _heads(g, rng, 0, x, 8, 2, classes, lite), _heads(g, rng, 1, deep, 12, 3, classes, lite), strict=True
+    )
+    axis = g.const("axis", 1)
+    encodings = g("Squeeze", "Squeeze", g("ConcatV2", "concat", *boxes, axis), squeeze_dims=[2])
+    logits = g("ConcatV2", "concat_1", *scores, axis)
+    cells = math.ceil(size / 2), math.ceil(math.ceil(size / 2) / 3)
+    count = cells[0] ** 2 * 2 + cells[1] ** 2 * 3
+    (_lite_output if lite else _server_output)(g, rng, encodings, logits, count, classes)
+    return g
+
+
+def _server_input(g: GraphWriter, size: int) -> str:
+    g("Placeholder", "image_tensor")
+    g.const("Preprocessor/size", [size, size])
+    g("ResizeBilinear", "Preprocessor/map/while/ResizeImage/ResizeBilinear", "image_tensor", "Preprocessor/size")
+    # a loop, as in the graphs of the API: nobody may walk into it
+    g("Enter", "Preprocessor/map/while/Enter", "Preprocessor/map/TensorArrayStack/TensorArrayGatherV3")
+    g("TensorArrayGatherV3", "Preprocessor/map/TensorArrayStack/TensorArrayGatherV3", "Preprocessor/map/while/Enter")
+    g(
+        "Mul",
+        "Preprocessor/mul",
+        g.const("Preprocessor/mul/x", 2 / 255),
+        "Preprocessor/map/TensorArrayStack/TensorArrayGatherV3",
+    )
+    return g("Sub", "Preprocessor/sub", "Preprocessor/mul", g.const("Preprocessor/sub/y", 1.0))
+
+
+def conv(
+    g: GraphWriter,
+    rng: np.random.Generator,
+    name: str,
+    x: str,
+    channels: int,
+    out: int,
+    kernel: int,
+    stride: int,
+    depthwise: bool = False,
+    dilation: int = 1,
+    padding: str = "SAME",
+) -> str:
+    shape = (kernel, kernel, channels, out // channels if depthwise else out)
+    fan_in = kernel * kernel * (1 if depthwise else channels)
+    weights = g("Identity", f"{name}/weights/read", g.const(f"{name}/weights", rng.normal(0, fan_in**-0.5, shape)))
+    op = "DepthwiseConv2dNative" if depthwise else "Conv2D"
+    strides, dilations = [1, stride, stride, 1], [1, dilation, dilation, 1]
+    return g(op, f"{name}/{op}", x, weights, strides=strides, dilations=dilations, padding=padding, data_format="NHWC")
+
+
+def _statistics(g: GraphWriter, rng: np.random.Generator, name: str, channels: int) -> list[str]:
+    gamma, beta = (
+        g.const(f"{name}/gamma", rng.uniform(0.8, 1.2, channels)),
+        g.const(f"{name}/beta", rng.normal(0, 0.1, channels)),
+    )
+    mean = g.const(f"{name}/mean", rng.normal(0, 0.1, channels))
+    return [gamma, beta, mean, g.const(f"{name}/variance", rng.uniform(0.5, 2.0, channels))]
+
+
+def _written_norm(g: GraphWriter, rng: np.random.Generator, name: str, x: str, channels: int) -> str:
+    gamma, beta, mean, variance = _statistics(g, rng, name, channels)
+    scale = g(
+        "Mul",
+        f"{name}/mul",
+        g("Rsqrt", f"{name}/rsqrt", g("Add", f"{name}/add", variance, g.const(f"{name}/eps", 1e-3))),
+        gamma,
+    )
+    shift = g("Sub", f"{name}/sub", beta, g("Mul", f"{name}/mul_2", mean, scale))
+    return g("Add", f"{name}/add_1", g("Mul", f"{name}/mul_1", x, scale), shift)
+
+
+def _fused_norm(g: GraphWriter, rng: np.random.Generator, name: str, x: str, channels: int) -> str:
+    return g("FusedBatchNormV3", name, x, *_statistics(g, rng, name, channels), epsilon=1e-3, is_training=False)
+
+
+def _hard_swish(g: GraphWriter, name: str, x: str) -> str:
+    gate = g("Relu6", f"{name}/Relu6", g("AddV2", f"{name}/add3", x, g.const(f"{name}/three", 3.0)))
+    return g("Mul", f"{name}/sixth", g("Mul", f"{name}/gated", x, gate), g.const(f"{name}/y", 1 / 6))
+
+
+def _squeeze_excite(g: GraphWriter, rng: np.random.Generator, x: str, channels: int) -> str:
+    mean = g("Mean", "se/Mean", x, g.const("se/axes", [1, 2]), keep_dims=True)
+    small = conv(g, rng, "se/Conv", mean, channels, 4, 1, 1)
+    small = g("Relu", "se/Relu", g("BiasAdd", "se/BiasAdd", small, g.const("se/biases", rng.normal(0, 0.1, 4))))
+    large = conv(g, rng, "se/Conv_1", small, 4, channels, 1, 1)
+    gate = g("Relu6", "se/Relu6", g("AddV2", "se/add", large, g.const("se/three", 3.0)))
+    return g("Mul", "se/mul", x, g("Mul", "se/gate", gate, g.const("se/sixth", 1 / 6)))
+
+
+def _heads(
+    g: GraphWriter, rng: np.random.Generator, index: int, x: str, channels: int, anchors: int, classes: int, lite: bool
+) -> tuple[str, str]:
+    """Both heads of one feature map; the server's graph asks for the batch at run time."""
+    name = f"BoxPredictor_{index}"
+    made = []
+    for head, values in (("Box", [1, 4]), ("Class", [classes + 1])):
+        kernel = conv(g, rng, f"{name}/{head}", x, channels, anchors * values[-1], 1, 1)
+        biased = g(
+            "BiasAdd",
+            f"{name}/{head}/BiasAdd",
+            kernel,
+            g.const(f"{name}/{head}/bias", rng.normal(0, 0.3, anchors * values[-1])),
+        )
+        shape = f"{name}/{head}/shape"
+        if lite:
+            g.const(shape, [1, -1, *values])
+        else:
+            zero, one = g.const(f"{shape}/0", [0]), g.const(f"{shape}/1", [1])
+            batch = g(
+                "StridedSlice", f"{shape}/batch", g("Shape", f"{shape}/of", x), zero, one, one, shrink_axis_mask=1
+            )
+            parts = [g.const(f"{shape}/part{k}", value) for k, value in enumerate([-1, *values])]
+            g("Pack", shape, batch, *parts, axis=0)
+        made.append(g("Reshape", f"{name}/{head}/Reshape", biased, shape))
+    return made[0], made[1]
+
+
+def _anchors(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """(N, 4) y, x, height, width."""
+    return np.concatenate([rng.uniform(0.1, 0.9, (count, 2)), rng.uniform(0.1, 0.5, (count, 2))], 1)
+
+
+def _server_output(
+    g: GraphWriter, rng: np.random.Generator, encodings: str, logits: str, count: int, classes: int
+) -> None:
+    g(
+        "Sigmoid",
+        "Postprocessor/convert_scores",
+        g("RealDiv", "Postprocessor/scale", logits, g.const("Postprocessor/one", 1.0)),
+    )
+    anchors = _anchors(rng, count)
+    corners = np.concatenate([anchors[:, :2] - anchors[:, 2:] / 2, anchors[:, :2] + anchors[:, 2:] / 2], 1)
+    half = g(
+        "ConcatV2", "Concatenate/concat", g.const("low", corners[:7]), g.const("high", corners[7:]), g.const("zero", 0)
+    )
+    tiled = g("Tile", "Postprocessor/Tile", g("ExpandDims", "Postprocessor/ExpandDims", half, "zero"), "tiles")
+    g.const("tiles", [1, 1, 1])
+    flat = g("Reshape", "Postprocessor/Reshape", tiled, g.const("flat", [-1, 4]))
+    g("Transpose", "Postprocessor/Decode/get_center_coordinates_and_sizes/transpose", flat)
+    g("Transpose", "Postprocessor/Decode/transpose", g("Reshape", "Postprocessor/Reshape_1", encodings, "flat"))
+    for name, value in (("div", 10.0), ("div_1", 9.0), ("div_2", 5.0), ("div_3", 4.0)):
+        g.const(f"Postprocessor/Decode/{name}/y", value)
+
+
+def _lite_output(
+    g: GraphWriter, rng: np.random.Generator, encodings: str, logits: str, count: int, classes: int
+) -> None:
+    g("Softmax", "convert_scores", logits)
+    scales = {"x_scale": 9.0, "y_scale": 10.0, "w_scale": 4.0, "h_scale": 5.0}
+    g.const("anchors", _anchors(rng, count))
+    g("TFLite_Detection_PostProcess", "post", encodings, "convert_scores", "anchors", num_classes=classes, **scales)
+
+
+@pytest.fixture(params=[False, True], ids=["server", "lite"])
+def graph(request: pytest.FixtureRequest) -> GraphWriter:
+    return ssd_graph(request.param)
+
+
+@pytest.fixture
+def server_graph() -> GraphWriter:
+    return ssd_graph(lite=False)
+
+
+@pytest.fixture
+def rng() -> Iterator[np.random.Generator]:
+    return np.random.default_rng(11)
