@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,17 @@ BATCH = 6
 LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
 
 
+@dataclass(frozen=True)
+class Extent:
+    """How much to measure: steps of the patch's optimisation, and views at most."""
+
+    steps: int
+    views: int
+
+
+FULL, QUICK = Extent(steps=120, views=10**6), Extent(steps=20, views=8)
+
+
 def bench_defences(
     run: Path, detectors: Sequence[str], out: Path, quick: bool = False, docs: Path | None = None
 ) -> Results:
@@ -40,27 +51,27 @@ def bench_defences(
     Args:
         run: folder laid out as the demo's.
         detectors: names from ``rauca weights list``.
-        out: JSON to write.
-        quick: eight views and a patch of 20 steps instead.
+        out: JSON to write; the sheet of pictures goes beside it.
         docs: folder whose ``defences.md`` gets the figures anew, and its pictures the sheet.
 
     Raises:
         RaucaError: the run has no views, a detector's weights are missing.
     """
-    loaded = [load_detector(name) for name in detectors]
+    return run_bench(run, [load_detector(name) for name in detectors], QUICK if quick else FULL, out, docs)
+
+
+def run_bench(run: Path, detectors: Sequence[Detector], extent: Extent, out: Path, docs: Path | None = None) -> Results:
+    """The same, of any extent."""
     defences = [make_defence(name) for name in defence_names()]
-    steps = 20 if quick else 120
     views = read_views(run)
     everything = range(len(views.frames))
     with progress_bar("defences") as move:
-        patch = optimise_patch(loaded[0], views.part(everything[1::2]), steps, _told(move, "patch"))
-        held = views.part(everything[::2][:8] if quick else everything[::2])
+        patch = optimise_patch(detectors[0], views.part(everything[1::2]), extent.steps, _told(move, "patch"))
+        held = views.part(everything[::2][: extent.views])
         held = held.with_paint("patch", paste(held.paints["normal"], held.boxes, patch))
-        outcomes = _measure(held, defences, loaded, _told(move, "views"))
+        outcomes = _measure(held, defences, detectors, _told(move, "views"))
     height, width = held.paints["normal"].shape[2:]
-    results = Results(
-        run.name, len(held.frames), (height, width), loaded[0].name, steps, outcomes
-    )  # the run's name, not its place: the page is public
+    results = Results(len(held.frames), (height, width), detectors[0].name, extent.steps, outcomes)
     print_tables(grids(results), width=150)
     write_json(out, asdict(results))
     save_sheet(held, defences, out.with_suffix(".jpg"))

@@ -32,7 +32,6 @@ class Outcome:
 class Results:
     """``white_box`` is the detector that the patch was optimised against."""
 
-    run: str
     images: int
     size: tuple[int, int]
     white_box: str

@@ -1,0 +1,72 @@
+"""The defences' benchmark on a few drawn views: its patch sits where it should, its figures are all there."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from PIL import Image
+
+from benchmarks.defences.bench import Extent, run_bench
+from benchmarks.defences.patch import SIDE, paste, patch_area
+from rauca_core.contract import RaucaError
+from rauca_core.detect import Detector
+from rauca_core.evaluate.defences import defence_names
+
+
+def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:
+    images, box = torch.full((1, 3, 100, 120), 0.5), torch.tensor([[20.0, 30.0, 100.0, 70.0]])
+    pasted = paste(images, box, torch.ones(3, SIDE, SIDE))
+    left, top, side = patch_area(box[0])
+    expected = images.clone()
+    expected[..., top : top + side, left : left + side] = 1
+    torch.testing.assert_close(pasted, expected)
+    assert side**2 == pytest.approx(80 * 40 / 4, rel=0.1)
+    assert abs(left + side / 2 - 60) <= 1
+    assert abs(top + side / 2 - 50) <= 1
+
+
+@pytest.mark.parametrize("box", [(-30.0, -20.0, 40.0, 30.0), (60.0, 50.0, 130.0, 110.0), (5.0, 5.0, 6.0, 6.0)])
+def test_a_patch_may_reach_over_the_border_and_learns(box: tuple[float, ...]) -> None:
+    images, patch = torch.zeros(1, 3, 80, 96), torch.rand(3, SIDE, SIDE).requires_grad_()
+    pasted = paste(images, torch.tensor([box]), patch)
+    assert pasted.shape == images.shape
+    pasted.sum().backward()
+    assert patch.grad is not None
+    assert float(patch.grad.abs().sum()) > 0
+
+
+@pytest.fixture
+def run(scene: Any, tmp_path: Path) -> Path:
+    folder = tmp_path / "run"
+    (folder / "renders").mkdir(parents=True)
+    scene.dataset.folder.rename(folder / "held-out")
+    scene.noise.rename(folder / "renders" / "rauca")
+    return folder
+
+
+def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path) -> None:
+    results = run_bench(run, detectors[:1], Extent(steps=1, views=2), tmp_path / "out.json", tmp_path / "docs")
+    assert (results.defences, results.paints) == (defence_names(), ("normal", "camouflage", "patch"))
+    for outcome in results.outcomes:
+        shares = [outcome.altered, outcome.altered_on_vehicle, *outcome.ap.values(), *outcome.score.values()]
+        assert all(0 <= share <= 1 for share in shares)
+        assert math.isfinite(outcome.cpu_ms)
+        assert (outcome.altered == 0) >= (outcome.defence == "none")
+    assert results.of("lgs", "patch").altered_on_vehicle > results.of("lgs", "normal").altered_on_vehicle
+    assert results.of("none", "normal").score["yolov4-tiny"] > 0.3
+    written = json.loads((tmp_path / "out.json").read_text())
+    assert len(written["outcomes"]) == len(results.outcomes)
+    assert Image.open(tmp_path / "docs" / "pictures" / "defences.jpg").size[0] > 1000
+    page = (tmp_path / "docs" / "defences.md").read_text()
+    assert all(f"| {name} |" in page for name in defence_names())
+
+
+def test_a_folder_without_views_is_refused(tmp_path: Path, detectors: list[Detector]) -> None:
+    with pytest.raises(RaucaError):
+        run_bench(tmp_path, detectors[:1], Extent(1, 1), tmp_path / "out.json")
+    assert not (tmp_path / "out.json").exists()
