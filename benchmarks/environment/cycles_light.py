@@ -4,9 +4,9 @@ Usage: python cycles_light.py REQUEST.json
 
 Request: ``dataset``, ``camouflages`` (name -> JSON path), ``out``, ``jobs``, each with ``name``, ``frame``, ``paint``
 (a camouflage's name, or ``light``), ``samples``, ``seed``, ``denoise`` and ``whole``. Every job becomes
-``out/<name>.npz``: ``image``, or ``A`` and ``B``, (H, W, 3) linear float32, and ``seconds`` of CPU. In camouflage only
-the part of the frame that shows paint is rendered, unless it is wanted whole; the rest is 0. Progress is one marked
-JSON line per job.
+``out/<name>.npz``: ``image``, or ``A`` and ``B``, (H, W, 3) linear float32 in the frame's exposure and behind its rain,
+and ``seconds`` of CPU. In camouflage only the part of the frame that shows paint is rendered, unless it is
+wanted whole; the rest is 0. Progress is one marked JSON line per job.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ import numpy as np
 from blender_addon.core import colour, contract, files
 from blender_addon.scene import camera, render
 from blender_addon.scene.camouflages import read_paintwork
+from blender_addon.scene.frame import Light, with_rain
 from blender_addon.scene.images import read_image_blender
 from blender_addon.scene.light_maps import light_maps
+from blender_addon.scene.rain import rain_before
 from blender_addon.scene.session import Session
 
 MARGIN_PX = 2
@@ -61,22 +63,32 @@ def _rendered(
 ) -> dict[str, np.ndarray]:
     plan = dataset.plan
     quality = replace(plan.quality, samples=job["samples"], denoise=job["denoise"])
-    coverage = read_image_blender(dataset.frame_folder(frame.id) / "paint.png")
-    painted = (coverage if coverage.ndim == 2 else coverage[..., 0]) > 0
+    paint = read_image_blender(dataset.frame_folder(frame.id) / "paint.png")
+    coverage = (paint if paint.ndim == 2 else paint[..., 0]).astype(np.float32) / np.float32(255)
     if job["paint"] == "light":
         session.plan = replace(plan, quality=quality)
         reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
         started = time.process_time()
-        A, B, _ = light_maps(session, frame.location, frame.view, frame.weather, painted, reference)
-        return {"A": A, "B": B, "seconds": np.array(time.process_time() - started)}
-    crop = render.Crop.around(painted | job["whole"], MARGIN_PX)
-    image = np.zeros((*painted.shape, 3), np.float32)
+        A, B, image = light_maps(session, frame.location, frame.view, frame.weather, coverage, reference)
+        seen = _as_in_the_frame(session, dataset, frame, Light(image, A, B))
+        assert seen.A is not None
+        assert seen.B is not None
+        return {"A": seen.A, "B": seen.B, "seconds": np.array(time.process_time() - started)}
+    crop = render.Crop.around((coverage > 0) | job["whole"], MARGIN_PX)
+    image = np.zeros((*coverage.shape, 3), np.float32)
     started = time.process_time()
     camera.place(session.scene, session.viewpoint(frame.location, frame.view).camera)
     seed = session.seed(frame.location, frame.view, frame.weather) + job["seed"]
     if crop is not None:
         image[crop.inside] = render.render_linear(session.scene, quality, seed, crop)[..., :3]
-    return {"image": image, "seconds": np.array(time.process_time() - started)}
+    seconds = np.array(time.process_time() - started)
+    return {"image": _as_in_the_frame(session, dataset, frame, Light(image)).image, "seconds": seconds}
+
+
+def _as_in_the_frame(session: Session, dataset: contract.Dataset, frame: contract.Frame, light: Light) -> Light:
+    light = light.exposed(frame.exposure_stops)
+    (distance,) = contract.load_passes(dataset.frame_folder(frame.id), ("distance",)).values()
+    return with_rain(light, rain_before(session, frame.location, frame.view, frame.weather, distance))
 
 
 if __name__ == "__main__":

@@ -62,8 +62,8 @@ def render_light(session: Session, task: contract.PlannedFrame, sight: Sight) ->
     plan = session.plan
     reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
     if plan.light:
-        painted = sight.annotation.paint > 0
-        A, B, image = light_maps(session, task.location, task.view, task.weather, painted, reference, sight.annotation)
+        paint = sight.annotation.paint / np.float32(255)
+        A, B, image = light_maps(session, task.location, task.view, task.weather, paint, reference, sight.annotation)
         return Light(image, A, B)
     session.vehicle.paint.set_colour(tuple(reference.tolist()))
     return Light(session.render(task.location, task.view, task.weather))
@@ -90,6 +90,11 @@ def render_check(
 def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Sight, light: Light) -> Light:
     """What is composited over the rendered light, on A and B alike so that it stays affine in the paint."""
     rain = rain_before(session, task.location, task.view, task.weather, sight.annotation.distance)
+    return with_rain(light, rain)
+
+
+def with_rain(light: Light, rain: contract.rain.Streaks | None) -> Light:
+    """The same light behind rain."""
     if rain is None:
         return light
     return Light(
