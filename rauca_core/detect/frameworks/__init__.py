@@ -2,5 +2,7 @@
 
 from .torchvision_detector import ARCHITECTURES, TorchvisionDetector
 from .torchvision_ops import import_torchvision
+from .transformers_detector import TransformersDetector
+from .transformers_loading import import_transformers
 
-__all__ = ["ARCHITECTURES", "TorchvisionDetector", "import_torchvision"]
+__all__ = ["ARCHITECTURES", "TorchvisionDetector", "TransformersDetector", "import_torchvision", "import_transformers"]

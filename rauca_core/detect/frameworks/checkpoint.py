@@ -17,9 +17,6 @@ from ...contract import RaucaError
 # Where training scripts put the weights inside a checkpoint.
 _WRAPPERS = ("model", "state_dict", "model_state_dict")
 
-# A counter of training steps that torch's batch normalisation keeps; frozen normalisations have none.
-_COUNTER = "num_batches_tracked"
-
 
 def read_state(path: Path) -> Mapping[str, Tensor]:
     """The tensors of a ``.safetensors`` file or of a torch checkpoint, by name, on the CPU.
@@ -70,10 +67,15 @@ def fill(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:
             f"{path}: does not fit {kind}: {wrong.rstrip('.')}; these are another model's weights"
         ) from None
     for names, fault in ((unmatched.missing_keys, "lacks"), (unmatched.unexpected_keys, "has an unknown")):
-        wrong_names = [name for name in names if not name.endswith(_COUNTER)]
+        wrong_names = [name for name in names if not is_counter(name)]
         if wrong_names:
             more = f" and {len(wrong_names) - 1} more" if len(wrong_names) > 1 else ""
             raise RaucaError(f"{path}: {fault} tensor {wrong_names[0]}{more}; expected the weights of a {kind}")
+
+
+def is_counter(name: str) -> bool:
+    """Whether a tensor counts the training steps of a batch normalisation; files and modules may have them or not."""
+    return name.endswith("num_batches_tracked")
 
 
 def _first_line(error: Exception) -> str:

@@ -7,8 +7,9 @@ import hashlib
 import torch
 from torch import nn
 
-# Of a module, but not of what it computes; torchvision's region pooling notes scales and levels of the last call.
-_PASSING = frozenset({"training", "_has_warned", "scales", "map_levels"})
+# Of a module, but not of what it computes. torchvision's region pooling notes scales and levels of the last call,
+# transformers where a model came from.
+_PASSING = frozenset({"training", "_has_warned", "scales", "map_levels", "name_or_path", "_use_kernels"})
 
 
 def fingerprint(model: nn.Module, *settings: object) -> str:

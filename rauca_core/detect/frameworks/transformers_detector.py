@@ -1,0 +1,162 @@
+"""DETR and its descendants, as transformers implements them, behind the common interface."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ...contract import RaucaError
+from ..checks import check_images
+from ..classes import canonical
+from ..interface import DensePredictions, Detections
+from ..nms import clipped
+from .identity import fingerprint
+from .scaling import Scaling, read_scaling
+from .transformers_loading import Family, family_of, load_model
+
+# Of a configuration, but not of what the model computes (its backbone shows in its structure).
+_ORIGIN = frozenset(
+    {"_name_or_path", "architectures", "dtype", "torch_dtype", "transformers_version", "use_timm_backbone"}
+)
+
+
+class TransformersDetector:
+    """DETR, Deformable DETR, RT-DETR or RT-DETRv2.
+
+    ``dense`` gives every query: ``objectness`` is 1 and ``classes`` are the model's scores (DETR: softmax without "no
+    object"; the others: one sigmoid per category). These detectors are trained to say each object once and have no
+    non-maximum suppression: ``detect`` is transformers' ``post_process_object_detection``, ``iou_threshold`` unused.
+
+    Attributes:
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        model: transformers' module, in evaluation mode; its weights take no gradient.
+        scaling: resizing and normalisation.
+    """
+
+    def __init__(self, name: str, folder: Path, size: int | None = None) -> None:
+        """Read a folder as ``hf download REPOSITORY --local-dir FOLDER`` makes it; nothing is fetched.
+
+        Args:
+            folder: holds ``config.json`` (architecture and class names), ``model.safetensors`` and, if the model's
+                images are not prepared as its family's usually are, ``preprocessor_config.json``. The published DETR
+                and Deformable DETR are read without timm.
+            size: shorter side that images are scaled to (RT-DETR: both sides; a multiple of 32), pixels; None for the
+                model's own.
+
+        Raises:
+            RaucaError: transformers is missing, files that are missing, unreadable or do not fit together.
+        """
+        model = load_model(folder)
+        default = family_of(name, model.config.model_type).scaling
+        scaling = read_scaling(folder / "preprocessor_config.json", default)
+        self._hold(model, name, _names_of(model), _sized(name, scaling, size))
+
+    @classmethod
+    def of(
+        cls,
+        model: nn.Module,
+        name: str,
+        class_names: tuple[str, ...] | None = None,
+        size: int | None = None,
+        scaling: Scaling | None = None,
+    ) -> TransformersDetector:
+        """The detector that a model in memory makes, e.g. one that was just trained.
+
+        The model is copied: training it further changes neither the detector nor what its fingerprint stands for.
+
+        Args:
+            model: ``DetrForObjectDetection``, ``DeformableDetrForObjectDetection`` or RT-DETR's.
+            class_names: None for those of the model's configuration.
+            size, scaling: how images are prepared; None for the family's usual size and way.
+
+        Raises:
+            RaucaError: another kind of model, a number of names that does not fit.
+        """
+        family = family_of(name, getattr(getattr(model, "config", None), "model_type", None))
+        self = cls.__new__(cls)
+        names = _names_of(model) if class_names is None else class_names
+        self._hold(copy.deepcopy(model), name, names, _sized(name, scaling or family.scaling, size))
+        return self
+
+    def _hold(self, model: Any, name: str, class_names: tuple[str, ...], scaling: Scaling) -> None:
+        if model.config.num_labels != len(class_names):
+            raise RaucaError(
+                f"{name}: the model predicts {model.config.num_labels} categories, {len(class_names)} names were given"
+            )
+        self.name = name
+        self.class_names = class_names
+        self.scaling = scaling
+        self._family: Family = family_of(name, model.config.model_type)
+        self.model: Any = model.eval().requires_grad_(False)
+        self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
+
+    def to(self, device: torch.device | str) -> TransformersDetector:
+        """Move the model to a device; returns self."""
+        self.model.to(device)
+        return self
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        check_images(self.name, images)
+        return self._predict(images)
+
+    @torch.no_grad()  # not inference_mode: the model keeps tables of positions for the next call, dense's perhaps
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; ``iou_threshold`` is unused."""
+        check_images(self.name, images, waits=True)
+        found = self._predict(images)
+        if self._family.softmax:
+            scores, labels = found.classes.max(-1)
+            queries = torch.arange(scores.shape[1], device=scores.device).expand_as(scores)
+            scores, order = scores.sort(dim=1, descending=True, stable=True)
+            queries, labels = queries.gather(1, order), labels.gather(1, order)
+        else:
+            limit = min(self._family.limit or found.classes.shape[1], found.classes[0].numel())
+            scores, best = found.classes.flatten(1).topk(limit, 1)
+            queries, labels = best // found.classes.shape[2], best % found.classes.shape[2]
+        kept = scores > score_threshold
+        return clipped(
+            [
+                Detections(boxes[query[keep]], score[keep], label[keep])
+                for boxes, query, score, label, keep in zip(found.boxes, queries, scores, labels, kept, strict=True)
+            ],
+            images,
+        )
+
+    def _predict(self, images: Tensor) -> DensePredictions:
+        parameter = next(self.model.parameters())
+        try:
+            fitted = self.scaling.fit(images.to(parameter.dtype))
+        except RaucaError as error:
+            raise RaucaError(f"{self.name}: {error}") from None
+        found = self.model(pixel_values=fitted)
+        centre, extent = found.pred_boxes[..., :2], found.pred_boxes[..., 2:]
+        boxes = torch.cat([centre - extent / 2, centre + extent / 2], -1)
+        boxes = boxes * boxes.new_tensor([images.shape[3], images.shape[2]] * 2)
+        classes = found.logits.softmax(-1)[..., :-1] if self._family.softmax else found.logits.sigmoid()
+        return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), classes)
+
+
+def _settings(value: Any) -> Any:
+    """A configuration without what says where it came from."""
+    if not isinstance(value, dict):
+        return str(value)
+    return sorted((str(key), _settings(one)) for key, one in value.items() if key not in _ORIGIN)
+
+
+def _names_of(model: Any) -> tuple[str, ...]:
+    """The configuration's names by index, as COCO writes them."""
+    return tuple(canonical(str(model.config.id2label[index])) for index in range(model.config.num_labels))
+
+
+def _sized(name: str, scaling: Scaling, size: int | None) -> Scaling:
+    if size is None:
+        return scaling
+    if size < 32 or (not scaling.shortest and size % 32):
+        needed = "at least 32 pixels" if scaling.shortest else "a multiple of 32 pixels"
+        raise RaucaError(f"{name}: input size {size} must be {needed}")
+    return scaling.of_size(size)

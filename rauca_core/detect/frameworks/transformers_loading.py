@@ -1,0 +1,135 @@
+"""transformers' detection models from a local folder: no network, no code from the folder, no pickle."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ...contract import RaucaError
+from .checkpoint import is_counter, read_state
+from .scaling import Scaling, read_json
+from .timm_backbone import translated_config, translated_state, uses_timm
+from .torchvision_ops import import_torchvision
+
+
+@dataclass(frozen=True)
+class Family:
+    """What sets one architecture's predictions apart.
+
+    Attributes:
+        prefix: of transformers' classes.
+        softmax: categories share one probability with "no object", the last column; else each has its own sigmoid.
+        limit: most detections of an image; 0 for one per query.
+        scaling: of the published models.
+        may_use_timm: the published models name timm's ResNet as their backbone.
+    """
+
+    prefix: str
+    softmax: bool
+    limit: int
+    scaling: Scaling
+    may_use_timm: bool = False
+
+
+FAMILIES = {
+    "detr": Family("Detr", True, 0, Scaling(), may_use_timm=True),
+    "deformable_detr": Family("DeformableDetr", False, 100, Scaling(), may_use_timm=True),
+    "rt_detr": Family("RTDetr", False, 0, Scaling.square(640)),
+    "rt_detr_v2": Family("RTDetrV2", False, 0, Scaling.square(640)),
+}
+
+
+def import_transformers() -> ModuleType:
+    """The transformers package, told to stay off the network.
+
+    Raises:
+        RaucaError: it is not installed.
+    """
+    os.environ.setdefault("HF_HUB_OFFLINE", "1")
+    with contextlib.suppress(RaucaError):
+        import_torchvision()  # transformers imports it where it is installed
+    try:
+        return importlib.import_module("transformers")
+    except ModuleNotFoundError as error:
+        raise RaucaError(f"{error.name} is not installed; install it with `pip install 'rauca[detectors]'`") from error
+
+
+def family_of(name: str, model_type: object) -> Family:
+    """The family of a configuration's ``model_type``; raises :class:`RaucaError` for others."""
+    if model_type not in FAMILIES:
+        raise RaucaError(f"{name}: model type {model_type!r} is not supported; known are {', '.join(FAMILIES)}")
+    return FAMILIES[str(model_type)]
+
+
+def load_model(folder: Path) -> Any:
+    """The model of ``config.json`` with the weights of ``model.safetensors``.
+
+    Raises:
+        RaucaError: missing or unreadable files, an unknown architecture, weights that do not fit it; one line that
+            names the file and the first wrong tensor.
+    """
+    path, weights = folder / "config.json", folder / "model.safetensors"
+    config = read_json(path)
+    family = family_of(str(path), config.get("model_type"))
+    transformers = import_transformers()
+    if not weights.is_file():
+        raise RaucaError(f"{weights}: not found; only weights as .safetensors are read")
+    state = read_state(weights)
+    if family.may_use_timm and uses_timm(config):
+        config, state = translated_config(config, path), translated_state(state)
+    # Sizes that tables of positions would be made for beforehand; images may have any.
+    config |= {key: None for key in ("anchor_image_size", "eval_size") if key in config}
+    try:
+        described = getattr(transformers, f"{family.prefix}Config").from_dict(config)
+        return _filled(getattr(transformers, f"{family.prefix}ForObjectDetection"), described, state, weights)
+    except RaucaError:
+        raise
+    except Exception as error:  # each version of transformers has its own errors for a wrong configuration
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise RaucaError(f"{path}: transformers cannot build this model ({reason})") from error
+
+
+def _filled(kind: Any, config: Any, state: Mapping[str, Tensor], path: Path) -> Any:
+    """Through transformers' loader, which knows the names that tensors had in its earlier versions."""
+    for name, value in state.items():
+        if value.is_floating_point() and not torch.isfinite(value).all():
+            raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
+    with _quiet():
+        model, report = kind.from_pretrained(
+            None, config=config, state_dict=dict(state), output_loading_info=True, ignore_mismatched_sizes=True
+        )
+    for names, fault in (
+        (report["mismatched_keys"], "has another shape of"),
+        (report["missing_keys"], "lacks"),
+        (report["unexpected_keys"], "has an unknown"),
+    ):
+        wrong = sorted(str(one[0] if isinstance(one, tuple) else one) for one in names)
+        wrong = [name for name in wrong if not is_counter(name)]
+        if wrong:
+            more = f" and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+            raise RaucaError(f"{path}: {fault} tensor {wrong[0]}{more}; expected the weights of a {kind.__name__}")
+    return model.float()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """transformers' tables of wrong tensors and progress bars go to the terminal; errors here say what is wrong."""
+    log = import_transformers().utils.logging
+    level, bars = log.get_verbosity(), log.is_progress_bar_enabled()
+    log.set_verbosity(log.CRITICAL)
+    log.disable_progress_bar()
+    try:
+        yield
+    finally:
+        log.set_verbosity(level)
+        if bars:
+            log.enable_progress_bar()
