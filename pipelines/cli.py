@@ -80,6 +80,10 @@ def optimize(
     beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
     map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
     samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
+    sampler: Annotated[
+        str, typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)")
+    ] = "area",
+    light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
     start: Annotated[str, typer.Option(help="random or plain")] = "random",
     limit: Annotated[
         str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
@@ -96,8 +100,8 @@ def optimize(
     from .optimize_camouflage import optimize_camouflage
 
     settings = make_settings(
-        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, samples=samples, start=start, limit=limit,
-        roa=roa, rest=rest, precision=precision, seed=seed, threads=threads, name=name,
+        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, samples=samples, sampler=sampler, light=light,
+        start=start, limit=limit, roa=roa, rest=rest, precision=precision, seed=seed, threads=threads, name=name,
         weights=tuple(weight) if weight else None,
     )  # fmt: skip
     detectors = detector or ["yolov3-tiny"]

@@ -39,17 +39,16 @@ class _Augment(torch.autograd.Function):
     ) -> Tensor:
         source = _pixels(images.detach())
         result = np.empty_like(source)
-        drawn = tuple(t.to(images).numpy() for t in (to_source, brightness, contrast))
-        _forward(source, *drawn, source.dtype.type(backdrop), result)
-        ctx.drawn, ctx.result = drawn, result
+        matrices, offsets, factors = (t.to(images).numpy() for t in (to_source, brightness, contrast))
+        _forward(source, matrices, offsets, factors, source.dtype.type(backdrop), result)
+        ctx.matrices, ctx.factors, ctx.result = matrices, factors, result
         return torch.from_numpy(result).permute(0, 3, 1, 2)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None]:
         handed = _pixels(gradients[0]).copy()
         gradient = np.zeros_like(handed)
-        to_source, _, contrast = ctx.drawn
-        _backward(handed, to_source, contrast, ctx.result, gradient)
+        _backward(handed, ctx.matrices, ctx.factors, ctx.result, gradient)
         return torch.from_numpy(gradient).permute(0, 3, 1, 2), None, None, None, None
 
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
-from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
-from ..environment import load_exact
 from ..images import read_image
 from ..render import Canvas, TapCache, Taps, TapSettings, composite, display
+from .lights import light_source
 from .settings import OptimiserSettings
 
 
@@ -29,6 +28,7 @@ class ReadyFrame:
         frame: its metadata; ``box_xyxy`` is never None here.
         taps: shared by all frames of the same camera.
         A, B: (R, 3) float32 light maps at the taps' pixels.
+        linear: what they add up in, see ``lights.LightSource``.
         background: (H * W, 3) uint8 sRGB, the frame in its reference paint; 8 bits as in the PNG a detector gets.
     """
 
@@ -37,6 +37,7 @@ class ReadyFrame:
     A: Tensor
     B: Tensor
     background: NDArray[np.uint8]
+    linear: bool = True
 
     @property
     def nbytes(self) -> int:
@@ -47,7 +48,6 @@ class FrameStore:
     """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts."""
 
     def __init__(self, dataset: Dataset, settings: OptimiserSettings) -> None:
-        self._dataset = dataset
         self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
         self.frames = [f for f in dataset.frames() if f.box_xyxy is not None]
         if not self.frames:
@@ -60,12 +60,12 @@ class FrameStore:
                     f"{frame.camera.height} pixels, the data set's frames are {size}x{size}; render the frame again"
                 )
         budget = settings.memory_mb * 2**20 // 2
-        chosen = TapSettings(settings.map_size, settings.samples, settings.pixel_filter)
+        chosen = TapSettings(settings.map_size, settings.samples, settings.pixel_filter, sampler=settings.sampler)
         self._taps = TapCache(settings.tap_folder or dataset.folder / "taps", self.vehicle, chosen, budget)
         self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
         self._budget = budget
         self.pyramid = self._taps.pyramid
-        self._reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+        self._light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -104,11 +104,9 @@ class FrameStore:
 
     def _prepare(self, frame: Frame) -> ReadyFrame:
         taps = self._taps.get(frame.camera_in_vehicle)
-        light = load_exact(self._dataset, frame.id)
-        A, B = light.A.reshape(-1, 3), light.B.reshape(-1, 3)
-        background = to_bytes(srgb_from_linear(A * self._reference + B))
-        pixels = taps.pixels
-        return ReadyFrame(frame, taps, torch.from_numpy(A[pixels]), torch.from_numpy(B[pixels]), background)
+        lit = self._light.of(frame)
+        A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (lit.light.A, lit.light.B))
+        return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self._light.linear)
 
 
 def see(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
@@ -119,11 +117,14 @@ def see(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
 def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
     """What :func:`see` returned, in the frames' light and place: sRGB images (B, 3, H, W) in [0, 1].
 
-    The paint is lit exactly; pixels that no tap reaches keep the frame's reference paint.
+    Pixels that no tap reaches keep the frame's reference paint.
     """
     width, height = batch[0].taps.width, batch[0].taps.height
     A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
-    paint = display(composite(albedo, albedo.new_ones(()), A, B))
+    if batch[0].linear:
+        paint = display(composite(albedo, albedo.new_ones(()), A, B))
+    else:
+        paint = (A * display(albedo) + B).clamp(0.0, 1.0)
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
     places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
     flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)

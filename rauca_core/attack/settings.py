@@ -8,6 +8,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..contract import RaucaError
+from ..render import Sampler
+from .lights import LightName
 from .limits import LimitName
 
 
@@ -23,6 +25,9 @@ class OptimiserSettings(BaseModel):
         samples: subsamples per pixel along each axis of the renderer; against Cycles' paint coverage at 320 px, IoU is
             0.993 with 4, 0.998 with 8, 0.9993 with 12, where Cycles' own noise begins (1024 samples against 4096).
         pixel_filter: of the renderer that made the frames.
+        sampler: how a subsample reads the UV map, see ``render.Sampler``: ours, or one of the literature.
+        light: where the light comes from, see `lights`.
+        extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
         start: ``random`` uniform texels, or ``plain`` mid grey.
         limit: how texels are kept in [0, 1], see `limits`: ``project``, ``clamp`` (as published) or ``tanh``.
@@ -49,6 +54,9 @@ class OptimiserSettings(BaseModel):
     map_size: int = Field(1024, ge=16, le=8192)
     samples: int = Field(12, ge=1, le=16)
     pixel_filter: Literal["blackman-harris", "box"] = "blackman-harris"
+    sampler: Sampler = Sampler.AREA
+    light: LightName = "exact"
+    extractor: Path | None = None
     seed: int = Field(0, ge=0)
     start: Literal["random", "plain"] = "random"
     limit: LimitName = "project"

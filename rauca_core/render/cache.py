@@ -13,6 +13,7 @@ import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
 from .pyramid import Pyramid
+from .sampling import Sampler
 from .taps import FORMAT, Taps, build_taps
 
 
@@ -25,6 +26,7 @@ class TapSettings:
     filter: str = "blackman-harris"
     pattern: str = "lattice"
     thinning: float | None = None
+    sampler: Sampler = Sampler.AREA
 
 
 class TapCache:

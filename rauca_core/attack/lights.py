@@ -1,0 +1,89 @@
+"""Where the light of a frame comes from: exact, or one of the estimates it is compared with.
+
+All of them are affine in the texture, but not in the same numbers: light proper adds up in linear values; Neural
+Renderer's shading, and what was built on it, in sRGB values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import Dataset, Frame, Vehicle
+from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
+from ..environment import Light, estimate, load_exact, load_extractor
+from ..environment.affine_transfer import transfer_light
+from ..environment.frames import read_picture
+from ..environment.shading import plain_shading
+
+LightName = Literal["exact", "ours", "transfer", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """One frame's light, and the frame itself.
+
+    Attributes:
+        light: A and B (H, W, 3).
+        image: (H, W, 3) uint8 sRGB, in the reference paint.
+    """
+
+    light: Light
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class LightSource:
+    """A way to light frames.
+
+    Attributes:
+        linear: the image is ``display(A * x + B)``; else ``A * display(x) + B``, sRGB values.
+        of: the light of one frame; raises :class:`RaucaError` when its files are missing or damaged.
+    """
+
+    linear: bool
+    of: Callable[[Frame], Lit]
+
+
+def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor: Path | None = None) -> LightSource:
+    """The source of that name.
+
+    Args:
+        name: ``exact`` maps; ``ours``, the extractor's estimate; ``transfer`` of colour without training; ``none``,
+            Neural Renderer's own shading.
+        extractor: weights of ours; the shipped ones if None.
+    """
+    size, reference = dataset.plan.size, linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+
+    def image_of(frame: Frame) -> NDArray[np.uint8]:
+        return read_picture(dataset.frame_folder(frame.id) / "image.png", size).permute(1, 2, 0).numpy()
+
+    def exact(frame: Frame) -> Lit:
+        light = load_exact(dataset, frame.id)
+        return Lit(light, to_bytes(srgb_from_linear(light.A * reference + light.B)))
+
+    def ours(frame: Frame) -> Lit:
+        return Lit(estimate(dataset, frame.id, net), image_of(frame))
+
+    def transfer(frame: Frame) -> Lit:
+        image = image_of(frame)
+        paint = read_picture(dataset.frame_folder(frame.id) / "paint.png", size, grey=True)
+        linear = torch.from_numpy(linear_from_srgb(image / 255.0).astype(np.float32)).permute(2, 0, 1)
+        A, B = transfer_light(linear, paint.float() / 255, torch.from_numpy(reference).float())
+        return Lit(Light(A.permute(1, 2, 0).numpy(), B.permute(1, 2, 0).numpy()), image)
+
+    def none(frame: Frame) -> Lit:
+        image, plain = image_of(frame), plain_shading(vehicle, frame.camera_in_vehicle)
+        behind = torch.from_numpy(image / np.float32(255)) * (1 - plain.coverage[0])[..., None]
+        A = plain.paint[0][..., None].expand(-1, -1, 3)
+        return Lit(Light(A.numpy().copy(), (plain.rest.permute(1, 2, 0) + behind).numpy()), image)
+
+    if name == "ours":
+        net, _ = load_extractor(extractor)
+    return LightSource(name != "none", {"exact": exact, "ours": ours, "transfer": transfer, "none": none}[name])

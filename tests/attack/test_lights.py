@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.attack import make_settings
+from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
+from rauca_core.contract import Dataset
+from rauca_core.environment.frames import LightFrames
+from rauca_core.environment.methods import plain_render, transfer_render
+from rauca_core.images import read_image
+from rauca_core.render import Canvas, display
+
+SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
+
+
+def in_colour(dataset: Dataset, light: str, colour: tuple[float, float, float]) -> tuple[FrameStore, torch.Tensor]:
+    store = FrameStore(dataset, make_settings(light=light, **SMALL))
+    texels = torch.tensor(colour).expand(len(store.pyramid.texels), 3)
+    return store, render_batch([store.ready(0)], Canvas(store.pyramid, texels))[0]
+
+
+@pytest.mark.parametrize(("light", "method"), [("transfer", transfer_render), ("none", plain_render)])
+def test_estimates_are_those_of_the_comparison(dataset: Dataset, light: str, method: Any) -> None:
+    """The optimiser sees, on the paint, what the comparison of environments measures."""
+    colour = (0.7, 0.2, 0.05)
+    store, found = in_colour(dataset, light, colour)
+    frames = LightFrames([dataset.folder])
+    extra = (frames.plain(0),) if light == "none" else ()
+    wanted = method(frames.get(0), *extra)(torch.tensor(colour)[None, :, None, None])[0]
+    solid = frames.get(0).paint[0] == 255
+    solid &= torch.nn.functional.avg_pool2d(solid.float()[None], 3, 1, 1)[0] > 0.99  # rasters differ on edges
+    assert solid.sum() > 50
+    assert (found - wanted)[:, solid].abs().mean() < 0.02
+    assert store.ready(0).linear == (light != "none")
+
+
+def test_the_extractor_gives_the_reference_back(dataset: Dataset) -> None:
+    reference = np.array(dataset.plan.reference_srgb) / 255.0
+    _, found = in_colour(dataset, "ours", tuple(np.where(True, ((reference + 0.055) / 1.055) ** 2.4, 0)))
+    image = read_image(dataset.frame_folder(dataset.frames()[0].id) / "image.png") / 255.0
+    assert np.abs(found.permute(1, 2, 0).numpy() - image).mean() < 0.01
+
+
+@pytest.mark.parametrize("light", ["exact", "ours", "transfer", "none"])
+def test_every_light_lets_gradients_through(dataset: Dataset, light: str) -> None:
+    store = FrameStore(dataset, make_settings(light=light, **SMALL))
+    texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
+    batch = [store.ready(i) for i in range(3)]
+    images = render_batch(batch, Canvas(store.pyramid, texels))
+    images.square().sum().backward()
+    assert texels.grad is not None
+    assert torch.isfinite(texels.grad).all()
+    assert texels.grad.abs().sum() > 0
+    assert images.min() >= 0
+    assert images.max() <= 1
+    assert boxes_of(batch).shape == (3, 4)
+    assert torch.isfinite(display(texels)).all()
+
+
+@pytest.mark.parametrize("sampler", ["area", "bilinear", "trilinear", "tensor-traversal", "uv-traversal"])
+def test_every_sampler_of_the_literature_can_be_optimised_through(dataset: Dataset, sampler: str) -> None:
+    store = FrameStore(dataset, make_settings(sampler=sampler, **SMALL))
+    texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
+    render_batch([store.ready(0)], Canvas(store.pyramid, texels)).sum().backward()
+    assert texels.grad.abs().sum() > 0
