@@ -15,13 +15,13 @@ def scope(study: Study) -> str:
     results = [entry.results for entry in study.entries]
     detectors = unique(name for found in results for name in found.detectors)
     paints = unique(paint for found in results for paint in found.paints)
-    conditions = unique(weathers_title(entry.weathers).lower() for entry in study.entries)
+    conditions = unique(weathers_title(entry.weathers).removesuffix(" weathers").lower() for entry in study.entries)
     defences = [defence_title(d) for d in unique(entry.defence for entry in study.entries) if d != NO_DEFENCE]
     parts = [
         _count(len(paints), "paint"),
         _count(len(detectors), "detector"),
         _count(len(vehicles_of(study)), "vehicle"),
-        " and ".join(conditions),
+        " and ".join(conditions) + (" weathers" if {"seen", "unseen"} >= set(conditions) else ""),
         *([f"defences: {', '.join(defences)}"] if defences else []),
     ]
     images = sum(len(found.frames) * len(found.paints) for found in results)

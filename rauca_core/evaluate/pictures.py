@@ -35,12 +35,47 @@ def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: 
     pen = ImageDraw.Draw(picture, "RGBA")
     _thin(pen, _in_window(np.array(truth), window))
     overlaps = box_overlaps(found.boxes, np.array(truth))
-    shown = [i for i in range(len(found.scores)) if found.scores[i] >= threshold]
-    for i in reversed(shown):  # best last, on top
-        right = overlaps[i] >= IOU_THRESHOLD
-        colour = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
-        _labelled(pen, _in_window(found.boxes[i], window), f"{found.names[i]} {found.scores[i]:.2f}", colour)
+    labels = _Labels(pen)
+    for i in range(len(found.scores)):  # best first: it takes the best place for its label
+        box = _in_window(found.boxes[i], window)
+        if found.scores[i] >= threshold and (box[2:] > 0).all() and (box[:2] < TILE).all():
+            right = overlaps[i] >= IOU_THRESHOLD
+            colour = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
+            labels.add(box, f"{found.names[i]} {found.scores[i]:.2f}", colour)
+    labels.draw()
     return _jpeg(picture)
+
+
+class _Labels:
+    """Detections of a picture: boxes first, then their labels, which keep clear of each other where there is room."""
+
+    def __init__(self, pen: ImageDraw.ImageDraw) -> None:
+        self._pen = pen
+        self._font = ImageFont.load_default(15)
+        self._placed: list[tuple[int, int, int, int, str, str]] = []
+
+    def add(self, box: NDArray[np.float64], text: str, colour: str) -> None:
+        """Outline the box; its label goes above it, below it, or to the next free height."""
+        left, top, right, bottom = box.tolist()
+        self._pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
+        _, _, width, height = (int(v) for v in self._font.getbbox(text))
+        width, height = width + 6, height + 4
+        x = int(min(max(left, 0), TILE - width))
+        wanted = [top - height, bottom, top, *range(0, TILE - height, height)]
+        heights = [int(min(max(y, 0), TILE - height)) for y in wanted]
+        y = next((y for y in heights if self._free(x, y, width, height)), heights[0])
+        self._placed.append((x, y, x + width, y + height, text, colour))
+
+    def draw(self) -> None:
+        for left, top, right, bottom, text, colour in reversed(self._placed):
+            self._pen.rectangle((left, top, right, bottom), fill=colour)
+            self._pen.text((left + 3, top + 1), text, fill="#101418", font=self._font)
+
+    def _free(self, x: int, y: int, width: int, height: int) -> bool:
+        return all(
+            x >= right or x + width <= left or y >= bottom or y + height <= top
+            for left, top, right, bottom, _, _ in self._placed
+        )
 
 
 def _window(truth: NDArray[np.float64], width: int, height: int) -> tuple[float, float, float]:
@@ -76,17 +111,6 @@ def _thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
     left, top, right, bottom = (round(v) for v in box.tolist())
     pen.rectangle((left - 1, top - 1, right + 1, bottom + 1), outline=_CASING, width=3)
     pen.rectangle((left, top, right, bottom), outline=TRUTH, width=1)
-
-
-def _labelled(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, colour: str) -> None:
-    left, top, right, bottom = box.tolist()
-    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
-    font = ImageFont.load_default(15)
-    _, _, width, height = (int(v) for v in font.getbbox(text))
-    x = min(max(left, 0), TILE - width - 6)
-    y = min(max(top - height - 5 if top > height + 5 else bottom, 0), TILE - height - 5)
-    pen.rectangle((x, y, x + width + 6, y + height + 5), fill=colour)
-    pen.text((x + 3, y + 1), text, fill="#101418", font=font)
 
 
 def _jpeg(picture: Image.Image) -> bytes:

@@ -38,13 +38,14 @@ _STYLE: Any = {
     "svg.hashsalt": "rauca",  # the same numbers make the same file
 }
 _SIZE = (4.0, 2.7)  # inches
+_FEW_DIRECTIONS = 12  # bands between directions this far apart would cover each other; whiskers do not
 _NAMES = {0: "front", 90: "left", 180: "rear", 270: "right"}
 
 
 def curve_svg(curve: Table, styles: Mapping[str, Style]) -> str:
     """AP@0.5 of every paint along the columns of ``curve``, whose names are numbers; intervals as bands.
 
-    An azimuth of four values or more becomes a ring.
+    An azimuth of four values or more becomes a ring, with whiskers where its directions are few.
     """
     values = np.array([float(column.name) for column in curve.columns])
     with mpl.rc_context(_STYLE):
@@ -75,8 +76,14 @@ def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style
     axes: Any = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")
     closed = [*range(len(degrees)), 0]
-    for paint, line, low, high in _lines(block):
-        _draw(axes, np.radians(degrees[closed]), line[closed], low[closed], high[closed], styles[paint])
+    around = np.radians(degrees[closed])
+    for number, (paint, line, low, high) in enumerate(_lines(block)):
+        if len(degrees) > _FEW_DIRECTIONS:
+            _draw(axes, around, line[closed], low[closed], high[closed], styles[paint])
+            continue
+        _draw(axes, around, line[closed], None, None, styles[paint])
+        beside = np.radians(degrees + 2.5 * (number - (len(block.rows) - 1) / 2))
+        axes.vlines(beside, low, high, color=styles[paint].light, lw=1.1, alpha=0.65)
     axes.set_rlim(0, 1)
     axes.set_rticks([0.25, 0.5, 0.75, 1.0], labels=["", "0.5", "", "1"])
     axes.set_rlabel_position(22.5)
@@ -86,7 +93,8 @@ def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style
 
 
 def _draw(axes: Any, x: Any, line: Any, low: Any, high: Any, style: Style) -> None:
-    axes.fill_between(x, low, high, color=style.light, alpha=0.14, lw=0)
+    if low is not None:
+        axes.fill_between(x, low, high, color=style.light, alpha=0.14, lw=0)
     axes.plot(x, line, style.dashes, marker=style.mark, color=style.light, lw=1.7, ms=4.5)
 
 

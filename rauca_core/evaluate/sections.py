@@ -28,7 +28,7 @@ def tables(drawn: Sequence[Table], study: Study, write: TableWriter) -> list[str
         kind = _kind(table)
         last = all(_kind(other) != kind for other in drawn[index + 1 :])
         body = write(table) + (_published(published[kind], write) if last and kind in published else "")
-        sections.append(pages.section(table.title, body, _reading(table, study)))
+        sections.append(pages.section(table.title, body, "" if index else _reading(drawn, study)))
     return sections
 
 
@@ -36,17 +36,18 @@ def _kind(table: Table) -> str:
     return table.key.partition("-")[0]
 
 
-def _reading(table: Table, study: Study) -> str:
-    """How to read a table."""
+def _reading(drawn: Sequence[Table], study: Study) -> str:
+    """How to read the tables, said above the first."""
     first = study.entries[0].results
+    columns = [column for table in drawn for column in table.columns]
     notes = [
         "AP@0.5 from 0 to 1; the lower, the better the camouflage. Lowest in bold, second underlined; values that "
         "print alike share the rank, and the vehicle's normal paint takes no part.",
         f"Below each value: its 95 % interval, by bootstrap over {first.clusters}.",
     ]
-    if any(column.white_box for column in table.columns):
+    if any(column.white_box for column in columns):
         notes.append("White-box: a camouflage was optimised against this detector (shaded where the two meet).")
-    if any(column.own for column in table.columns):
+    if any(column.own for column in columns):
         notes.append(
             "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
             "average leaves them out and has no interval."
@@ -72,7 +73,7 @@ def curves(drawn: Mapping[str, Sequence[Table]], styles: Mapping[str, Style], wr
     """A panel of plots per set of weathers."""
     note = (
         "AP@0.5, mean over detectors, of all undefended frames that share a value, whatever else they vary in (nominal "
-        "camera, before jitter). Bands: 95 % intervals. The numbers are below each plot."
+        "camera, before jitter). Bands and whiskers: 95 % intervals. The numbers are below each plot."
     )
     panels = []
     for weathers, some in drawn.items():

@@ -1,10 +1,12 @@
-"""The report: one file, everything inside, and nothing that does not belong to the results."""
+"""The report: one file, everything inside, and nothing that does not belong to the study."""
 
 from __future__ import annotations
 
 import base64
 import io
 import re
+import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,148 +15,271 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rauca_core.contract import Camouflage, RaucaError, save_camouflage
+from pipelines.report import report_run
+from rauca_core.contract import Camouflage, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
 from rauca_core.evaluate import ReportNotes, evaluate, reference_images, save_showcase, write_report
-from rauca_core.evaluate.frame_choice import chosen_frames
-from rauca_core.evaluate.results import FrameRow
+from rauca_core.evaluate.defences import make_defence
+from rauca_core.evaluate.frame_choice import PLACES, caches_of, frame_scores, placed_frames, strongest_paint
+from rauca_core.evaluate.grid import FramePicker
+from rauca_core.evaluate.study import Entry, Study, load_study, save_study
+from rauca_core.evaluate.tables import shown
 
-VOID = {"meta", "img", "br", "link", "input"}
+VOID = {"meta", "img", "br", "wbr", "link", "input"}
+HOSTILE = "<script>alert(1)</script>"
+COMMAND = "rauca evaluate --out <study> & more"
 
 
 class Page(HTMLParser):
-    """Collects what a browser would load and what a reader would read; notes tags that do not close."""
+    """Collects what a browser would load, where links go, and what a reader would read; notes what does not close."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
         self.loads: list[str] = []
+        self.links: list[str] = []
+        self.alts: list[str] = []
+        self.ids: list[str] = []
         self.tags: list[str] = []
+        self.cells: list[tuple[str, str, str]] = []  # title, whole text, tag of the rank
         self.text = ""
         self._open: list[str] = []
+        self._cell: list[str] | None = None
         self.feed(text)
         self.close()
         assert self._open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        assert not any(name.startswith("on") for name in found)
         self.tags.append(tag)
-        self.loads += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")]
+        self.loads += [value or "" for name, value in attrs if name in ("src", "srcset", "action", "data")]
+        if tag == "a":
+            self.links.append(found["href"] or "")
+        elif tag == "image" or tag == "use":  # inside a drawing
+            assert (found.get("href") or found.get("xlink:href") or "").startswith("#")
+        if tag == "img":
+            self.alts.append(found.get("alt") or "")
+        if "svg" in self._open:
+            pass  # its ids name glyphs
+        elif found.get("id"):
+            self.ids.append(found["id"] or "")
+        if found.get("title"):
+            self._cell = [found["title"] or "", "", ""]
+        elif self._cell and tag in ("b", "u"):
+            self._cell[2] = tag
         if tag not in VOID:
             self._open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
         assert self._open.pop() == tag
+        if self._cell and tag in ("a", "span"):
+            self.cells.append((self._cell[0], self._cell[1], self._cell[2]))
+            self._cell = None
 
     def handle_data(self, data: str) -> None:
         self.text += data
+        if self._cell:
+            self._cell[1] += data
+
+
+@pytest.fixture(scope="session")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Detections of the first study, for those that follow: the scene is drawn alike every time."""
+    return tmp_path_factory.mktemp("known")
 
 
 @pytest.fixture
-def results_path(scene, detectors: list[Detector], tmp_path: Path) -> Path:
-    renders = {"normal": reference_images(scene.dataset), "noise <b>": scene.noise}
-    evaluate(scene.dataset, renders, detectors, tmp_path / "out", resamples=50)
-    return tmp_path / "out" / "results.json"
+def study(scene, detectors: list[Detector], known: Path, tmp_path: Path) -> Study:
+    """Two sets of weathers, a defence, two camouflages of which one has a hostile name; all really detected in."""
+    folder = tmp_path / "study"
+    record, uv_map = load_camouflage(scene.camouflage)
+    made = replace(record, name="noise", made={"detector": detectors[0].name})
+    save_camouflage(folder / "noise.json", made, uv_map.read_bytes())
+    renders = {
+        "normal": reference_images(scene.dataset),
+        "noise": scene.noise,
+        HOSTILE: reference_images(scene.dataset),
+    }
+    seen = [frame.id for frame in scene.dataset.frames() if frame.weather.name != "fog"]
+    unseen = [frame.id for frame in scene.dataset.frames() if frame.weather.name == "fog"]
+    entries = []
+    for weathers, only, defence in (("seen", seen, "none"), ("unseen", unseen, "none"), ("unseen", unseen, "bits")):
+        out = folder / weathers / defence
+        cache = known / weathers / defence
+        if cache.is_dir():
+            shutil.copytree(cache, out / "detections")
+        chosen = None if defence == "none" else make_defence(defence)
+        found = evaluate(scene.dataset, renders, detectors, out, resamples=20, only=only, defence=chosen)
+        shutil.copytree(out / "detections", cache, dirs_exist_ok=True)
+        views, camouflages = scene.dataset.folder, {"noise": folder / "noise.json"}
+        entries.append(Entry(weathers, defence, "box", "car", found, out, views, camouflages))
+    save_study(folder / "study.json", COMMAND, entries)
+    return load_study(folder)
 
 
-def test_the_report_is_one_self_contained_file(
-    scene, detectors: list[Detector], results_path: Path, tmp_path: Path
-) -> None:
+def decode(load: str) -> bytes:
+    match = re.fullmatch(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", load)
+    assert match
+    return base64.b64decode(match[1], validate=True)
+
+
+def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
     steps = np.linspace(1, 0.2, 40)
     notes = ReportNotes(
         title="A small report",
-        white_box=(detectors[0].name,),
-        histories={"noise": {"loss": steps.tolist(), "attack": (steps / 2).tolist()}},
+        histories={"noise": {"attack": steps.tolist(), "score": (steps / 2).tolist()}},
         settings={"steps": 40, "smoothness weight": 1e-4},
-        commands=["rauca evaluate --paint noise=renders > table.txt"],
+        commands=["rauca bench render > table.txt"],
         timings_s={"detection": 12.34},
         limitations=["The car is a drawing."],
     )
-    out = tmp_path / "report.html"
-    write_report(results_path, scene.dataset, [scene.camouflage], out, notes)
+    out = tmp_path / "study" / "report.html"
+    assert [path.suffix for path in write_report(study, out, notes, latex=True)] == [".html", ".csv", ".json", ".tex"]
     text = out.read_text(encoding="utf-8")
     page = Page(text)
-    assert all(load.startswith("data:image/") for load in page.loads)
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert not {"script", "link", "iframe", "object", "input"} & set(page.tags)
     assert "@import" not in text
-    assert "url(" not in text
+    assert "url(http" not in text
+    assert not re.search(r"url\((?!#)", text)
     for words in (
         "A small report",
-        "noise <b>",
+        HOSTILE,
         "white-box",
         "12.3 s",
-        "1e-4".replace("1e-4", "0.0001"),
+        "0.0001",
         "> table.txt",
+        COMMAND,
+        "by bootstrap over",
     ):
         assert words in page.text
     assert "The car is a drawing." in page.text
-    images = [decode(load) for load in page.loads]
-    # pictures: 2 paints x 5 frames (3 views in the first weather, 2 other weathers); 1 map; 4 curves; 1 loss curve
-    kinds = sorted(kind for kind, _ in images)
-    assert kinds.count("jpeg") == 2 * 6
-    assert kinds.count("png") == 1
-    assert kinds.count("svg+xml") == 4 + 1
-    for kind, data in images:
-        if kind == "svg+xml":
-            assert ElementTree.fromstring(data).tag.endswith("svg")
-        else:
-            Image.open(io.BytesIO(data)).load()
+    # 3 paints x 2 sets of weathers x best, median and worst, for the attacked detector; 1 map
+    assert len(page.loads) == 3 * 2 * 3 + 1
+    for load in page.loads:
+        Image.open(io.BytesIO(decode(load))).load()
+    assert len(set(page.alts)) == len(page.alts)
+    assert all(page.alts)
+    drawings = re.findall(r"<svg role=.*?</svg>", text, re.DOTALL)
+    # seen: azimuth, distance, sun; unseen: azimuth, distance; the loss
+    assert len(drawings) == 3 + 2 + 1
+    for drawing in drawings:
+        ElementTree.fromstring(drawing)
+        assert 'aria-label="' in drawing
 
 
-def decode(load: str) -> tuple[str, bytes]:
-    match = re.fullmatch(r"data:image/([a-z+]+);base64,([A-Za-z0-9+/=]+)", load)
-    assert match
-    return match[1], base64.b64decode(match[2], validate=True)
+def test_links_lead_to_files_and_rows_that_are_there(study: Study, tmp_path: Path) -> None:
+    out = tmp_path / "study" / "report.html"
+    write_report(study, out)
+    page = Page(out.read_text())
+    assert len(set(page.ids)) == len(page.ids)
+    for link in set(page.links):
+        assert link[1:] in page.ids if link.startswith("#") else (out.parent / link).is_file(), link
+    assert {"seen/none/results.json", "unseen/bits/results.json", "report.csv", "report.json"} <= set(page.links)
+    assert str(tmp_path) not in out.read_text()  # nothing of the machine gets in
 
 
-def test_the_numbers_are_those_of_the_results(scene, results_path: Path, tmp_path: Path) -> None:
-    write_report(results_path, scene.dataset, [], tmp_path / "a.html")
-    first = (tmp_path / "a.html").read_text()
-    cells = re.findall(r"<b>(\d+\.\d)</b><small>(\d+\.\d) - (\d+\.\d)</small>", first)
-    assert len(cells) == 2 * 3
-    assert all(float(low) <= float(ap) <= float(high) for ap, low, high in cells)
-    write_report(results_path, scene.dataset, [], tmp_path / "b.html")
-    assert (tmp_path / "b.html").read_text() == first  # nothing of the hour or the machine gets in
-    assert str(tmp_path) not in first
+def test_the_numbers_are_those_of_the_study(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
+    out = tmp_path / "study" / "report.html"
+    write_report(study, out)
+    page = Page(out.read_text())
+    for entry in study.entries:
+        file = f"{entry.weathers}/{entry.defence}/results.json"
+        for name in [*(d.name for d in detectors), "mean"]:
+            column = {paint: row[name] for paint, row in entry.results.table.items()}
+            order = sorted({shown(e.ap) for paint, e in column.items() if paint != "normal"})
+            for paint, estimate in column.items():
+                title = (
+                    f"{shown(estimate.ap)}, 95 % interval {shown(estimate.low)} to {shown(estimate.high)}; "
+                    f"{file}: table / {paint} / {name}"
+                )
+                cells = [(text, rank) for found, text, rank in page.cells if found == title]
+                rank = "" if paint == "normal" else dict(zip(order, "bu", strict=False)).get(shown(estimate.ap), "")
+                assert (shown(estimate.ap), rank) in cells
+        point = entry.results.groups["azimuth_deg"][0].mean["noise"]
+        if entry.defence == "none":
+            assert any(
+                found.startswith(shown(point.ap)) and found.endswith(f"{file}: groups / azimuth_deg / 0 / mean / noise")
+                for found, _, _ in page.cells
+            )
+    first = out.read_text()
+    write_report(study, out)
+    assert out.read_text() == first
 
 
-def test_what_does_not_belong_together_is_refused(
-    scene, detectors: list[Detector], results_path: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "report.html"
-    with pytest.raises(RaucaError, match="white-box detector yolov9 was not evaluated"):
-        write_report(results_path, scene.dataset, [], out, ReportNotes(white_box=("yolov9",)))
-    other = tmp_path / "other.json"
-    save_camouflage(other, Camouflage("x", "van", "0000", 8, "plain"), png_bytes(np.zeros((8, 8, 3), np.uint8)))
-    with pytest.raises(RaucaError, match=r"other\.json: made for the UV atlas 0000 of van"):
-        write_report(results_path, scene.dataset, [other], out)
+def test_what_does_not_belong_together_is_refused(study: Study, scene, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "report.html"
+    camouflage = tmp_path / "study" / "noise.json"
+    kept = camouflage.read_text()
+    save_camouflage(camouflage, Camouflage("x", "van", "0000", 8, "plain"), png_bytes(np.zeros((8, 8, 3), np.uint8)))
+    with pytest.raises(RaucaError, match=r"noise\.json: made for the UV atlas 0000 of van"):
+        write_report(study, out)
+    camouflage.unlink()
+    with pytest.raises(RaucaError, match=r"noise\.json: "):
+        write_report(study, out)
+    camouflage.write_text(kept)
     for image in scene.noise.glob("*.png"):
         image.write_bytes(image.read_bytes() + b"changed")
     with pytest.raises(RaucaError, match=r"\.png: missing or changed since it was evaluated"):
-        write_report(results_path, scene.dataset, [], out)
-    assert not out.exists()
+        write_report(study, out)
+    for cache in (tmp_path / "study" / "seen" / "none" / "detections").glob("*.jsonl"):
+        cache.write_text("")
+    with pytest.raises(RaucaError, match=r"detections of image [0-9a-f]{12} are missing; evaluate again"):
+        write_report(study, out)
+    assert not out.parent.exists()
 
 
-def row(weather: str, azimuth: float, distance: float = 6.0) -> FrameRow:
-    return FrameRow(f"{weather}{azimuth}{distance}", weather, azimuth, 10, distance, 45, 0, (0, 0, 9, 9))
+def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    for file, content, message in (
+        ("study.json", None, "has no results.json or study.json"),
+        ("study.json", "{", "study.json"),
+        ("study.json", '{"format": "rauca-study", "version": 99}', "study.json"),
+        ("seen/none/results.json", None, "results.json"),
+        ("seen/none/results.json", "[]", "results.json"),
+        ("noise.json", "{}", "noise.json"),
+    ):
+        whole = (folder / file).read_text()
+        (folder / file).unlink() if content is None else (folder / file).write_text(content)
+        with pytest.raises(RaucaError, match=re.escape(message)) as caught:
+            report_run(folder)
+        assert "\n" not in str(caught.value)
+        (folder / file).write_text(whole)
+    assert not list(folder.glob("report.*"))
+    assert report_run(folder).is_file()
 
 
-@pytest.mark.parametrize("weathers", [1, 2, 3, 9])
-@pytest.mark.parametrize("views", [1, 3, 8, 36])
-def test_chosen_frames_show_views_and_weathers(weathers: int, views: int) -> None:
-    frames = [row(f"w{w}", 360 / views * v, d) for w in range(weathers) for d in (6.0, 9.0) for v in range(views)]
-    chosen = [frames[i] for i in chosen_frames(frames)]
-    assert len({frame.id for frame in chosen}) == len(chosen) <= 6
-    assert len({frame.weather for frame in chosen}) == min(weathers, 4)
-    assert len({frame.azimuth_deg for frame in chosen if frame.weather == "w0"}) == min(views, 7 - min(weathers, 4))
+def test_frames_are_chosen_by_their_rule(study: Study) -> None:
+    scores = np.array([0.5, 0.1, 0.9, 0.1, 0.3])
+    assert placed_frames(scores, tuple(PLACES)) == [1, 3, 4, 0, 2]
+    assert placed_frames(scores[:1], tuple(PLACES)) == [0] * 5
+    entry = study.entries[0]
+    assert strongest_paint(entry.results) == "noise"
+    caches = caches_of(entry.results, entry.folder)
+    for paint in ("normal", "noise"):
+        found = frame_scores(entry.results, caches, paint)
+        assert len(found) == len(entry.results.frames)
+        assert ((found >= 0) & (found <= 1)).all()
+    assert frame_scores(entry.results, caches, "normal").mean() > found.mean()
+    picker = FramePicker([entry])
+    assert picker.columns == len(PLACES)
+    title = picker.grid(next(iter(caches))).titles[0]
+    best = entry.results.frames[int(np.argmin(found))]
+    assert title == f"best\n{best.weather}, {best.azimuth_deg:.0f}°, {best.distance_m:g} m"
 
 
-def test_the_main_figures_are_files_too(scene, detectors: list[Detector], results_path: Path, tmp_path: Path) -> None:
-    written = save_showcase(results_path, scene.dataset, [], detectors[0].name, tmp_path / "pictures")
-    assert [path.name for path in written[:2]] == ["grid.jpg", "table.md"]
+def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
+    written = save_showcase(study, tmp_path / "pictures")
+    names = [path.name for path in written]
+    assert names == ["grid.jpg", "table.md", "map-noise.jpg", "ap-azimuth.svg", "ap-distance.svg", "ap-sun.svg"]
     with Image.open(written[0]) as sheet:
-        assert sheet.height > 2 * 320  # a row per paint
+        assert sheet.height > 3 * 300  # a row per paint
         assert np.asarray(sheet).std() > 20
     table = written[1].read_text().splitlines()
-    assert len(table) == 2 + 2
+    assert len(table) == 2 + 3
     assert table[2].startswith("| normal | ")
     assert all(line.count("|") == table[0].count("|") for line in table)
+    for path in written[3:]:
+        drawing = path.read_text()
+        ElementTree.fromstring(drawing)
+        assert "var(" not in drawing  # a file has no page to take its colours from
