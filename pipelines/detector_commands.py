@@ -49,6 +49,42 @@ def detectors_list() -> None:
     wide.print(OTHERS, soft_wrap=True, highlight=False)
 
 
+@detectors_app.command("train")
+def detectors_train(
+    name: Annotated[str, typer.Argument(help="frcnn-synth or detr-synth")],
+    datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps, of one image size")],
+    out: Annotated[Path, typer.Option(help="folder for the weights, their card and checkpoints")],
+    test: Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")] = None,
+    steps: int = 600,
+    batch: Annotated[int, typer.Option(help="images per step")] = 8,
+    lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; the detector's own by default")] = None,
+    size: Annotated[int, typer.Option(help="side of the network's input, pixels")] = 320,
+    classes: Annotated[
+        str, typer.Option(help="to tell apart beside car, comma-separated; those with 100 boxes by default")
+    ] = "",
+    start: Annotated[Path | None, typer.Option(help="weights of an earlier training to begin with")] = None,
+    every: Annotated[int, typer.Option(help="steps between tests and checkpoints")] = 100,
+    precision: Annotated[str, typer.Option(help="float32 or bfloat16")] = "float32",
+    seed: int = 0,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    remarks: Annotated[str, typer.Option(help="for the card")] = "",
+    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
+) -> None:
+    """Train a detector of our own, two-stage or transformer, on plain cars in data sets."""
+    from .train_detector import Wish, train_detector
+
+    chosen = {"steps": steps, "batch": batch, "lr": lr, "size": size, "round": every, "precision": precision}
+    wish = Wish(name, datasets, out, test or [], chosen | {"seed": seed, "threads": threads}, start, classes, remarks)
+    weights, found = train_detector(wish, resume)
+    table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
+    for group, ap in {**found.ap50, **found.by_vehicle}.items():
+        table.add_row(group, f"{ap:.3f}", str(found.frames[group]))
+    Console().print(table)
+    for thing, share in found.false_alarms.items():
+        console.print(f"{thing}: taken for a car in {share:.0%} of {found.frames[thing]} frames")
+    console.print(f"weights: {weights}")
+
+
 @weights_app.command("list")
 def weights_list() -> None:
     """Show the weights that can be fetched, their licences and whether they are here."""

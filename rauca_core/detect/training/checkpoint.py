@@ -1,0 +1,56 @@
+"""Checkpoints of a training: network, moving average, optimiser; a killed run goes on to the same bits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ...checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
+from ...contract import RaucaError
+from ...contract.schema import read_json
+from ...environment.training_state import restore, state_tensors
+
+FORMAT = ("rauca-detector-checkpoint", 1)
+OTHER_RUN = "start the training in a new folder"
+_MEAN = "average."
+
+
+def save_run(
+    folder: Path,
+    identity: dict[str, Any],
+    step: int,
+    network: nn.Module,
+    average: nn.Module,
+    optimiser: torch.optim.Optimizer,
+) -> None:
+    """Write everything that a step changes; the checkpoint before goes when this one is whole."""
+    tensors: dict[str, Tensor] = state_tensors(network, optimiser)
+    tensors |= {_MEAN + name: value for name, value in average.state_dict().items()}
+    write_checkpoint(folder, FORMAT, ("step", step, 7), {"identity": identity}, tensors)
+
+
+def restore_run(
+    folder: Path, identity: dict[str, Any], network: nn.Module, average: nn.Module, optimiser: torch.optim.Optimizer
+) -> int:
+    """Read the latest checkpoint into the three; returns the steps done.
+
+    Raises:
+        RaucaError: none or a damaged one, or one of a run made under other conditions, which are named.
+    """
+    fields = read_json(folder / POINTER)
+    fields.format(*FORMAT)
+    step, path = fields.integer("step"), folder / fields.file_name("tensors")
+    found = fields.raw("identity")
+    fields.done()
+    if changed := differences(found, identity):
+        raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
+    tensors = read_tensors(path, OTHER_RUN)
+    restore(network, optimiser, tensors, folder)
+    try:
+        average.load_state_dict({n.removeprefix(_MEAN): t for n, t in tensors.items() if n.startswith(_MEAN)})
+    except RuntimeError as error:
+        raise RaucaError(f"{folder}: a checkpoint of another network; {OTHER_RUN}") from error
+    return step

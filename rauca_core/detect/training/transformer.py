@@ -1,0 +1,107 @@
+"""RT-DETR of transformers on our body: queries that attend to the image, and no anchors or suppression."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ..frameworks.transformers_loading import import_transformers
+from ..interface import DensePredictions
+from .body import CHANNELS, STRIDES, Body
+from .criterion import centred, corners, layer_losses, match
+from .network import Truth
+
+WIDTH = 128
+HEADS = 4
+QUERIES = 60
+DECODER_LAYERS = 3
+DENOISING = 40  # queries per step that start from a spoiled truth
+
+
+class Transformer(nn.Module):
+    """RT-DETR (Zhao et al., 2024): a hybrid encoder of three strides, the best of its features as queries, a decoder.
+
+    Attention to the image is deformable, as in Deformable DETR, and runs in plain torch.
+    """
+
+    def __init__(self, body: Body, classes: int) -> None:
+        super().__init__()
+        self.detr = _detr(body, classes)
+
+    @property
+    def body(self) -> Body:
+        """The convolutions that it begins with."""
+        return self.detr.backbone.body
+
+    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+        """Losses of the encoder's proposals, of every decoder layer, and of the denoising queries of each.
+
+        The spoiled truths are drawn by torch's own generator.
+        """
+        goals = [Truth(centred(t.boxes) / images.shape[3], t.labels) for t in truths]
+        labels = [{"class_labels": t.labels, "boxes": t.boxes} for t in goals]
+        found = self.detr(images, labels=labels)
+        objects = max(1.0, float(sum(len(t.labels) for t in goals)))
+        logits, boxes = found.intermediate_logits.float(), found.intermediate_reference_points.float()
+        losses: list[dict[str, Tensor]] = []
+        meta = found.denoising_meta_values
+        if meta is not None:
+            (spoiled_logits, logits), (spoiled_boxes, boxes) = (
+                x.split(meta["dn_num_split"], 2) for x in (logits, boxes)
+            )
+            groups = meta["dn_num_group"]
+            known = [
+                (chosen, torch.arange(len(t.labels)).repeat(groups))
+                for chosen, t in zip(meta["dn_positive_idx"], goals, strict=True)
+            ]
+            losses += [
+                layer_losses(spoiled_logits[:, k], spoiled_boxes[:, k], goals, known, objects * groups)
+                for k in range(DECODER_LAYERS)
+            ]
+        layers = [(logits[:, k], boxes[:, k]) for k in range(DECODER_LAYERS)]
+        layers.append((found.enc_topk_logits.float(), found.enc_topk_bboxes.float()))
+        losses += [layer_losses(a, b, goals, match(a, b, goals), objects) for a, b in layers]
+        return {name: torch.stack([layer[name] for layer in losses]).sum() for name in losses[0]}
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Every query of the last layer; objectness is one, classes are independent probabilities.
+
+        Where the queries start takes no gradient, as in training.
+        """
+        found = self.detr(images)
+        boxes = corners(found.intermediate_reference_points[:, -1]) * images.shape[3]
+        scores = found.intermediate_logits[:, -1].sigmoid()
+        return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), scores)
+
+
+def _detr(body: Body, classes: int) -> Any:
+    """transformers' model, its backbone replaced by ours."""
+    transformers: Any = import_transformers()
+    config = transformers.RTDetrConfig(
+        # A stand-in that has our features' widths.
+        backbone_config=transformers.RTDetrResNetConfig(
+            embedding_size=8, hidden_sizes=[8, *CHANNELS], depths=[1] * 4, layer_type="basic", out_indices=[2, 3, 4]
+        ),
+        encoder_hidden_dim=WIDTH, encoder_in_channels=list(CHANNELS), feat_strides=list(STRIDES), encoder_layers=1,
+        encoder_ffn_dim=2 * WIDTH, encoder_attention_heads=HEADS, hidden_expansion=0.5, d_model=WIDTH,
+        num_queries=QUERIES, decoder_in_channels=[WIDTH] * 3, decoder_ffn_dim=3 * WIDTH, decoder_layers=DECODER_LAYERS,
+        decoder_attention_heads=HEADS, decoder_n_points=4, num_denoising=DENOISING, num_labels=classes,
+        anchor_image_size=None, activation_function="relu",
+    )  # fmt: skip
+    model: Any = transformers.RTDetrForObjectDetection(config).model
+    model.backbone = _Backbone(body)
+    return model
+
+
+class _Backbone(nn.Module):
+    """Our body as transformers calls a backbone; its masks say which pixels are padding, of which we have none."""
+
+    def __init__(self, body: Body) -> None:
+        super().__init__()
+        self.body = body
+
+    def forward(self, images: Tensor, mask: Tensor) -> list[tuple[Tensor, None]]:
+        return [(level, None) for level in self.body(images)]

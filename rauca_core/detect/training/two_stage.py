@@ -1,0 +1,137 @@
+"""Faster R-CNN of torchvision on our body: a region proposal network, RoIAlign, and a head per region."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from ..frameworks.torchvision_ops import import_torchvision
+from ..interface import DensePredictions
+from .body import CHANNELS, STRIDES, Body
+from .network import Truth
+
+WIDTH = 96  # of the feature pyramid
+HIDDEN = 384  # of the head
+ANCHOR_SIDES = ((16.0, 32.0), (52.0, 84.0), (128.0, 200.0))  # pixels, per stride
+ASPECTS = (0.5, 1.0, 2.0)
+POOLED = 7
+PROPOSALS = 100
+REGIONS = 64  # per image that a step learns from
+
+
+class TwoStage(nn.Module):
+    """Faster R-CNN (Ren et al., 2015) with a feature pyramid of three levels.
+
+    Attributes:
+        classes: how many, without the background.
+    """
+
+    def __init__(self, body: Body, classes: int, proposals: int = PROPOSALS) -> None:
+        super().__init__()
+        self.classes = classes
+        self.body = body
+        self.pyramid, self.rpn, self.roi_heads = _parts(classes, proposals)
+
+    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+        """The four losses of Faster R-CNN: objectness and box of the proposals, class and box of the regions.
+
+        Regions to learn from are drawn by torch's own generator.
+        """
+        targets = [{"boxes": t.boxes, "labels": t.labels + 1} for t in truths]  # 0 is torchvision's background
+        features, frame = self._features(images)
+        proposals, first = self.rpn(frame, features, targets)
+        _, second = self.roi_heads(features, proposals, frame.image_sizes, targets)
+        return {**first, **second}
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Every class of every proposal as a prediction of its own, for each class has a box of its own.
+
+        N is proposals x classes; ``classes`` holds the softmax probability in the prediction's own column and 0
+        elsewhere; the background's share is left out. Where the proposals lie takes no gradient, as in training.
+        """
+        features, frame = self._features(images)
+        proposals, _ = self.rpn(frame, features)
+        heads = self.roi_heads
+        pooled = heads.box_head(heads.box_roi_pool(features, proposals, frame.image_sizes))
+        logits, offsets = heads.box_predictor(pooled)
+        boxes = heads.box_coder.decode(offsets, proposals)[:, 1:]
+        scores = logits.softmax(-1)[:, 1:]
+        count = [len(p) for p in proposals]
+        return _pad([_own_columns(b, s) for b, s in zip(boxes.split(count), scores.split(count), strict=True)])
+
+    def _features(self, images: Tensor) -> tuple[dict[str, Tensor], Any]:
+        image_list = importlib.import_module("torchvision.models.detection.image_list")
+        levels = {str(i): level for i, level in enumerate(self.body(images))}
+        side = images.shape[2], images.shape[3]
+        return self.pyramid(levels), image_list.ImageList(images, [side] * len(images))
+
+
+class _RegionHead(nn.Module):
+    """(K, C, 7, 7) pooled features -> (K, HIDDEN)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.squeeze = nn.Conv2d(WIDTH, WIDTH, 3)
+        self.first = nn.Linear(WIDTH * (POOLED - 2) ** 2, HIDDEN)
+        self.second = nn.Linear(HIDDEN, HIDDEN)
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = functional.relu(self.first(functional.relu(self.squeeze(x)).flatten(1)))
+        return functional.relu(self.second(x))
+
+
+def _parts(classes: int, proposals: int) -> tuple[nn.Module, Any, Any]:
+    """Feature pyramid, region proposal network and region heads, of torchvision."""
+    import_torchvision()
+    ops = importlib.import_module("torchvision.ops")
+    anchors, rpn, heads, faster = (
+        importlib.import_module(f"torchvision.models.detection.{name}")
+        for name in ("anchor_utils", "rpn", "roi_heads", "faster_rcnn")
+    )
+    generator = anchors.AnchorGenerator(ANCHOR_SIDES, (ASPECTS,) * len(STRIDES))
+    network = rpn.RegionProposalNetwork(
+        generator,
+        rpn.RPNHead(WIDTH, generator.num_anchors_per_location()[0]),
+        fg_iou_thresh=0.6,
+        bg_iou_thresh=0.3,
+        batch_size_per_image=128,
+        positive_fraction=0.5,
+        pre_nms_top_n={"training": 300, "testing": 300},
+        post_nms_top_n={"training": 2 * proposals, "testing": proposals},
+        nms_thresh=0.7,
+    )
+    names = [str(i) for i in range(len(STRIDES))]
+    # A side of 96 pixels is pooled from stride 16: our images are a third of COCO's.
+    pool = ops.MultiScaleRoIAlign(names, POOLED, sampling_ratio=2, canonical_scale=96, canonical_level=4)
+    regions = heads.RoIHeads(
+        pool, _RegionHead(), faster.FastRCNNPredictor(HIDDEN, classes + 1),
+        0.5, 0.5, REGIONS, 0.25, None, 0.005, 0.45, 100,
+    )  # fmt: skip
+    return ops.FeaturePyramidNetwork(list(CHANNELS), WIDTH), network, regions
+
+
+def _own_columns(boxes: Tensor, scores: Tensor) -> DensePredictions:
+    """(K, C, 4) boxes and (K, C) scores -> predictions (1, K * C, ...) that know one class each."""
+    classes = torch.diag_embed(scores).flatten(0, 1)[None]
+    flat = boxes.flatten(0, 1)[None]
+    return DensePredictions(flat, torch.ones_like(flat[..., 0]), classes)
+
+
+def _pad(found: list[DensePredictions]) -> DensePredictions:
+    """Join images; those with fewer predictions get empty boxes of probability 0."""
+    most = max(one.boxes.shape[1] for one in found)
+
+    def joined(name: str) -> Tensor:
+        parts = []
+        for one in found:
+            part: Tensor = getattr(one, name)
+            missing = most - part.shape[1]
+            parts.append(functional.pad(part, (0, 0) * (part.dim() - 2) + (0, missing)))
+        return torch.cat(parts)
+
+    return DensePredictions(joined("boxes"), joined("objectness"), joined("classes"))
