@@ -57,7 +57,7 @@ def _read_blob(path: Path, layer: str, data: memoryview) -> NDArray[Any]:
         shape = Message(path, blob.messages(7)[-1], _SHAPE, limit=16).integers(1)
     else:  # before blobs had shapes they were always num, channels, height, width
         shape = [blob.integer(number) for number in (1, 2, 3, 4)]
-    if min(shape, default=0) < 0 or math.prod(shape) != len(values):
+    if not all(0 < extent < 2**31 for extent in shape) or math.prod(shape) != len(values):
         raise RaucaError(f"{path}: layer {layer} holds {len(values)} values for a shape of {shape}; damaged file")
     if not np.isfinite(values).all():
         raise RaucaError(f"{path}: layer {layer} holds values that are not finite; damaged file")

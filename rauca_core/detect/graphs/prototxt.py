@@ -102,7 +102,7 @@ def read_prototxt(path: Path) -> Block:
             name, colon = "", False
         elif token == ":" and name and not colon:
             colon = True
-        elif token not in "{}:" and name and colon:
+        elif token not in ("{", "}", ":", '"', "'") and name and colon:
             current.values.setdefault(name, []).append(token.strip("\"'"))
             name, colon = "", False
         elif token.isidentifier() and not name:

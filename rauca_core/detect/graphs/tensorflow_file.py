@@ -86,10 +86,9 @@ class Node:
 
     def number(self, name: str, default: float | None = None) -> float:
         found = self._attribute(name)
-        values = [] if found is None else found.floats(4).tolist()
-        if not values and default is None:
+        if found is None and default is None:
             self.fail(f"has no attribute {name}")
-        value = float(values[-1]) if values else float(default or 0.0)
+        value = default or 0.0 if found is None else float(sum(found.floats(4)[-1:]))
         if not math.isfinite(value):
             self.fail(f"has an attribute {name} that is not finite")
         return value
@@ -128,7 +127,7 @@ class Node:
         dtype, field = _DTYPES[message.integer(1)]
         shape = _shape(self.path, _last(message, 2))
         count = math.prod(shape)
-        if min(shape, default=0) < 0 or count > MAX_ELEMENTS:
+        if not all(0 <= extent <= MAX_ELEMENTS for extent in (*shape, count)):
             self.fail(f"declares a tensor of shape {shape}; at most {MAX_ELEMENTS} elements are read")
         return self._values(message, np.dtype(dtype), field, count).reshape(shape)
 
