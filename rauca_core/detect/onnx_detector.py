@@ -59,10 +59,10 @@ class OnnxDetector:
         self.size = _input_size(graph, size)
         if graph.batch not in (1, None):
             raise RaucaError(f"{path}: exported for batches of {graph.batch}; export it with batch 1 or an open batch")
-        self._one_by_one = graph.batch == 1
         self._session = Session(graph)
         image = torch.rand(1, 3, self.size, self.size, generator=torch.Generator().manual_seed(0))
         output = self._session(image)
+        self._one_by_one = graph.batch == 1 or not _takes_batches(self._session, image)
         family = family or ("ultralytics" if graph.class_names else None)
         self._layout = _layout(graph, tuple(output.shape), self.size, family)
         self.class_names = _class_names(graph, self._layout.classes, class_names)
@@ -107,6 +107,14 @@ class OnnxDetector:
             return torch.cat([run(one) for one in prepared.split(1)])
         found: Tensor = run(prepared)
         return found
+
+
+def _takes_batches(session: Session, image: Tensor) -> bool:
+    """Some exports say that their batch is open but have its size of 1 in their reshapes."""
+    try:
+        return len(session(image.repeat(2, 1, 1, 1))) == 2
+    except RaucaError:
+        return False
 
 
 def _differentiable(graph: OnnxGraph, image: Tensor, expected: Tensor) -> tuple[nn.Module | None, str]:

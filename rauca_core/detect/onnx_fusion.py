@@ -100,8 +100,10 @@ def _bounds(module: fx.GraphModule, node: fx.Node) -> list[tuple[int, int, int, 
 
 
 def _constant(module: fx.GraphModule, argument: Any) -> list[int] | None:
-    if not isinstance(argument, fx.Node) or argument.op != "get_attr":
+    """The numbers of an initializer, or of onnx2torch's module for a constant."""
+    if not isinstance(argument, fx.Node) or argument.op not in ("get_attr", "call_module"):
         return None
     holder, _, name = str(argument.target).rpartition(".")
     value = getattr(module.get_submodule(holder), name)
-    return value.tolist() if isinstance(value, Tensor) else None
+    value = getattr(value, "value", None) if isinstance(value, nn.Module) else value
+    return value.tolist() if isinstance(value, Tensor) and value.ndim == 1 else None
