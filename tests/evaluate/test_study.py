@@ -1,0 +1,95 @@
+"""study.json: evaluations of one study under a common name."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.evaluate.detection_cache import DetectionSettings
+from rauca_core.evaluate.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from rauca_core.evaluate.study import Entry, load_study, save_study
+
+FRAME = FrameRow("L00-V000-clear", "clear", 0.0, 10.0, 5.0, 45.0, 0.0, (1.0, 2.0, 30.0, 20.0), 0, 0)
+
+
+def some_results(ap: float, defence: str) -> Results:
+    estimate = Estimate(ap, ap - 0.1, ap + 0.1)
+    group = Group(0.0, 1, {"normal": {"yolo": ap}}, {"normal": estimate})
+    return Results(
+        dataset="views",
+        settings=DetectionSettings(),
+        resamples=10,
+        seed=0,
+        detectors={"yolo": "f00d"},
+        frames=(FRAME,),
+        dropped=(),
+        table={"normal": {"yolo": estimate, "mean": estimate}},
+        groups=dict.fromkeys(AXES, (group,)),
+        images={"normal": (ImageRow("../views/a.png", "0" * 64),)},
+        vehicle="sedan",
+        defence=defence,
+        clusters="locations",
+        cluster_count=8,
+    )
+
+
+def saved(folder: Path) -> list[Entry]:
+    entries = []
+    for weathers, defence, ap in (("seen", "none", 0.7), ("seen", "lgs", 0.6), ("unseen", "none", 0.5)):
+        results = some_results(ap, defence)
+        into = folder / "sedan" / weathers / defence
+        save_results(into / "results.json", results)
+        camouflages = {"rauca": folder / "camouflages" / "rauca.json"}
+        views = folder / "sedan" / weathers / "views"
+        entries.append(Entry(weathers, defence, "sedan", "car", results, into, views, camouflages))
+    save_study(folder / "study.json", "rauca evaluate --out study", entries)
+    return entries
+
+
+def test_a_study_survives_the_disk_and_a_move(tmp_path: Path) -> None:
+    entries = saved(tmp_path / "study")
+    study = load_study(tmp_path / "study")
+    assert study.command == "rauca evaluate --out study"
+    assert list(study.entries) == entries
+    assert [e.results.table["normal"]["mean"].ap for e in study.of(defence="none")] == [0.7, 0.5]
+    assert "/" not in json.loads((tmp_path / "study" / "study.json").read_text())["entries"][0]["results"][:1]
+    (tmp_path / "study").rename(tmp_path / "moved")
+    assert load_study(tmp_path / "moved" / "study.json").entries[1].results == replace(entries[1].results)
+
+
+def test_damaged_studies_are_named(tmp_path: Path) -> None:
+    saved(tmp_path)
+    path = tmp_path / "study.json"
+    written = json.loads(path.read_text())
+    first = written["entries"][0]
+    for change, complaint in [
+        ({"version": 2}, "reads up to 1; update rauca"),
+        ({"entries": []}, "entries must be at least one"),
+        ({"entries": [first, first]}, "each of its own vehicle, weathers and defence"),
+        ({"entries": [first | {"results": "gone.json"}]}, "gone.json: not found"),
+        ({"entries": [first | {"colour": 1}]}, r"entries\[0\]: unknown field colour"),
+        ({"entries": [first | {"camouflages": {"rauca": 3}}]}, "rauca must be text"),
+    ]:
+        path.write_text(json.dumps(written | change))
+        with pytest.raises(RaucaError, match=complaint):
+            load_study(path)
+
+
+def test_results_of_the_first_version_can_still_be_read(tmp_path: Path) -> None:
+    (entry, *_) = saved(tmp_path)
+    path = entry.folder / "results.json"
+    old = json.loads(path.read_text()) | {"version": 1}
+    for name in ("vehicle", "defence", "clusters", "cluster_count"):
+        del old[name]
+    for frame in old["frames"]:
+        del frame["location"], frame["view"]
+    for group in (group for groups in old["groups"].values() for group in groups):
+        del group["mean"]
+    path.write_text(json.dumps(old))
+    read = load_study(tmp_path).entries[0].results
+    assert read.table == entry.results.table
+    assert (read.defence, read.clusters, read.groups["fog_density"][0].mean) == ("none", "frames", {})

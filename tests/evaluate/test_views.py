@@ -1,0 +1,88 @@
+"""Held-out views: a balanced part of the published plan."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blender_addon.arguments import dataset_parser
+from rauca_core.contract import Plan, RaucaError, find_preset
+from rauca_core.contract.assets import assets_folder
+from rauca_core.evaluate.views import SCALES, HeldOut, balanced_frames, frames_of_scale
+
+WEATHERS = find_preset("enhanced", assets_folder() / "weathers")
+
+
+def the_plan(held_out: HeldOut | None = None) -> Plan:
+    return (held_out or HeldOut()).plan("sedan", "0123456789abcdef", WEATHERS)
+
+
+def factors(plan: Plan, ids: list[str]) -> np.ndarray:
+    """(N, 5): location, weather, azimuth, elevation, distance of each frame, as indices."""
+    where = {frame_id: (location, view, weather) for frame_id, location, view, weather in plan.frame_ids()}
+    rows = []
+    for frame_id in ids:
+        location, view, weather = where[frame_id]
+        azimuth, elevation, distance = plan.ring.nominal(view)
+        ring = plan.ring
+        rows.append(
+            (
+                location,
+                plan.weathers.index(weather),
+                ring.azimuths_deg.index(azimuth),
+                ring.elevations_deg.index(elevation),
+                ring.distances_m.index(distance),
+            )
+        )
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("count", [32, 128])
+def test_values_and_their_pairs_meet_evenly(count: int) -> None:
+    plan = the_plan()
+    ids = balanced_frames(plan, count)
+    assert len(set(ids)) == count
+    found, sizes = factors(plan, ids), (8, 16, 8, 4, 4)
+    for axis, size in enumerate(sizes):
+        times = np.bincount(found[:, axis], minlength=size)
+        assert times.max() - times.min() <= 2
+    for one, two in combinations(range(5), 2):
+        times = np.zeros((sizes[one], sizes[two]))
+        np.add.at(times, (found[:, one], found[:, two]), 1)
+        even = count / times.size
+        assert times.max() <= even + 2
+        assert times.min() >= even - 2
+
+
+def test_a_larger_scale_holds_the_smaller_and_the_largest_is_the_whole_plan() -> None:
+    plan = the_plan()
+    parts = [set(balanced_frames(plan, count)) for count in (32, 128, 200)]
+    assert parts[0] < parts[1] < parts[2]
+    small = the_plan(HeldOut(locations=1))
+    assert balanced_frames(small, 10**6) == [frame_id for frame_id, *_ in small.frame_ids()]
+    other_town = the_plan(HeldOut(seed=7))
+    assert set(balanced_frames(other_town, 32)) != parts[0]
+
+
+def test_the_arguments_make_that_plan(tmp_path: Path) -> None:
+    """What Blender's side reads from the arguments is the plan that the frames were chosen from."""
+    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+    from blender_addon.dataset_job import plan_from
+    from blender_addon.vehicles import find_vehicle
+
+    held_out = HeldOut(size=96, samples=3)
+    vehicle = find_vehicle("sedan", None, None)
+    folder = assets_folder() / "vehicles" / "sedan"
+    arguments = [*held_out.arguments(folder, "enhanced"), "--out", str(tmp_path / "views")]
+    made = plan_from(dataset_parser().parse_args(arguments), vehicle)
+    expected = held_out.plan(vehicle.name, vehicle.atlas_id, WEATHERS)
+    assert made.to_json() | {"blender": ""} == expected.to_json()
+
+
+def test_scales_are_named() -> None:
+    assert frames_of_scale("standard") == SCALES["standard"] == 128
+    with pytest.raises(RaucaError, match=r"--scale huge: unknown; choose quick \(32 frames"):
+        frames_of_scale("huge")
