@@ -181,6 +181,16 @@ def bench_dataset_command(
     _benchmark("dataset.bench").bench_dataset(json, quick, docs)
 
 
+@bench_app.command("optimize")
+def bench_optimize_command(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer frames and steps: one minute, not four")] = False,
+    docs: Annotated[Path | None, typer.Option(help="renew the figures of optimiser.md in this folder too")] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/optimize.json"),
+) -> None:
+    """Milliseconds of an optimisation step by stage, and with Algorithm 2 in place of taps."""
+    _benchmark("optimize.bench").bench_optimize(json, quick, docs)
+
+
 @bench_app.command("agreement")
 def bench_agreement_command(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.contract import Camera
+from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import SparseOperator, rasterize
 from rauca_core.render.product import from_triplets
 from rauca_core.render.raster.pattern import pattern
@@ -34,7 +34,7 @@ class UvTraversalStep:
         paint = vehicle.paint_faces()
         self.uvs = vehicle.uvs[paint].astype(np.float64)
         self.faces = texel_faces(self.uvs, car.pyramid.size)
-        self.pixels = _pixels_from_cells(car, camera, paint)
+        _, self.pixels = pixels_from_cells(vehicle, camera)
 
     def forward(self, uv_map: NDArray[np.float32]) -> tuple[torch.Tensor, Any]:
         """A map (size, size, 3) -> colours (R, 3) of the painted pixels, and what the backward step needs."""
@@ -52,10 +52,11 @@ class UvTraversalStep:
         return result
 
 
-def _pixels_from_cells(car: Car, camera: Camera, paint: NDArray[np.bool_]) -> SparseOperator:
-    """How pixels read the tensor: eight cells per subsample, averaged over the pixel."""
-    raster = rasterize(car.vehicle.positions, car.vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
-    found = facet_fragments(car.vehicle, find_surface(raster, paint), TEXTURE_SIZE, np.cumsum(paint) - 1)
+def pixels_from_cells(vehicle: Vehicle, camera: Camera) -> tuple[NDArray[np.int64], SparseOperator]:
+    """The painted pixels (R,) of a view, and how they read T_fc: eight cells per subsample, averaged over the pixel."""
+    paint = vehicle.paint_faces()
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
+    found = facet_fragments(vehicle, find_surface(raster, paint), TEXTURE_SIZE, np.cumsum(paint) - 1)
     y, x = np.nonzero(found.index >= 0)
     pixels = (y + raster.y0) // SUBSAMPLES * camera.width + (x + raster.x0) // SUBSAMPLES
     names, row_of = np.unique(pixels, return_inverse=True)
@@ -64,4 +65,4 @@ def _pixels_from_cells(car: Car, camera: Camera, paint: NDArray[np.bool_]) -> Sp
     cells = found.texels[n]
     count = int(paint.sum()) * TEXTURE_SIZE**3
     rows = np.repeat(row_of, cells.shape[1])
-    return from_triplets(rows, cells.ravel(), weights.ravel(), (len(names), count))
+    return names, from_triplets(rows, cells.ravel(), weights.ravel(), (len(names), count))

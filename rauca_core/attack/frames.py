@@ -65,7 +65,7 @@ class FrameStore:
         self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
         self._budget = budget
         self.pyramid = self._taps.pyramid
-        self._light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
+        self.light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -104,9 +104,9 @@ class FrameStore:
 
     def _prepare(self, frame: Frame) -> ReadyFrame:
         taps = self._taps.get(frame.camera_in_vehicle)
-        lit = self._light.of(frame)
+        lit = self.light.of(frame)
         A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (lit.light.A, lit.light.B))
-        return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self._light.linear)
+        return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)
 
 
 def see(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:

@@ -1,0 +1,1 @@
+"""``rauca bench optimize``: where the milliseconds of an optimiser's step go."""
