@@ -1,0 +1,119 @@
+"""``rauca evaluate`` at thumbnail size: real Blender, real detector; and every mistake before Blender starts."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pipelines.cli import app
+from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.files import png_bytes
+from rauca_core.detect import fetch
+from rauca_core.evaluate.study import load_study
+from rauca_core.images import read_image
+
+SEDAN = assets_folder() / "vehicles" / "sedan"
+
+
+def paint(path: Path, colour: tuple[int, int, int], vehicle: Path = SEDAN) -> Path:
+    atlas, name = load_vehicle(vehicle, read_image).atlas_id, vehicle.name
+    pixels = np.broadcast_to(np.uint8(colour), (16, 16, 3)).copy()
+    save_camouflage(path, Camouflage(path.stem, name, atlas, 16, "plain"), png_bytes(pixels))
+    return path
+
+
+def evaluate(*arguments: object) -> str:
+    done = CliRunner().invoke(app, ["evaluate", *map(str, arguments)])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def _weights() -> None:
+    try:
+        fetch("yolov4-tiny")
+    except RaucaError as error:
+        if os.environ.get("RAUCA_OFFLINE") == "1":
+            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
+        raise
+
+
+@pytest.mark.usefixtures("_weights")
+def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
+    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+    out, plain = tmp_path / "study", paint(tmp_path / "plain.json", (255, 0, 0))
+    asked = ["--camouflage", plain, "--detectors", "yolov4-tiny", "--weathers", "single", "--defences", "none,bits"]
+    asked += ["--frames", 2, "--size", 64, "--samples", 1, "--elevations", 20, "--distances", 5, "--out", out]
+    assert "AP@0.5 of class car" in evaluate(*asked)
+    study = load_study(out)
+    assert [(e.vehicle, e.weathers, e.defence) for e in study.entries] == [
+        ("sedan", "single", "none"),
+        ("sedan", "single", "bits"),
+    ]
+    for entry in study.entries:
+        assert entry.results.paints == ("normal", "plain")
+        assert len(entry.results.frames) + len(entry.results.dropped) <= 2
+        assert entry.camouflages["plain"].is_file()
+        assert entry.views is not None
+    (row, *_), shown = study.entries[0].results.frames, study.entries[0].results.images
+    normal, red = (read_image(study.entries[0].folder / shown[p][0].path).astype(int) for p in ("normal", "plain"))
+    covered = read_image(out / "sedan" / "single" / "views" / "frames" / row.id / "paint.png") == 255
+    assert ((red - normal)[covered] @ (1, -0.5, -0.5)).mean() > 20
+
+    stamps = {path: path.stat().st_mtime_ns for path in out.rglob("*.png")}
+    evaluate(*asked)
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*.png")} == stamps
+    before = {path: path.read_bytes() for path in (out / "sedan" / "single" / "renders" / "plain").glob("*.png")}
+    paint(plain, (0, 0, 255))  # another map under the same name
+    evaluate(*asked)
+    assert before
+    assert all(path.read_bytes() != old for path, old in before.items())
+    views = (path for path in stamps if "views" in path.parts)
+    assert all(path.stat().st_mtime_ns == stamps[path] for path in views)
+
+
+@pytest.mark.usefixtures("_weights")
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "evaluate: nothing to evaluate; give camouflages, a data set or a --vehicle"),
+        (["--vehicle", "cube"], "yolov4-tiny: knows no class 'shape'"),
+        (["--vehicle", "sedan", "--detectors", "yolov9"], "yolov9"),
+        (["--vehicle", "sedan", "--detectors", "deformable-detr"], "deformable-detr: its weights must be given"),
+        (["--vehicle", "sedan", "--defences", "none,armour"], "defence 'armour': unknown; there are none, lgs"),
+        (["--vehicle", "sedan", "--weathers", "seen,hail"], "weather preset 'hail' is unknown"),
+        (["--vehicle", "sedan", "--scale", "huge"], "--scale huge: unknown; choose quick"),
+        (["--vehicle", "sedan", "--elevations", "high"], "--elevations high: not a comma separated list"),
+        (["--vehicle", "tank"], "--vehicle tank: no vehicle folder"),
+        (["--camouflage", "none.json"], "none.json: not found"),
+        (["stranger.json"], "stranger.json: made for UV atlas 123 of tank, there are aeroplane"),
+        (["nowhere"], "nowhere: not a data set"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], complaint: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_camouflage(
+        tmp_path / "stranger.json", Camouflage("x", "tank", "123", 2, "plain"), png_bytes(np.zeros((2, 2, 3), np.uint8))
+    )
+    with pytest.raises(RaucaError, match=complaint):
+        evaluate(*arguments, "--out", "study", *(() if "--detectors" in arguments else ("--detectors", "yolov4-tiny")))
+    assert not (tmp_path / "study").exists()
+
+
+def test_commas_of_a_defence_stay_with_it() -> None:
+    from pipelines.evaluate_command import _split_defences
+
+    assert _split_defences(["none,lgs:block=9,overlap=3,pad", "jpeg:quality=50"]) == [
+        "none",
+        "lgs:block=9,overlap=3",
+        "pad",
+        "jpeg:quality=50",
+    ]
