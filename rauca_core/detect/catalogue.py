@@ -172,7 +172,7 @@ def _torchvision(name: str, architecture: str, published: str) -> Source:
 
 
 def _transformers(name: str, repository: str) -> Source:
-    how = f"hf download {repository} config.json model.safetensors --local-dir {name}, then {name}={name}/"
+    how = f"hf download {repository} config.json preprocessor_config.json model.safetensors --local-dir {name}, then {name}={name}/"
     return Source(name, "transformers", "coco-91", (), APACHE, network=repository, how=how)
 
 

