@@ -92,8 +92,9 @@ def _detectors(study: Study) -> str:
     prints = {name: value for entry in study.entries for name, value in entry.results.detectors.items()}
     against: dict[str, list[str]] = {}
     for entry in study.entries:
-        for paint, name in white_box_of(entry).items():
-            against.setdefault(name, []).append(paint)
+        for paint, names in white_box_of(entry).items():
+            for name in names:
+                against.setdefault(name, []).append(paint)
     rows = []
     for name in in_table_order(list(prints)):
         trained = "this project's synthetic images" if is_own(name) else "its publisher's images"

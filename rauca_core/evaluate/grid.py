@@ -10,9 +10,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import RaucaError
 from ..detect.weights_file import sha256_of
-from .detection_cache import DetectionCache
-from .frame_choice import FEW, PLACES, caches_of, frame_scores, placed_frames, strongest_paint
+from .detection_cache import Found
+from .frame_choice import FEW, PLACES, frame_scores, placed_frames, strongest_paint
 from .pictures import TILE, frame_picture
+from .recorded import Recorded
 from .results import FrameRow
 from .study import Entry
 
@@ -51,8 +52,8 @@ class FramePicker:
         self._entries = entries
         self._paint = strongest_paint(entries[0].results)
         self._places = tuple(PLACES) if len(entries) == 1 else FEW
-        self._caches = [caches_of(entry.results, entry.folder) for entry in entries]
-        self._chosen = [self._choose(entry, caches) for entry, caches in zip(entries, self._caches, strict=True)]
+        self._recorded = [Recorded(entry) for entry in entries]
+        self._chosen = [self._choose(entry, recorded) for entry, recorded in zip(entries, self._recorded, strict=True)]
 
     @property
     def rule(self) -> str:
@@ -81,31 +82,26 @@ class FramePicker:
         ]
         rows = {
             paint: [
-                _tile(entry, caches[detector], paint, index)
-                for entry, caches, chosen in zip(self._entries, self._caches, self._chosen, strict=True)
+                _tile(entry, recorded.found(detector, paint, index), paint, index)
+                for entry, recorded, chosen in zip(self._entries, self._recorded, self._chosen, strict=True)
                 for index in chosen
             ]
             for paint in self.paints
         }
         return PictureGrid(titles, rows, self.rule)
 
-    def _choose(self, entry: Entry, caches: dict[str, DetectionCache]) -> list[int]:
+    def _choose(self, entry: Entry, recorded: Recorded) -> list[int]:
         paint = self._paint if self._paint in entry.results.paints else strongest_paint(entry.results)
-        try:
-            return placed_frames(frame_scores(entry.results, caches, paint), self._places)
-        except KeyError as error:
-            raise RaucaError(
-                f"{entry.folder}: detections of image {str(error.args[0])[:12]} are missing; evaluate again"
-            ) from error
+        return placed_frames(frame_scores(entry.results, recorded, paint), self._places)
 
     def _title(self, entry: Entry, place: str, row: FrameRow) -> str:
         weathers = f"{entry.weathers}, " if len(self._entries) > 1 else ""
         return f"{weathers}{place}\n{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
 
 
-def _tile(entry: Entry, cache: DetectionCache, paint: str, index: int) -> bytes:
+def _tile(entry: Entry, found: Found, paint: str, index: int) -> bytes:
     row, shown = entry.results.frames[index], entry.results.images[paint][index]
     path = entry.folder / shown.path
-    if not path.is_file() or sha256_of(path) != shown.sha256 or shown.sha256 not in cache:
+    if not path.is_file() or sha256_of(path) != shown.sha256:
         raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
-    return frame_picture(path, row.box_xyxy, cache[shown.sha256], entry.category, PICTURE_THRESHOLD)
+    return frame_picture(path, row.box_xyxy, found, entry.category, PICTURE_THRESHOLD)

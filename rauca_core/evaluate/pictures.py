@@ -51,7 +51,7 @@ class _Labels:
 
     def __init__(self, pen: ImageDraw.ImageDraw) -> None:
         self._pen = pen
-        self._font = ImageFont.load_default(15)
+        self._font = ImageFont.load_default(17)
         self._placed: list[tuple[int, int, int, int, str, str]] = []
 
     def add(self, box: NDArray[np.float64], text: str, colour: str) -> None:

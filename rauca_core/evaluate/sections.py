@@ -50,7 +50,7 @@ def _reading(drawn: Sequence[Table], study: Study) -> str:
     if any(column.own for column in columns):
         notes.append(
             "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
-            "average leaves them out and has no interval."
+            "average leaves them out."
         )
     return " ".join(notes)
 
@@ -113,7 +113,8 @@ def pictures(study: Study) -> list[str]:
 def shown_detectors(entries: Sequence[Entry]) -> list[str]:
     """Those that were attacked, then the first of every other family."""
     names = in_table_order(list(entries[0].results.detectors))
-    attacked = [name for name in names if any(name in white_box_of(entry).values() for entry in entries)]
+    met = {name for entry in entries for against in white_box_of(entry).values() for name in against}
+    attacked = [name for name in names if name in met]
     families = {family_of(name) for name in attacked}
     others = [next(n for n in names if family_of(n) == f) for f in unique(map(family_of, names)) if f not in families]
     return [*attacked, *others]

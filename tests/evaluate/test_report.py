@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import copy
 import io
 import re
 import shutil
@@ -21,10 +22,11 @@ from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
 from rauca_core.evaluate import ReportNotes, evaluate, reference_images, save_showcase, write_report
 from rauca_core.evaluate.defences import make_defence
-from rauca_core.evaluate.frame_choice import PLACES, caches_of, frame_scores, placed_frames, strongest_paint
+from rauca_core.evaluate.frame_choice import PLACES, frame_scores, placed_frames, strongest_paint
 from rauca_core.evaluate.grid import FramePicker
+from rauca_core.evaluate.recorded import Recorded
 from rauca_core.evaluate.study import Entry, Study, load_study, save_study
-from rauca_core.evaluate.tables import shown
+from rauca_core.evaluate.tables import shown, tables_of
 
 VOID = {"meta", "img", "br", "wbr", "link", "input"}
 HOSTILE = "<script>alert(1)</script>"
@@ -224,7 +226,7 @@ def test_what_does_not_belong_together_is_refused(study: Study, scene, tmp_path:
         write_report(study, out)
     for cache in (tmp_path / "study" / "seen" / "none" / "detections").glob("*.jsonl"):
         cache.write_text("")
-    with pytest.raises(RaucaError, match=r"detections of image [0-9a-f]{12} are missing; evaluate again"):
+    with pytest.raises(RaucaError, match=r"\.jsonl: lacks the detections in .*\.png; evaluate again"):
         write_report(study, out)
     assert not out.parent.exists()
 
@@ -249,21 +251,38 @@ def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> Non
     assert report_run(folder).is_file()
 
 
+def test_the_average_without_our_own_detectors_has_the_same_intervals(
+    scene, detectors: list[Detector], known: Path, tmp_path: Path
+) -> None:
+    own, published = copy.copy(detectors[1]), detectors[0]
+    own.name = "frcnn-synth"
+    out, renders = tmp_path / "out", {"normal": reference_images(scene.dataset), "noise": scene.noise}
+    found = evaluate(scene.dataset, renders, [own, published], out, resamples=20)
+    study = Study("c", (Entry("seen", "none", "box", "car", found, out),))
+    (table,) = tables_of(study, tmp_path)
+    assert [column.name for column in table.columns] == [published.name, own.name, "all", "pre-trained"]
+    for row in table.blocks[0].rows:
+        alone, _, _, average = row.cells
+        assert alone
+        assert average
+        assert (alone.ap, alone.low, alone.high) == (average.ap, average.low, average.high)
+
+
 def test_frames_are_chosen_by_their_rule(study: Study) -> None:
     scores = np.array([0.5, 0.1, 0.9, 0.1, 0.3])
     assert placed_frames(scores, tuple(PLACES)) == [1, 3, 4, 0, 2]
     assert placed_frames(scores[:1], tuple(PLACES)) == [0] * 5
     entry = study.entries[0]
     assert strongest_paint(entry.results) == "noise"
-    caches = caches_of(entry.results, entry.folder)
+    recorded = Recorded(entry)
     for paint in ("normal", "noise"):
-        found = frame_scores(entry.results, caches, paint)
+        found = frame_scores(entry.results, recorded, paint)
         assert len(found) == len(entry.results.frames)
         assert ((found >= 0) & (found <= 1)).all()
-    assert frame_scores(entry.results, caches, "normal").mean() > found.mean()
+    assert frame_scores(entry.results, recorded, "normal").mean() > found.mean()
     picker = FramePicker([entry])
     assert picker.columns == len(PLACES)
-    title = picker.grid(next(iter(caches))).titles[0]
+    title = picker.grid(next(iter(entry.results.detectors))).titles[0]
     best = entry.results.frames[int(np.argmin(found))]
     assert title == f"best\n{best.weather}, {best.azimuth_deg:.0f}°, {best.distance_m:g} m"
 

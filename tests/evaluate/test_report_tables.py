@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camouflage, save_camouflage
-from rauca_core.contract.files import png_bytes
-from rauca_core.evaluate.detection_cache import DetectionSettings
+from rauca_core.contract.files import png_bytes, write_bytes
+from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
 from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
 from rauca_core.evaluate.study import Entry, Study, load_study, save_study
 from rauca_core.evaluate.tables import (
@@ -82,15 +82,18 @@ def study_at(
     paints: tuple[str, ...] = PAINTS,
     detectors: tuple[str, ...] = DETECTORS,
 ) -> Study:
-    """Written to disk and read again; the last paint was optimised against the first detector."""
+    """Written to disk and read again; the last paint was optimised against the first detector and another."""
     camouflage = folder / "camouflage.json"
-    made = Camouflage("c", "sedan", "0" * 16, 8, "rauca", {"detector": detectors[0]})
+    made = Camouflage("c", "sedan", "0" * 16, 8, "rauca", {"detector": f"{detectors[0]}+unknown"})
     save_camouflage(camouflage, made, png_bytes(np.zeros((8, 8, 3), np.uint8)))
     entries = []
     for number, (vehicle, weathers, defence) in enumerate(conditions):
         out = folder / str(number)
         found = results(number, paints, detectors)
         save_results(out / "results.json", found)
+        for name in detectors:
+            cache = DetectionCache(out / "detections", name, found.detectors[name], found.settings)
+            write_bytes(cache.path, b'{"image": "0", "boxes": [], "scores": [], "names": []}\n')
         category = "boat" if vehicle == "boat" else "car"
         entries.append(Entry(weathers, defence, vehicle, category, found, out, camouflages={paints[-1]: camouflage}))
     save_study(folder / "study.json", "rauca evaluate --out here", entries)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from statistics import mean
 
 from ...contract import load_camouflage
 from ..defended import NO_DEFENCE
+from ..recorded import Recorded
 from ..results import MEAN
 from ..study import Entry, Study
 from .families import family_of, in_table_order, is_own
@@ -37,14 +37,14 @@ def vehicles_of(study: Study) -> list[str]:
     return unique(entry.vehicle for entry in study.entries)
 
 
-def white_box_of(entry: Entry) -> dict[str, str]:
-    """Paint -> the detector it was optimised against, for paints that were.
+def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
+    """Paint -> the detectors it was optimised against, for paints that were.
 
     Raises:
         RaucaError: a camouflage that the study names is missing or damaged.
     """
-    made = {paint: load_camouflage(path)[0].made for paint, path in entry.camouflages.items()}
-    return {paint: facts["detector"] for paint, facts in made.items() if isinstance(facts.get("detector"), str)}
+    made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in entry.camouflages.items()}
+    return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
 
 
 def tables_of(study: Study, base: Path) -> list[Table]:
@@ -91,7 +91,7 @@ def _by_defence(study: Study, vehicle: str, base: Path, alone: bool) -> Table:
 
 def _table(key: str, title: str, caption: str, blocks: Sequence[tuple[str, Entry]], base: Path) -> Table:
     names = in_table_order(unique(name for _, entry in blocks for name in entry.results.detectors))
-    attacked = {name for _, entry in blocks for name in white_box_of(entry).values()}
+    attacked = {name for _, entry in blocks for names in white_box_of(entry).values() for name in names}
     columns = [Column(name, family_of(name), is_own(name), name in attacked) for name in names]
     published = [name for name in names if not is_own(name)]
     if len(published) in (0, len(names)):
@@ -103,13 +103,16 @@ def _table(key: str, title: str, caption: str, blocks: Sequence[tuple[str, Entry
 
 
 def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool, base: Path) -> tuple[Row, ...]:
-    against = white_box_of(entry)
+    against, recorded = white_box_of(entry), Recorded(entry)
+    here = [name for name in published if name in entry.results.detectors]
     rows = []
-    for paint, found in entry.results.table.items():
-        cells = [estimate_cell(entry, paint, name, base, against.get(paint) == name) for name in (*names, MEAN)]
-        here = [found[name].ap for name in published if name in found]
-        if split:
-            cells.append(Cell(mean(here), source=source(entry, base, "table", paint)) if here else None)
+    for paint in entry.results.paints:
+        cells = [estimate_cell(entry, paint, name, base, name in against.get(paint, ())) for name in (*names, MEAN)]
+        if split and here:
+            estimate = recorded.mean_over(here, paint)
+            cells.append(Cell(estimate.ap, estimate.low, estimate.high, source(entry, base, "table", paint)))
+        elif split:
+            cells.append(None)
         rows.append(Row(paint, tuple(cells)))
     return tuple(rows)
 

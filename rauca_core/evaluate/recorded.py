@@ -1,0 +1,66 @@
+"""What the detectors of an evaluation found, read back from the detections that lie beside its results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..contract import RaucaError
+from ..detect import canonical
+from .average_precision import Sample
+from .bootstrap import Ranking, interval
+from .detection_cache import DetectionCache, Found
+from .results import Estimate
+from .scores import clusters_of
+from .study import Entry
+
+
+class Recorded:
+    """The detections of an entry of a study, by detector, paint and frame."""
+
+    def __init__(self, entry: Entry) -> None:
+        self._entry = entry
+        self._caches: dict[str, DetectionCache] = {}
+
+    def found(self, detector: str, paint: str, index: int) -> Found:
+        """Detections in the frame at ``index``.
+
+        Raises:
+            RaucaError: they are not kept any more.
+        """
+        image = self._entry.results.images[paint][index]
+        cache = self._cache(detector)
+        if image.sha256 not in cache:
+            raise RaucaError(f"{cache.path}: lacks the detections in {image.path}; evaluate again")
+        return cache[image.sha256]
+
+    def sample(self, detector: str, paint: str, index: int) -> Sample:
+        """The frame's target with the detections of its class."""
+        results = self._entry.results
+        cars = self.found(detector, paint, index).only(canonical(results.settings.category))
+        return Sample(np.array(results.frames[index].box_xyxy, np.float64), cars.boxes, cars.scores)
+
+    def mean_over(self, detectors: Sequence[str], paint: str) -> Estimate:
+        """AP averaged over some of the detectors, with its interval by the results' own bootstrap.
+
+        Raises:
+            RaucaError: as :meth:`found`.
+        """
+        results = self._entry.results
+        clusters = clusters_of(results.frames)
+        counts = clusters.resample(results.resamples, results.seed)
+        resampled = [
+            Ranking.of([self.sample(name, paint, index) for index in range(len(results.frames))]).average_precision(
+                counts, clusters.of_frame
+            )
+            for name in detectors
+        ]
+        mean = float(np.mean([results.table[paint][name].ap for name in detectors]))
+        return Estimate(mean, *interval(np.mean(resampled, axis=0)))
+
+    def _cache(self, detector: str) -> DetectionCache:
+        if detector not in self._caches:
+            results, folder = self._entry.results, self._entry.folder / "detections"
+            self._caches[detector] = DetectionCache(folder, detector, results.detectors[detector], results.settings)
+        return self._caches[detector]
