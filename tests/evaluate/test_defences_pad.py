@@ -10,7 +10,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.evaluate.defences import GraphSegments, Pad
+from rauca_core.evaluate.defences import GraphSegments, Pad, recompression
 from rauca_core.evaluate.defences.mutual_information import mutual_information_map, window_side
 from rauca_core.evaluate.defences.recompression import recompression_map
 from rauca_core.images import read_image
@@ -73,6 +73,21 @@ def test_flat_images_are_neither_hot_nor_masked() -> None:
         assert float(np.abs(mutual_information_map(pixels[:, :, 0])).max()) < 1e-6
         assert float(recompression_map(pixels).max()) == 0
         assert not Pad().mask(pixels).any()
+
+
+def test_recompression_is_the_mean_of_scaled_box_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recompression, "QUALITIES", (55, 90))
+    pixels = np.random.default_rng(0).integers(0, 256, (19, 26, 3), np.uint8)
+    pixels[:, 13:] //= 4
+    expected = np.zeros((19, 26))
+    for quality in (55, 90):
+        _, data = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])
+        saved = cv2.cvtColor(cv2.imdecode(data, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+        squared = ((pixels.astype(float) - saved) ** 2).mean(2)
+        mirrored = np.pad(squared, 8, mode="symmetric")
+        means = np.array([[mirrored[y : y + 17, x : x + 17].mean() for x in range(26)] for y in range(19)])
+        expected += (means - means.min()) / np.ptp(means) / 2
+    np.testing.assert_allclose(recompression_map(pixels), expected, atol=1e-5)
 
 
 def test_recompression_is_hot_where_the_history_differs() -> None:
