@@ -59,7 +59,10 @@ def evaluate(
     ),
     frames: Annotated[int | None, typer.Option(min=1, help="frames per weather set, instead of a scale")] = None,
     elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; 0,22.5,45,67.5 by default")] = None,
-    distances: Annotated[str | None, typer.Option(help="of the cameras, metres; 5,10,15,20 by default")] = None,
+    distances: Annotated[
+        str | None,
+        typer.Option(help="of the cameras, metres; by default 5,10,15,20, and more for what is larger than a car"),
+    ] = None,
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
     views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
@@ -172,7 +175,8 @@ def _held_out(
         distances_m=_numbers("--distances", distances) or RING.distances_m,
     )
     count = frames_of_scale(scale) if frames is None else frames
-    return HeldOut(count, ring, size=size, samples=samples, seed=TOWN_SEED if seed is None else seed)
+    town = TOWN_SEED if seed is None else seed
+    return HeldOut(count, ring, size=size, samples=samples, seed=town, fit=distances is None)
 
 
 def _numbers(option: str, text: str | None) -> tuple[float, ...]:

@@ -139,13 +139,14 @@ def _held_out(request: Request, vehicle: VehicleChoice, weathers: str) -> Views:
     preset = PRESETS.get(weathers, weathers)
     name = Path(weathers).stem
     folder = request.out / vehicle.name / name
-    plan = request.held_out.plan(vehicle.name, vehicle.atlas_id, find_preset(preset, assets_folder() / "weathers"))
-    ids = tuple(balanced_frames(plan, request.held_out.frames))
+    held_out = request.held_out.fitted(load_vehicle(vehicle.folder, read_image).positions)
+    plan = held_out.plan(vehicle.name, vehicle.atlas_id, find_preset(preset, assets_folder() / "weathers"))
+    ids = tuple(balanced_frames(plan, held_out.frames))
     views = Views(name, folder / "views", ids, folder)
     if views.rendered(plan):
         return views
     _list_frames(folder, ids)
-    arguments = [*request.held_out.arguments(vehicle.folder, preset), *_scene(request)]
+    arguments = [*held_out.arguments(vehicle.folder, preset), *_scene(request)]
     arguments += ["--out", str(folder / "views"), "--only", str(folder / FRAMES), "--json-progress"]
     with progress_bar(f"{vehicle.name}, {name}: rendering views") as move:
         run_blender("make_dataset", arguments, move, request.blender)

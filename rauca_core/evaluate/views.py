@@ -8,7 +8,7 @@ often, as in a Latin square; a larger part contains the smaller one, so that a s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -29,6 +29,7 @@ RING = Ring(
     jitter_distance=0.1,
     jitter_aim_m=0.3,
 )
+REACH_M = 3.5  # from a vehicle's centre to its corner; what reaches farther is seen from farther away
 _SINGLE_WEIGHT = 20.0  # a value's own share counts for more than that of its pairs
 
 
@@ -41,6 +42,7 @@ class HeldOut:
         size: frames are square, pixels.
         samples: per pixel.
         seed: of the town and its cameras; another than the one that camouflages were trained in.
+        fit: see large vehicles from farther away, see :meth:`fitted`.
     """
 
     frames: int = SCALES["standard"]
@@ -49,6 +51,19 @@ class HeldOut:
     size: int = 320
     samples: int = 8
     seed: int = TOWN_SEED
+    fit: bool = True
+
+    def fitted(self, positions: NDArray[np.float32]) -> HeldOut:
+        """The same views of a vehicle larger than a car, from as many times farther (whole metres).
+
+        Args:
+            positions: (V, 3) the vehicle's vertices, metres, z up.
+        """
+        reach = float(np.linalg.norm(np.ptp(positions[:, :2], axis=0)) / 2)
+        if not self.fit or reach <= REACH_M:
+            return self
+        farther = tuple(float(round(distance * reach / REACH_M)) for distance in self.ring.distances_m)
+        return replace(self, ring=replace(self.ring, distances_m=farther))
 
     def plan(self, vehicle_name: str, atlas_id: str, weathers: Sequence[Weather]) -> Plan:
         """The whole plan, of which :func:`balanced_frames` chooses.

@@ -82,6 +82,15 @@ def test_the_arguments_make_that_plan(tmp_path: Path) -> None:
     assert made.to_json() | {"blender": ""} == expected.to_json()
 
 
+def test_large_vehicles_are_seen_from_farther_away() -> None:
+    def reaching(length: float) -> np.ndarray:
+        return np.float32([[0, 0, 0], [length, 0, 30]])
+
+    assert HeldOut().fitted(reaching(4.8)) == HeldOut()
+    assert HeldOut().fitted(reaching(14)).ring.distances_m == (10, 20, 30, 40)
+    assert HeldOut(fit=False).fitted(reaching(14)) == HeldOut(fit=False)
+
+
 def test_scales_are_named() -> None:
     assert frames_of_scale("standard") == SCALES["standard"] == 128
     with pytest.raises(RaucaError, match=r"--scale huge: unknown; choose quick \(32 frames"):
