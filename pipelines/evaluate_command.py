@@ -40,7 +40,10 @@ Detectors = Annotated[
     list[str] | None, typer.Option("--detectors", "--detector", help="names or paths, comma separated; or all")
 ]
 Weathers = Annotated[list[str] | None, typer.Option(help="seen, unseen, both, or a preset's name or .json file")]
-Defences = Annotated[list[str] | None, typer.Option(help="none, lgs, pad, jpeg, bits, median; comma separated")]
+Defences = Annotated[
+    list[str] | None,
+    typer.Option("--defences", "--defence", help="none, lgs, pad, jpeg, bits, median; comma separated"),
+]
 Vehicles = Annotated[
     list[str] | None, typer.Option(help="vehicle folder or shipped name; found by the camouflage's UV atlas if shipped")
 ]
