@@ -135,9 +135,7 @@ def _class_names(frames: LightFrames, chosen: Sequence[int], wanted: Fit) -> tup
 def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     """The network to begin with, and the sha256 of the weights that went into it."""
     if wanted.start is None:
-        source = find_source(BODY)
-        verify(source)
-        body = stored_path(source)
+        body = _yolo_body()
         return build_network(wanted.name, len(class_names), body, wanted.settings.seed), sha256_of(body)
     card, digest = read_card(wanted.start.with_suffix(".json"))
     if (card.name, card.class_names) != (wanted.name, class_names):
@@ -149,6 +147,13 @@ def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     fresh = build_network(wanted.name, len(class_names))
     fresh.load_state_dict(network.state_dict())
     return fresh, digest
+
+
+def _yolo_body() -> Path:
+    """The fetched weights that a body begins with."""
+    source = find_source(BODY)
+    verify(source)
+    return stored_path(source)
 
 
 def _describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any]]:

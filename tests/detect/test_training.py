@@ -1,0 +1,245 @@
+"""Our own detectors' training on drawn frames: what is shown, what is learnt, going on after a stop, mistakes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.contract import (
+    Camera,
+    Dataset,
+    Frame,
+    FramePasses,
+    Instance,
+    Plan,
+    Quality,
+    RaucaError,
+    Ring,
+    Vehicle,
+    Weather,
+    claim_folder,
+    save_frame,
+)
+from rauca_core.contract.seeding import named_rng
+from rauca_core.detect.training import fit as fitting
+from rauca_core.detect.training import load_weights, read_card, sights
+from rauca_core.detect.training.fit import Fit, fit
+from rauca_core.detect.training.loop import Job, train
+from rauca_core.detect.training.measure import Findings, Judged, measure
+from rauca_core.detect.training.networks import build_network
+from rauca_core.detect.training.paint import draw_colour, draw_paint
+from rauca_core.detect.training.settings import make_detector_settings
+from rauca_core.detect.training.sights import Sights
+from rauca_core.environment.frames import LightFrames
+
+torch.set_num_threads(1)
+
+NAMES = ("frcnn-synth", "detr-synth")
+REPOSITORY = Path(__file__).resolve().parents[2]
+SIZE = 64
+TINY = {"steps": 14, "batch": 2, "lr": 1e-3, "size": SIZE, "round": 14, "threads": 1}
+
+
+def draw_dataset(folder: Path, vehicle: Vehicle, category: str = "car", light: bool = True) -> Dataset:
+    """Four frames at two locations: a bright block on black, and a small dim truck."""
+    vehicle = dataclasses.replace(vehicle, category=category)
+    ring = Ring((0.0, 180.0), (12.0,), (7.0,))
+    weather = Weather("clear", 45.0)
+    plan = Plan(
+        folder.name, vehicle.name, vehicle.atlas_id, SIZE, Quality(1), light, (weather,), ring, 2, (140, 140, 140),
+        0.5, 0, "none",
+    )  # fmt: skip
+    claim_folder(folder, plan)
+    vehicle.save(folder / "vehicle")
+    camera = Camera.look_at(np.array([7.0, 0, 2]), np.zeros(3), 45, SIZE, SIZE)
+    for frame_id, location, view, _ in plan.frame_ids():
+        left, top = 10 + 14 * view, 20 + 8 * location
+        box, other = (left, top, left + 24, top + 14), (2, 2, 12, 10)
+        paint = np.zeros((SIZE, SIZE), np.float32)
+        paint[box[1] : box[3], box[0] : box[2]] = 1
+        A, B = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE, SIZE, 3), np.float32)
+        A[paint > 0], B[paint > 0] = 0.3, 0.6
+        B[other[1] : other[3], other[0] : other[2]] = (0.3, 0.1, 0.05)
+        passes = FramePasses(A, paint, paint, np.full_like(paint, 7.0))
+        passes.A, passes.B, passes.image_linear = (A if light else None), (B if light else None), 0.25 * A + B
+        instances = (Instance(1, "truck", tuple(float(v) for v in other), 80),)
+        own = tuple(float(v) for v in box)
+        frame = Frame(frame_id, location, view, camera, np.eye(4), weather, 0.0, 12.0, 7.0, own, 1.0, 0, instances)
+        save_frame(folder / "frames" / frame_id, frame, passes)
+    return Dataset(folder)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, box_vehicle: Vehicle) -> Path:
+    return draw_dataset(tmp_path / "data", box_vehicle).folder
+
+
+@pytest.fixture(scope="session")
+def body(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
+    """Seeded weights in place of YOLOv4-tiny's: what is tested here is the training, not its start."""
+    cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
+    return random_weights(tmp_path_factory.mktemp("body") / "body.weights", cfg)
+
+
+def score(judged: list[Judged]) -> float:
+    """Share of frames whose best box is on the target: enough to see that tests arrive."""
+    return float(np.mean([bool(len(one.scores)) for one in judged]))
+
+
+def job(name: str, folder: Path, out: Path, body: Path, **chosen) -> Job:
+    settings = make_detector_settings(**(TINY | chosen))
+    frames = LightFrames([folder])
+    shown = Sights(frames, ("car", "truck"), SIZE)
+    network = build_network(name, 2, body)
+    return Job(network, shown, range(len(frames)), lambda _: Findings({"all": 0.0}), settings, out)
+
+
+def state(network: torch.nn.Module) -> torch.Tensor:
+    return torch.cat([t.flatten().double() for t in network.state_dict().values()])
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_boxes_stay_on_their_pixels(folder, number, monkeypatch):
+    monkeypatch.setattr(sights, "_camera", lambda image, rng: image.numpy())
+    monkeypatch.setattr(sights, "PADDING_SRGB", 0.0)
+    shown = Sights(LightFrames([folder]), ("car",), 160)
+    sight = shown.draw([number % 4] * (4 if number == 5 else 1), named_rng("boxes", number))
+    assert sight.image.shape == (3, 160, 160)
+    assert len(sight.truth.boxes) == (4 if number == 5 else 1)
+    bright = sight.image.amin(0) > 0.4  # paint is a third of the light: no colour can hide the block, the truck is red
+    for left, top, right, bottom in sight.truth.boxes.tolist():
+        around = torch.zeros_like(bright)
+        around[max(0, int(top) - 8) : int(bottom) + 8, max(0, int(left) - 8) : int(right) + 8] = True
+        rows, columns = (bright & around).nonzero().unbind(1)
+        found = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+        assert np.abs(np.array(found, float) - [left, top, right, bottom]).max() < 2
+
+
+def test_paint_is_plain():
+    for number in range(40):
+        rng = named_rng("paint", number)
+        colour = draw_colour(rng)
+        assert colour.shape == (3,)
+        assert ((colour >= 0) & (colour <= 1)).all()
+        paint = draw_paint(rng, (20.0, 60.0), 64)
+        assert len(paint[:, :, 0].T.unique(dim=0)) <= 2  # one tone, or two
+        assert paint.shape in ((3, 1, 1), (3, 64, 1))
+
+
+def test_sights_depend_on_their_name_alone(folder):
+    shown = Sights(LightFrames([folder]), ("car", "truck"), SIZE)
+    first, _, again = (shown.draw([0], named_rng("sight", k)) for k in (1, 2, 1))
+    assert torch.equal(first.image, again.image)
+    assert torch.equal(first.truth.boxes, again.truth.boxes)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_loss_falls(name, folder, tmp_path, body):
+    losses: list[float] = []
+    train(job(name, folder, tmp_path / "run", body), on_step=lambda done, steps, loss: losses.append(loss))
+    assert np.mean(losses[-4:]) < 0.75 * np.mean(losses[:4])
+    assert np.isfinite(losses).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, body):
+    short = {"steps": 3, "round": 3}
+    whole, _ = train(job(name, folder, tmp_path / "whole", body, **short))
+
+    def terminate(done: int, steps: int, loss: float) -> None:
+        if done == 2:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with pytest.raises(RaucaError, match=r"stopped after step 2; .*--resume"):
+        train(job(name, folder, tmp_path / "parts", body, **short), on_step=terminate)
+    rest = job(name, folder, tmp_path / "parts", body, **short)
+    resumed, _ = train(rest, resume=True)
+    assert torch.equal(state(whole), state(resumed))
+
+
+def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, body, monkeypatch, box_vehicle):
+    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+    ball = draw_dataset(tmp_path / "ball", dataclasses.replace(box_vehicle, name="ball"), category="shape").folder
+    settings = make_detector_settings(**(TINY | {"steps": 2, "round": 1, "fewest": 2}))
+    wanted = Fit("frcnn-synth", [folder, ball], tmp_path / "run", settings, score, command="rauca detectors train")
+    path, findings = fit(wanted)
+    card, _ = read_card(path.with_suffix(".json"))
+    assert card.class_names == ("car", "truck")
+    assert card.metrics == findings.to_json()
+    assert findings.frames["box"] == 2  # one location of two is held out
+    assert set(findings.false_alarms) == {"ball"}
+    assert "not a COCO detector" in card.caution
+    assert [entry["tested on"] for entry in card.data] == [2, 2]
+    assert len((tmp_path / "run" / "rounds.jsonl").read_text().splitlines()) == 2
+    detector = load_weights(path)
+    kept = measure(detector, Sights(LightFrames([folder]), card.class_names, SIZE), [0, 1], score)
+    assert set(kept.ap50) == {"all", "clear day"}
+    _start_from(path, folder, tmp_path, settings)
+    _damage(path)
+
+
+def _start_from(path: Path, folder: Path, tmp_path: Path, settings) -> None:
+    onward = Fit("frcnn-synth", [folder], tmp_path / "onward", settings, score, start=path)
+    fit(onward)
+    card, _ = read_card(tmp_path / "onward" / "frcnn-synth.json")
+    assert card.body == read_card(path.with_suffix(".json"))[1]
+    with pytest.raises(RaucaError, match=r"holds a frcnn-synth of the classes car, truck, but .* of car, bus"):
+        fit(dataclasses.replace(onward, out=tmp_path / "other", classes=("bus",)))
+
+
+def _damage(path: Path) -> None:
+    card = path.with_suffix(".json")
+    whole = json.loads(card.read_text())
+    card.write_text(json.dumps({**whole, "class_names": ["car"]}))
+    with pytest.raises(RaucaError, match="does not hold the network that its card describes"):
+        load_weights(path)
+    card.write_text(json.dumps({**whole, "name": "yolov3"}))
+    with pytest.raises(RaucaError, match="must name one of frcnn-synth, detr-synth"):
+        load_weights(path)
+    card.write_text(json.dumps(whole))
+    path.write_bytes(path.read_bytes()[:-8] + b"\0" * 8)
+    with pytest.raises(RaucaError, match="not the file that its card describes"):
+        load_weights(path)
+    path.unlink()
+    with pytest.raises(RaucaError, match="no such weights"):
+        load_weights(path)
+
+
+def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, body, monkeypatch):
+    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+    settings = make_detector_settings(**TINY)
+    good = Fit("frcnn-synth", [folder], tmp_path / "run", settings, score)
+    dark = draw_dataset(tmp_path / "dark", box_vehicle, light=False).folder
+    ball = draw_dataset(tmp_path / "ball", box_vehicle, category="shape").folder
+    for changed, message in (
+        ({"name": "yolov9"}, "yolov9: not a detector that rauca trains; choose one of frcnn-synth"),
+        ({"datasets": [folder, dark]}, "dark: made without light maps"),
+        ({"datasets": [tmp_path]}, "not a data set"),
+        ({"datasets": [ball]}, "no frame to train on shows a car"),
+        ({"tests": [ball]}, "no frame to test on shows a car"),
+        ({"tests": [folder]}, "given more than once"),
+    ):
+        with pytest.raises(RaucaError, match=message):
+            fit(dataclasses.replace(good, **changed))
+    assert not (tmp_path / "run").exists()
+    for option, value in (("steps", 0), ("size", 100), ("precision", "int8"), ("ema", 1.0)):
+        with pytest.raises(RaucaError, match=f"{option}: "):
+            make_detector_settings(**{option: value})
+
+
+def test_a_loss_that_is_not_finite_names_its_frames(folder, tmp_path, body):
+    work = job("frcnn-synth", folder, tmp_path / "run", body)
+    for index in range(4):
+        work.sights.frames.get(index).B[:] = float("inf")
+    with torch.no_grad():
+        work.network.rpn.head.cls_logits.bias[0] = float("nan")
+    with pytest.raises(RaucaError, match=r"step 1: the loss or its gradient is not finite on .*L0"):
+        train(work)

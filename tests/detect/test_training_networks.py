@@ -1,0 +1,144 @@
+"""Our own networks against the frameworks they are built of, and their gradients to the image."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from rauca_core.detect.frameworks import import_torchvision, import_transformers
+from rauca_core.detect.nms import detections
+from rauca_core.detect.training.assignment import assign
+from rauca_core.detect.training.criterion import corners, generalised_iou, layer_losses, match
+from rauca_core.detect.training.network import Truth
+from rauca_core.detect.training.networks import build_network
+
+torch.set_num_threads(1)
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SIZE = 64
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
+    cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
+    return random_weights(tmp_path_factory.mktemp("body") / "body.weights", cfg)
+
+
+@pytest.fixture(scope="module")
+def two_stage(body: Path) -> Any:
+    network = build_network("frcnn-synth", 2, body).eval()
+    with torch.no_grad():  # drawn weights know nothing: spread their scores and boxes
+        network.roi_heads.box_predictor.cls_score.weight.mul_(30)
+        network.roi_heads.box_predictor.bbox_pred.weight.mul_(10)
+    return network
+
+
+@pytest.fixture(scope="module")
+def transformer(body: Path) -> Any:
+    return build_network("detr-synth", 2, body).eval()
+
+
+def picture(seed: int = 0, count: int = 1, dtype: torch.dtype = torch.float32) -> Tensor:
+    return torch.rand(count, 3, SIZE, SIZE, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+
+
+def test_two_stage_detects_what_torchvision_would(two_stage, monkeypatch):
+    heads, images = two_stage.roi_heads, picture(count=2)
+    monkeypatch.setattr(heads, "nms_thresh", 1.0)  # torchvision clips boxes before it suppresses, we do after
+    monkeypatch.setattr(heads, "detections_per_img", 1000)
+    with torch.no_grad():
+        ours = detections(two_stage.dense(images), 0.005, 1.0)
+        features, frame = two_stage._features(images)
+        proposals, _ = two_stage.rpn(frame, features)
+        theirs, _ = heads(features, proposals, frame.image_sizes)
+    for mine, reference in zip(ours, theirs, strict=True):
+        assert len(reference["scores"]) >= 20
+        boxes = mine.boxes.clamp(0, SIZE)
+        for box, label, value in zip(reference["boxes"], reference["labels"] - 1, reference["scores"], strict=True):
+            same = (mine.labels == label) & ((mine.scores - value).abs() < 1e-5)
+            assert ((boxes[same] - box).abs().amax(1) < 1e-3).any()
+
+
+def test_fewer_proposals_are_padded_with_nothing(two_stage, monkeypatch):
+    proposals = [torch.tensor([[4.0, 4, 30, 30], [8, 8, 60, 50]]), torch.tensor([[0.0, 0, 20, 20]])]
+    monkeypatch.setattr(two_stage.rpn, "forward", lambda *arguments: (proposals, {}))
+    with torch.no_grad():
+        found = two_stage.dense(picture(count=2))
+    assert found.boxes.shape == (2, 4, 4)
+    assert (found.classes[1, 2:] == 0).all()
+    assert ((found.classes > 0).sum(-1) <= 1).all()
+
+
+def test_transformer_decodes_as_transformers_does(transformer):
+    images = picture(count=2)
+    with torch.no_grad():
+        ours, raw = transformer.dense(images), transformer.detr(images)
+    processor = import_transformers().models.rt_detr.image_processing_rt_detr.RTDetrImageProcessor
+    outputs = type("Outputs", (), {})()
+    outputs.logits, outputs.pred_boxes = raw.intermediate_logits[:, -1], raw.intermediate_reference_points[:, -1]
+    theirs = processor().post_process_object_detection(outputs, threshold=0.0, target_sizes=[(SIZE, SIZE)] * 2)
+    for k, reference in enumerate(theirs):
+        for value, label, box in zip(reference["scores"], reference["labels"], reference["boxes"], strict=True):
+            close = (ours.classes[k, :, label] - value).abs() < 1e-6
+            assert ((ours.boxes[k, close] - box).abs().amax(1) < 1e-3).any()
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_flat_images_keep_everything_finite(two_stage, transformer, value):
+    for network in (two_stage, transformer):
+        images = torch.full((1, 3, SIZE, SIZE), value, requires_grad=True)
+        found = network.dense(images)
+        (found.boxes.sum() + found.classes.sum()).backward()
+        assert all(torch.isfinite(t).all() for t in (found.boxes, found.classes, images.grad))
+
+
+def test_assignment_is_the_cheapest():
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        rows = int(rng.integers(1, 5))
+        cost = rng.normal(size=(rows, int(rng.integers(rows, 7)))) * 10.0 ** rng.integers(-3, 4)
+        chosen = assign(cost)
+        assert len(set(chosen.tolist())) == rows
+        every = itertools.permutations(range(cost.shape[1]), rows)
+        best = min(cost[range(rows), list(columns)].sum() for columns in every)
+        assert cost[range(rows), chosen].sum() == pytest.approx(best)
+    assert assign(np.zeros((0, 3))).shape == (0,)
+    with pytest.raises(ValueError, match="3 rows"):
+        assign(np.zeros((3, 2)))
+
+
+def test_losses_are_those_of_transformers():
+    import_torchvision()
+    import_transformers()
+    from transformers.loss.loss_rt_detr import RTDetrLoss
+
+    generator = torch.Generator().manual_seed(0)
+    logits, boxes = torch.randn(2, 12, 3, generator=generator), torch.rand(2, 12, 4, generator=generator) * 0.4 + 0.2
+    truths = [
+        Truth(torch.tensor([[0.5, 0.5, 0.3, 0.2], [0.3, 0.4, 0.2, 0.2]]), torch.tensor([0, 2])),
+        Truth(torch.zeros(0, 4), torch.zeros(0, dtype=torch.int64)),
+    ]
+    matches = match(logits, boxes, truths)
+    ours = layer_losses(logits, boxes, truths, matches, 2.0)
+    theirs = RTDetrLoss.__new__(RTDetrLoss)  # its own constructor asks for SciPy, for the assignment alone
+    torch.nn.Module.__init__(theirs)
+    theirs.num_classes, theirs.alpha, theirs.gamma = 3, 0.75, 2.0
+    targets = [{"class_labels": t.labels, "boxes": t.boxes} for t in truths]
+    outputs = {"logits": logits, "pred_boxes": boxes}
+    reference = theirs.loss_boxes(outputs, targets, matches, 2.0)
+    reference |= theirs.loss_labels_vfl(outputs, targets, matches, 2.0)
+    for mine, name, weight in (("classes", "loss_vfl", 1), ("l1", "loss_bbox", 5), ("giou", "loss_giou", 2)):
+        torch.testing.assert_close(ours[mine], weight * reference[name])
+
+
+def test_generalised_overlap_is_torchvisions():
+    ops = import_torchvision().ops
+    a, b = (corners(torch.rand(9, 4, generator=torch.Generator().manual_seed(k)) + 0.1) for k in (0, 1))
+    torch.testing.assert_close(generalised_iou(a[:, None], b[None]), ops.generalized_box_iou(a, b))
