@@ -77,7 +77,7 @@ class SsdDetector:
         self.name = name
         self.class_names = tuple(class_names)
         self.size = parts.size
-        self._parts = parts
+        self._parts = replace(parts, layers=[])  # their weights are the network's now
         outputs = (parts.boxes, parts.scores)
         self.network = LayerNetwork(simplify(_with_normalisation(parts), outputs), outputs)
         self.boxes = CentreSizeBoxes(parts.anchors, parts.variances, parts.rows_first)
