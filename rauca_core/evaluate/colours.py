@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from .tables.model import is_normal
+from .tables.model import is_normal, is_random
 
 # Okabe and Ito's colours; the second of each pair is for dark pages.
 GREY, OCHRE = ("#6b7280", "#a3abb6"), ("#b07d00", "#e0b04a")
@@ -34,7 +34,7 @@ def paint_styles(paints: Iterable[str]) -> dict[str, Style]:
     for paint in paints:
         if is_normal(paint):
             styles[paint] = Style(*GREY, MARKS[0])
-        elif paint.lower() == "random":
+        elif is_random(paint):
             styles[paint] = Style(*OCHRE, MARKS[1])
         else:
             turn, place = divmod(number, len(PALETTE))

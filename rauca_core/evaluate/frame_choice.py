@@ -11,15 +11,16 @@ from .average_precision import IOU_THRESHOLD, Sample
 from .bootstrap import box_overlaps
 from .recorded import Recorded
 from .results import MEAN, Results
-from .tables import is_normal
+from .tables import is_normal, is_random
 
 PLACES = {"best": 0.0, "lower quartile": 0.25, "median": 0.5, "upper quartile": 0.75, "worst": 1.0}
 FEW = ("best", "median", "worst")
 
 
 def strongest_paint(results: Results) -> str:
-    """The paint other than normal with the lowest AP, mean over detectors; normal where it is alone."""
-    rivals = [paint for paint in results.paints if not is_normal(paint)] or list(results.paints)
+    """The camouflage with the lowest AP, mean over detectors; without any, random paint, else the vehicle's own."""
+    paints = [paint for paint in results.paints if not is_normal(paint)]
+    rivals = [paint for paint in paints if not is_random(paint)] or paints or list(results.paints)
     return min(rivals, key=lambda paint: results.table[paint][MEAN].ap)
 
 

@@ -6,7 +6,7 @@ from .defended import NO_DEFENCE
 from .frame_choice import strongest_paint
 from .results import MEAN, Results
 from .study import Entry, Study
-from .tables import is_normal, shown
+from .tables import is_normal, is_random, shown
 from .tables.of_study import defence_title, unique, vehicles_of, weathers_title
 
 
@@ -47,17 +47,19 @@ def _sentence(entry: Entry) -> str:
         return f"{where}{entry.category} AP@0.5, mean over detectors: {_mean(results, normal)} for {normal}."
     before, after = results.table[normal][MEAN], results.table[best][MEAN]
     verb = "lowers" if after.ap < before.ap else "does not lower"
-    overlap = after.high >= before.low
-    caution = "; their intervals overlap, so other places might say otherwise" if overlap else ""
-    return (
-        f"{where}{best} {verb} {entry.category} AP@0.5 (mean over detectors): {_mean(results, normal)} for {normal}, "
-        f"{_mean(results, best)} for {best}{_random(results, best)}{caution}."
-    )
+    values = [f"{_mean(results, paint)} for {paint}" for paint in (normal, *_randoms(results, best), best)]
+    cautions = [
+        f", no lower than {paint}" for paint in _randoms(results, best) if after.ap >= results.table[paint][MEAN].ap
+    ]
+    if after.high >= before.low:
+        cautions.append(f"; the intervals of {normal} and {best} overlap")
+    mean = f"(mean over {_count(len(results.detectors), 'detector')})"
+    return f"{where}{best} {verb} {entry.category} AP@0.5 {mean}: {', '.join(values)}{''.join(cautions)}."
 
 
-def _random(results: Results, best: str) -> str:
+def _randoms(results: Results, best: str) -> list[str]:
     """Random paint alone lowers AP too: no result should be read without it."""
-    return f" ({_mean(results, 'random')} for random)" if "random" in results.paints and best != "random" else ""
+    return [paint for paint in results.paints if is_random(paint) and paint != best]
 
 
 def _mean(results: Results, paint: str) -> str:

@@ -3,7 +3,7 @@
 from .along import curves_of
 from .export import tables_csv, tables_json
 from .latex import tables_latex
-from .model import AVERAGE, BEST, SECOND, Block, Cell, Column, Row, Source, Table, is_normal, ranks, shown
+from .model import AVERAGE, BEST, SECOND, Block, Cell, Column, Row, Source, Table, is_normal, is_random, ranks, shown
 from .of_study import tables_of, white_box_of
 from .paper import PaperTable, odd_averages, paper_tables
 
@@ -20,6 +20,7 @@ __all__ = [
     "Table",
     "curves_of",
     "is_normal",
+    "is_random",
     "odd_averages",
     "paper_tables",
     "ranks",

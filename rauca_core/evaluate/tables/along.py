@@ -37,7 +37,7 @@ def _curve(entry: Entry, axis: str, base: Path) -> Table:
     )
     sizes = sorted({group.frames for group in groups})
     frames = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
-    caption = f"{AXIS_TITLES[axis]}: {frames} frames per value."
+    caption = f"{AXIS_TITLES[axis]}: {frames} frame{'' if frames == '1' else 's'} per value."
     columns = tuple(Column(f"{group.value:g}") for group in groups)
     title = weathers_title(entry.weathers)
     return Table(

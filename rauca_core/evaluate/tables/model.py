@@ -90,6 +90,11 @@ def is_normal(paint: str) -> bool:
     return paint.lower() == "normal"
 
 
+def is_random(paint: str) -> bool:
+    """Whether a row is random paint, which every camouflage has to beat."""
+    return paint.lower() == "random"
+
+
 def shown(value: float) -> str:
     """A value as printed."""
     return f"{value:.{DIGITS}f}"
