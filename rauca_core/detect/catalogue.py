@@ -172,12 +172,16 @@ def _torchvision(name: str, architecture: str, published: str) -> Source:
 
 
 def _transformers(name: str, repository: str) -> Source:
-    how = f"hf download {repository} config.json preprocessor_config.json model.safetensors --local-dir {name}, then {name}={name}/"
+    files = "config.json preprocessor_config.json model.safetensors"
+    how = f"hf download {repository} {files} --local-dir {name}, then {name}={name}/"
     return Source(name, "transformers", "coco-91", (), APACHE, network=repository, how=how)
 
 
 def _mmdet(name: str, config: str) -> Source:
-    how = f"mim download mmdet --config {config} --dest {name}, then {name}={name}/"
+    dump = (
+        f"python -c \"from mmengine import Config; Config.fromfile('{name}/{config}.py').dump('{name}/{name}.json')\""
+    )
+    how = f"mim download mmdet --config {config} --dest {name}, {dump}, then {name}={name}/"
     return Source(name, "mmdet", "coco-80", (), APACHE, network=config, how=how)
 
 

@@ -172,7 +172,7 @@ def _mmdet(found: Resolved, size: int | None) -> Detector:
 
     _refuse_size(found, size)
     folder = found.files[0]
-    config, checkpoint = (_only(folder, pattern) for pattern in ("*.py", "*.pth"))
+    config, checkpoint = (_only(folder, pattern) for pattern in ("*.json", "*.pth"))
     return MmdetDetector(found.name, config, checkpoint)
 
 
