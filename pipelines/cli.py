@@ -191,6 +191,19 @@ def bench_optimize_command(
     _benchmark("optimize.bench").bench_optimize(json, quick, docs)
 
 
+@bench_app.command("detect")
+def bench_detect_command(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer images and architectures: a minute or two")] = False,
+    dataset: Annotated[
+        Path | None, typer.Option(help="detect in its frames; the demo's or drawn pictures by default")
+    ] = None,
+    docs: Annotated[Path | None, typer.Option(help="renew the figures of detectors.md in this folder too")] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/detect.json"),
+) -> None:
+    """Every detector adapter beside the runtime its network comes from: differences and speed."""
+    _benchmark("detect.bench").bench_detect(json, quick, docs, dataset)
+
+
 @bench_app.command("agreement")
 def bench_agreement_command(
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],

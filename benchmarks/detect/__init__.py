@@ -1,0 +1,1 @@
+"""``rauca bench detect``: every adapter beside the runtime its network comes from."""
