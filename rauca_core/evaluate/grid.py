@@ -23,11 +23,10 @@ _MARGIN = 26  # pixels for the paint's name above each row of the sheet
 
 @dataclass(frozen=True)
 class PictureGrid:
-    """JPEG tiles: ``rows[paint][column]``, a title of two lines per column, and the ``rule`` behind the frames."""
+    """JPEG tiles: ``rows[paint][column]``, and a title of two lines per column."""
 
     titles: list[str]
     rows: dict[str, list[bytes]]
-    rule: str
 
     def sheet(self) -> Image.Image:
         """The grid as one picture, each row under its paint's name."""
@@ -57,6 +56,7 @@ class FramePicker:
 
     @property
     def rule(self) -> str:
+        """How the frames were chosen, in a sentence."""
         return (
             f"Frames are chosen by rule: sorted by how surely the {self._entries[0].category} is found in "
             f"{self._paint} (highest score at an overlap of 0.5 or more, 0 when missed; mean over all detectors), "
@@ -65,6 +65,7 @@ class FramePicker:
 
     @property
     def columns(self) -> int:
+        """How many frames are shown."""
         return len(self._entries) * len(self._places)
 
     @property
@@ -88,7 +89,7 @@ class FramePicker:
             ]
             for paint in self.paints
         }
-        return PictureGrid(titles, rows, self.rule)
+        return PictureGrid(titles, rows)
 
     def _choose(self, entry: Entry, recorded: Recorded) -> list[int]:
         paint = self._paint if self._paint in entry.results.paints else strongest_paint(entry.results)

@@ -100,13 +100,16 @@ def pictures(study: Study) -> list[str]:
         return []
     picker = FramePicker(entries)
     size = picker.columns * len(picker.paints)
-    shown = shown_detectors(entries)[: max(1, MAX_PICTURES // size)]
+    asked = shown_detectors(entries)
+    shown = asked[: max(1, MAX_PICTURES // size)]
     grids = "".join(_grid(picker, name) for name in shown)
     note = (
         f"{picker.rule} Cut out around the vehicle. Thin white: the true box. Detections that score "
         f"{PICTURE_THRESHOLD} or more: blue finds the {entries[0].category}, red reports one elsewhere, yellow takes "
         "it, or something else, for another thing."
     )
+    if left := asked[len(shown) :]:
+        note += f" Left out for the page's size: {', '.join(left)}."
     return [pages.section("What detectors see", grids, note)]
 
 
@@ -134,11 +137,13 @@ def _grid(picker: FramePicker, detector: str) -> str:
 
 def maps(study: Study) -> list[str]:
     """The UV maps of all camouflages, each once."""
-    drawn = []
-    for camouflage, jpeg in maps_of(study.entries)[:MAX_MAPS]:
+    drawn, every = [], maps_of(study.entries)
+    for camouflage, jpeg in every[:MAX_MAPS]:
         caption = f"{camouflage.name} for the {camouflage.vehicle_name}: {camouflage.size} × {camouflage.size} texels"
         drawn.append(pages.figure(pages.image(jpeg, "image/jpeg", f"UV map {caption}"), caption))
     note = "sRGB UV maps over the vehicle's atlas; outlined: paint that may change; faded: never seen on the vehicle."
+    if len(every) > MAX_MAPS:
+        note += f" The first {MAX_MAPS} of {len(every)}."
     return [pages.section("UV maps", f'<div class="maps">{"".join(drawn)}</div>', note)] if drawn else []
 
 

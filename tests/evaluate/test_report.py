@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from pipelines.report import report_run
-from rauca_core.contract import Camouflage, RaucaError, load_camouflage, save_camouflage
+from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
 from rauca_core.evaluate import ReportNotes, evaluate, reference_images, save_showcase, write_report
@@ -86,38 +86,38 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="session")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Detections of the first study, for those that follow: the scene is drawn alike every time."""
-    return tmp_path_factory.mktemp("known")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first study made, with the data set it is of, for those that follow to copy."""
+    return tmp_path_factory.mktemp("kept")
 
 
 @pytest.fixture
-def study(scene, detectors: list[Detector], known: Path, tmp_path: Path) -> Study:
-    """Two sets of weathers, a defence, two camouflages of which one has a hostile name; all really detected in."""
-    folder = tmp_path / "study"
+def study(request: pytest.FixtureRequest, kept: Path, detectors: list[Detector], tmp_path: Path) -> Study:
+    """In ``study``: two sets of weathers, a defence, two camouflages, one of hostile name; all really detected in."""
+    if (kept / "study").is_dir():
+        shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
+    else:
+        make_study(request.getfixturevalue("scene"), detectors, tmp_path / "study")
+        shutil.copytree(tmp_path, kept, dirs_exist_ok=True)
+    return load_study(tmp_path / "study")
+
+
+def make_study(scene, detectors: list[Detector], folder: Path) -> None:
     record, uv_map = load_camouflage(scene.camouflage)
     made = replace(record, name="noise", made={"detector": detectors[0].name})
     save_camouflage(folder / "noise.json", made, uv_map.read_bytes())
-    renders = {
-        "normal": reference_images(scene.dataset),
-        "noise": scene.noise,
-        HOSTILE: reference_images(scene.dataset),
-    }
+    plain = reference_images(scene.dataset)
+    renders = {"normal": plain, "noise": scene.noise, HOSTILE: plain}
     seen = [frame.id for frame in scene.dataset.frames() if frame.weather.name != "fog"]
     unseen = [frame.id for frame in scene.dataset.frames() if frame.weather.name == "fog"]
     entries = []
     for weathers, only, defence in (("seen", seen, "none"), ("unseen", unseen, "none"), ("unseen", unseen, "bits")):
         out = folder / weathers / defence
-        cache = known / weathers / defence
-        if cache.is_dir():
-            shutil.copytree(cache, out / "detections")
         chosen = None if defence == "none" else make_defence(defence)
         found = evaluate(scene.dataset, renders, detectors, out, resamples=20, only=only, defence=chosen)
-        shutil.copytree(out / "detections", cache, dirs_exist_ok=True)
         views, camouflages = scene.dataset.folder, {"noise": folder / "noise.json"}
         entries.append(Entry(weathers, defence, "box", "car", found, out, views, camouflages))
     save_study(folder / "study.json", COMMAND, entries)
-    return load_study(folder)
 
 
 def decode(load: str) -> bytes:
@@ -209,7 +209,7 @@ def test_the_numbers_are_those_of_the_study(study: Study, detectors: list[Detect
     assert out.read_text() == first
 
 
-def test_what_does_not_belong_together_is_refused(study: Study, scene, tmp_path: Path) -> None:
+def test_what_does_not_belong_together_is_refused(study: Study, tmp_path: Path) -> None:
     out = tmp_path / "new" / "report.html"
     camouflage = tmp_path / "study" / "noise.json"
     kept = camouflage.read_text()
@@ -220,7 +220,7 @@ def test_what_does_not_belong_together_is_refused(study: Study, scene, tmp_path:
     with pytest.raises(RaucaError, match=r"noise\.json: "):
         write_report(study, out)
     camouflage.write_text(kept)
-    for image in scene.noise.glob("*.png"):
+    for image in (tmp_path / "noise").glob("*.png"):
         image.write_bytes(image.read_bytes() + b"changed")
     with pytest.raises(RaucaError, match=r"\.png: missing or changed since it was evaluated"):
         write_report(study, out)
@@ -252,13 +252,15 @@ def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> Non
 
 
 def test_the_average_without_our_own_detectors_has_the_same_intervals(
-    scene, detectors: list[Detector], known: Path, tmp_path: Path
+    study: Study, detectors: list[Detector], tmp_path: Path
 ) -> None:
     own, published = copy.copy(detectors[1]), detectors[0]
     own.name = "frcnn-synth"
-    out, renders = tmp_path / "out", {"normal": reference_images(scene.dataset), "noise": scene.noise}
-    found = evaluate(scene.dataset, renders, [own, published], out, resamples=20)
-    study = Study("c", (Entry("seen", "none", "box", "car", found, out),))
+    views, out = Dataset(tmp_path / "dataset"), tmp_path / "out"
+    renders = {"normal": reference_images(views), "noise": tmp_path / "noise"}
+    unseen = [frame.id for frame in study.entries[1].results.frames]
+    found = evaluate(views, renders, [own, published], out, resamples=20, only=unseen)
+    study = Study("c", (Entry("unseen", "none", "box", "car", found, out),))
     (table,) = tables_of(study, tmp_path)
     assert [column.name for column in table.columns] == [published.name, own.name, "all", "pre-trained"]
     for row in table.blocks[0].rows:

@@ -8,6 +8,7 @@ import itertools
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ import pytest
 from rauca_core.contract import Camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.evaluate.headline import headline
 from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
 from rauca_core.evaluate.study import Entry, Study, load_study, save_study
 from rauca_core.evaluate.tables import (
@@ -184,6 +186,28 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
     vehicles = tables["vehicles"]
     assert [(c.name, c.group) for c in vehicles.columns] == [("sedan", "car"), ("boat", "boat")]
     assert [row.cells[1] is None for row in vehicles.blocks[1].rows] == [True] * 3  # the boat met no unseen weathers
+
+
+@pytest.mark.parametrize(
+    ("normal", "random", "ours", "sentence"),
+    [
+        (0.9, 0.5, 0.1, "ours lowers car AP@0.5 (mean over 1 detector): 0.900 for normal, 0.500 for random, 0.1"),
+        (0.9, 0.1, 0.3, "0.900 for normal, 0.100 for random, 0.300 for ours, no lower than random."),
+        (0.5, 0.6, 0.48, "0.480 for ours; the intervals of normal and ours overlap."),
+        (0.1, 0.2, 0.3, "ours does not lower car AP@0.5 "),
+    ],
+)  # fmt: skip
+def test_the_headline_says_what_the_table_says(
+    tmp_path: Path, normal: float, random: float, ours: float, sentence: str
+) -> None:
+    study = study_at(tmp_path, [("sedan", "seen", "none")], detectors=DETECTORS[:1])
+    (entry,) = study.entries
+    values = zip(PAINTS, (normal, random, ours), strict=True)
+    table = {paint: dict.fromkeys((*DETECTORS[:1], MEAN), Estimate(v, 0.9 * v, 1.1 * v)) for paint, v in values}
+    found = replace(entry, results=replace(entry.results, table=table))
+    (said,) = headline(replace(study, entries=(found,)))
+    assert said.startswith("Seen weathers: ours ")
+    assert sentence in said
 
 
 def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
