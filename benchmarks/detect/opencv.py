@@ -25,9 +25,10 @@ Blob = NDArray[np.float32]
 
 @contextmanager
 def darknet(source: Source) -> Iterator[Contender]:
-    """A darknet network; OpenCV's threshold is lowered, as it would put zeros for what we compare."""
+    """A darknet network; for the difference OpenCV's threshold is lowered, as it puts zeros below."""
     detector = load_detector(source.name)
     assert isinstance(detector, DarknetDetector)
+    weights = stored_paths(source)[0]
     heads = [layer for layer in detector.network.layers if isinstance(layer, Head)]
     with TemporaryDirectory(prefix="rauca-bench-") as folder:
         lowered = Path(folder) / source.cfg.name
@@ -35,15 +36,17 @@ def darknet(source: Source) -> Iterator[Contender]:
         for kind in ("yolo", "region"):
             text = text.replace(f"[{kind}]", f"[{kind}]\nthresh=1e-12")
         lowered.write_text(text)
-        net = cv2.dnn.readNetFromDarknet(str(lowered), str(stored_paths(source)[0]))
+        published, open_net = (cv2.dnn.readNetFromDarknet(str(cfg), str(weights)) for cfg in (source.cfg, lowered))
+    outputs = list(published.getUnconnectedOutLayersNames())
     yield Contender(
         source.name,
         REFERENCE,
         detector.size,
         detector,
         prepare=lambda image: image.numpy(),
-        run=_runner(net, list(net.getUnconnectedOutLayersNames())),
-        rows=lambda outputs: _darknet_rows(outputs, [len(head.anchors) for head in heads]),
+        run=_runner(published, outputs),
+        rows=lambda found: _darknet_rows(found, [len(head.anchors) for head in heads]),
+        run_openly=_runner(open_net, outputs),
     )
 
 

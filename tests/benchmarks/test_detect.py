@@ -1,0 +1,103 @@
+"""The detectors' benchmark on few images, and that its comparison can fail."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.detect import opencv
+from benchmarks.detect.bench import Extent, run_bench
+from benchmarks.detect.contender import ordered_difference, unordered_difference
+from benchmarks.detect.images import choose_images, draw_street, squared
+from benchmarks.detect.report import markdown_report
+from benchmarks.detect.results import LARGEST_DIFFERENCE, Adapter, Results
+from rauca_core.contract import RaucaError
+from rauca_core.detect import SOURCES
+from rauca_core.detect.listing import ready_names
+
+SMALLEST = Extent(timed=1, framework_images=1, torchvision=("ssdlite320_mobilenet_v3_large",), transformers=())
+
+
+@pytest.fixture(autouse=True)
+def _threads_are_put_back() -> object:
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    yield
+    torch.set_num_threads(before[0])
+    cv2.setNumThreads(before[1])
+
+
+def test_every_ready_adapter_agrees_with_its_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # a fresh clone: no frames, pictures are drawn
+    monkeypatch.setattr("benchmarks.detect.bench.IMAGES", 2)
+    results = run_bench(SMALLEST, tmp_path / "detect.json", tmp_path)
+    written = json.loads((tmp_path / "detect.json").read_text())
+    assert written["image_source"] == "drawn"
+    ready = [name for name in ready_names() if SOURCES[name].standard]
+    assert [row["name"] for row in written["adapters"]][:-1] == ready
+    assert set(written["missing"]) == {s.name for s in SOURCES.values() if s.standard} - set(ready)
+    for row in written["adapters"]:
+        assert row["max_abs_difference"] <= LARGEST_DIFFERENCE, row
+        assert min(row["forward_ms"], row["backward_ms"], row["reference_forward_ms"]) > 0
+        assert row["reference"]
+    page = (tmp_path / "detectors.md").read_text()
+    assert all(f"| {adapter.name} |" in page for adapter in results.adapters)
+
+
+def test_the_comparison_notices_other_weights() -> None:
+    name = next((n for n in ready_names() if n == "yolov4-tiny"), None)
+    if name is None:
+        pytest.skip("yolov4-tiny is not fetched")
+    image = squared(choose_images(None, 1)[1][0], 416)
+    with opencv.darknet(SOURCES[name]) as contender:
+        assert contender.differences(image) <= LARGEST_DIFFERENCE
+        network = contender.detector.network  # type: ignore[attr-defined]
+        network.layers[0].weight.data *= 1.01
+        assert contender.differences(image) > LARGEST_DIFFERENCE
+
+
+def test_differences() -> None:
+    rows = np.random.default_rng(0).random((5, 6)).astype(np.float32)
+    rows[:, 5] = [0, 1, 0, 1, 2]
+    off = rows.copy()
+    off[3, 1] += 0.25
+    assert ordered_difference(rows, off) == pytest.approx(0.25)
+    assert ordered_difference(rows, rows[:4]) == float("inf")
+    off[3, 1] = np.nan
+    assert ordered_difference(rows, off) == 0
+    assert ordered_difference(rows, np.full_like(rows, np.nan)) == float("inf")
+    assert unordered_difference(rows, rows[::-1]) == 0
+    assert unordered_difference(rows, rows[:4]) == float("inf")
+    moved, relabelled = rows[::-1].copy(), rows.copy()
+    moved[0, 4] += 0.5
+    relabelled[4, 5] = 0
+    assert unordered_difference(rows, moved) > 0.1
+    assert unordered_difference(rows, relabelled) == float("inf")
+
+
+def test_an_adapter_that_differs_is_named() -> None:
+    good = Adapter("good", 1e-6, 10.0, 20.0, "cv2.dnn", 12.0, 0.83, "predictions")
+    bad = replace(good, name="bad", max_abs_difference=float("inf"), forward_ratio=2.0)
+    results = Results(20, "drawn", (good, bad), (("absent", "rauca weights fetch absent"),))
+    page = markdown_report(results)
+    assert page.count("missed by bad") == 2
+    assert "| absent | rauca weights fetch absent |" in page
+    assert results.to_json()["adapters"][1]["max_abs_difference"] is None
+    json.dumps(results.to_json(), allow_nan=False)
+
+
+def test_drawn_images_are_what_detectors_take() -> None:
+    first, second = draw_street(0), draw_street(1)
+    assert first.shape == (320, 416, 3)
+    assert 0 <= first.min() < first.max() <= 1
+    assert np.abs(first - second).mean() > 0.05
+
+
+def test_a_data_set_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(RaucaError, match=str(tmp_path)):
+        choose_images(tmp_path, 3)
