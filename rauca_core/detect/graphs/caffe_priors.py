@@ -24,9 +24,9 @@ def prior_boxes(options: Block, extent: tuple[int, int], size: int) -> Array:
     """
     sizes = _sizes(options)
     rows, columns = extent
-    step = options.numbers("step") * 2 or options.numbers("step_h") + options.numbers("step_w")
-    if len(step) not in (0, 2):
-        options.fail("needs both step_h and step_w, or one step")
+    step = options.numbers("step") * 2 or [*options.numbers("step_h"), *options.numbers("step_w")]
+    if len(step) not in (0, 2) or min(step, default=1) <= 0:
+        options.fail("needs one positive step, or both step_h and step_w, or none of them")
     step_rows, step_columns = step or (size / rows, size / columns)
     offset = options.numbers("offset", [0.5])[0]
     y, x = np.meshgrid(

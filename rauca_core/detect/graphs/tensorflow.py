@@ -94,7 +94,7 @@ def _of_server(path: Path, nodes: dict[str, Node]) -> SsdParts:
     resize = _resize(path, nodes)
     encodings, anchors = (_source(path, nodes, name) for name in (_ENCODINGS, _ANCHORS))
     layers, values = to_layers(nodes, _IMAGE, (encodings, _SCORES, anchors))
-    scales = np.array([_node(path, nodes, name).tensor() for name in _DIVISORS], np.float64).reshape(-1)
+    scales = np.concatenate([_node(path, nodes, name).tensor().reshape(-1) for name in _DIVISORS], dtype=np.float64)
     post = nodes[_SCORES]
     low, high = np.split(_anchors(post, values[anchors])[:, [1, 0, 3, 2]], 2, axis=1)
     return SsdParts(

@@ -77,18 +77,19 @@ class Node:
         found = self._attribute(name)
         if found is None and default is None:
             self.fail(f"has no attribute {name}")
-        return default or 0 if found is None else found.integer(3)
+        return (default or 0) if found is None else found.integer(3)
 
     def type(self, name: str) -> int:
         """TensorFlow's number of a data type; 0 when absent."""
         found = self._attribute(name)
         return 0 if found is None else found.integer(6)
 
-    def number(self, name: str, default: float | None = None) -> float:
+    def number(self, name: str) -> float:
+        """A finite float attribute."""
         found = self._attribute(name)
-        if found is None and default is None:
+        if found is None:
             self.fail(f"has no attribute {name}")
-        value = default or 0.0 if found is None else float(sum(found.floats(4)[-1:]))
+        value = float(found.floats(4)[-1]) if 4 in found else 0.0
         if not math.isfinite(value):
             self.fail(f"has an attribute {name} that is not finite")
         return value

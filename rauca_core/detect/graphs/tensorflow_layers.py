@@ -205,7 +205,7 @@ def _batch_norm(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
     gamma, beta, mean, variance = (_constant(node, inputs, k).astype(np.float64) for k in range(1, 5))
     if any(part.shape != (channels,) for part in (gamma, beta, mean, variance)):
         node.fail(f"has statistics of shape {gamma.shape} for {channels} channels")
-    scale = gamma / np.sqrt(np.maximum(variance, 0.0) + node.number("epsilon", 1e-4))
+    scale = gamma / np.sqrt(np.maximum(variance, 0.0) + node.number("epsilon"))
     if not np.isfinite(scale).all():
         node.fail("divides by a variance of 0")
     return builder.emit(Affine(node.name, (source,), scale, beta - mean * scale), channels)
@@ -239,14 +239,23 @@ def _mean(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
 def _head(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
     """A head's image (B, rows, columns, anchors * K) becomes rows (B, N, K)."""
     source, channels = _image(node, inputs)
-    shape = _constant(node, inputs, 1).reshape(-1).tolist()
-    if len(shape) not in (3, 4) or shape[-1] < 1 or channels % shape[-1] or (len(shape) == 4 and shape[2] != 1):
+    constant = _constant(node, inputs, 1).reshape(-1)
+    shape = constant.tolist()
+    if (
+        constant.dtype.kind != "i"
+        or len(shape) not in (3, 4)
+        or shape[-1] < 1
+        or channels % shape[-1]
+        or (len(shape) == 4 and shape[2] != 1)
+    ):
         node.fail(f"reshapes {channels} channels to {shape}; expected (batch, anchors, [1,] values)")
     builder.emit(Permute(f"{node.name}:nhwc", (source,), (0, 2, 3, 1)), None)
     return builder.emit(Reshape(node.name, (f"{node.name}:nhwc",), (0, -1, shape[-1])), None)
 
 
 def _concat(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+    if len(inputs) < 2:
+        node.fail(f"has {len(inputs)} inputs, expected the rows of heads and an axis")
     *parts, axis = inputs
     if axis.constant is None or axis.constant.tolist() != 1 or any(p.layer == "" or p.channels for p in parts):
         node.fail("joins something else than the rows of heads")

@@ -252,6 +252,8 @@ FAULTS = [
     (rewire("se/mul", "se/gate", "stem/Relu6"), r"joins images of different channels \(16, 8\)"),
     (rewire("residual", "expand/Relu", "project/bn"), r"joins images of different channels \(16, 8\)"),
     (rewire("BoxPredictor_1/Box/Reshape", "BoxPredictor_0/Box/Reshape", "axis"), r"needs an image as input 0"),
+    (rewire("concat"), r"concat \(ConcatV2\) has 0 inputs"),
+    (rewire("BoxPredictor_1/Box/Reshape", "BoxPredictor_1/Box/BiasAdd", "se/biases"), r"reshapes 12 channels to \["),
     (rename_op("se/sixth", "Placeholder"), r"node se/sixth \(Placeholder\) is not supported"),
 ]
 
@@ -263,6 +265,13 @@ def test_a_wrong_graph_is_refused(graph: Any, tmp_path: Path, fault: Any, compla
         TfSsdDetector("small", graph.save(tmp_path / "small.pb"), NAMES)
     assert "\n" not in str(refusal.value)
     assert "small.pb" in str(refusal.value)
+
+
+@pytest.mark.parametrize("value", [0.0, -5.0, np.nan, [10.0, 10.0]])
+def test_boxes_need_four_positive_scales(server_graph: Any, tmp_path: Path, value: Any) -> None:
+    server_graph.const("Postprocessor/Decode/div_2/y", value)
+    with pytest.raises(RaucaError, match=r"scales boxes by \[.*\]; expected four positive numbers"):
+        TfSsdDetector("small", server_graph.save(tmp_path / "small.pb"), NAMES)
 
 
 def test_an_infinite_anchor_is_refused(graph: Any, tmp_path: Path) -> None:
