@@ -14,6 +14,11 @@ from .interface import DensePredictions
 MAX_LOG_SIZE = 8.0
 
 
+def precise(x: Tensor) -> Tensor:
+    """At least float32: in half precision a box 400 pixels from the origin would jump in steps of two."""
+    return x.float() if x.dtype in (torch.float16, torch.bfloat16) else x
+
+
 class Head(nn.Module):
     """Decode (B, anchors * (5 + classes), h, w); predictions run over anchors, then rows, then columns.
 
@@ -36,7 +41,7 @@ class Head(nn.Module):
 
     def forward(self, features: Tensor, input_height: int, input_width: int) -> DensePredictions:
         batch, _, rows, columns = features.shape
-        x = features.view(batch, len(self.anchors), 5 + self.classes, rows, columns).permute(0, 1, 3, 4, 2)
+        x = precise(features).view(batch, len(self.anchors), 5 + self.classes, rows, columns).permute(0, 1, 3, 4, 2)
         stride = torch.tensor([input_width / columns, input_height / rows], dtype=x.dtype, device=x.device)
         grid_y, grid_x = torch.meshgrid(
             torch.arange(rows, dtype=x.dtype, device=x.device),

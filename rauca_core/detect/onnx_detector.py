@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from ..contract import RaucaError
 from .checks import check_images
 from .classes import class_list
+from .heads import precise
 from .interface import DensePredictions, Detections
 from .nms import clipped, detections
 from .onnx_fusion import fuse
@@ -95,7 +96,8 @@ class OnnxDetector:
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = self._layout.letterbox(images.shape[2], images.shape[3], self.size)
-        found = self._layout.decode(self._forward(self._layout.prepare(box.fit(images))))
+        output = self._forward(self._layout.prepare(box.fit(images)))
+        found = self._layout.decode(precise(output))
         found.boxes = box.boxes_to_image(found.boxes)
         return found
 

@@ -36,6 +36,18 @@ def test_gradient_is_finite_on_extreme_images(detector: DarknetDetector, value: 
     assert all(torch.isfinite(t).all() for t in (found.boxes, found.objectness, found.classes, images.grad))
 
 
+def test_boxes_stay_precise_in_half_precision(detector: DarknetDetector) -> None:
+    """bfloat16 counts pixels beyond 256 in twos."""
+    images = torch.rand(1, 3, 64, 64, requires_grad=True)
+    exact = detector.dense(images)
+    with torch.autocast("cpu", torch.bfloat16):
+        found = detector.dense(images)
+    found.objectness.sum().backward()
+    assert found.boxes.dtype == found.objectness.dtype == torch.float32
+    assert len(found.boxes.unique()) > 0.95 * len(exact.boxes.unique())
+    assert (found.objectness - exact.objectness).abs().max() < 0.05
+
+
 def test_weights_take_no_gradient(detector: DarknetDetector) -> None:
     assert not any(parameter.requires_grad for parameter in detector.network.parameters())
 
