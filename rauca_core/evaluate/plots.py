@@ -82,8 +82,8 @@ def _ring(block: Block, degrees: NDArray[np.float64], styles: Mapping[str, Style
             _draw(axes, around, line[closed], low[closed], high[closed], styles[paint])
             continue
         _draw(axes, around, line[closed], None, None, styles[paint])
-        beside = np.radians(degrees + 2.5 * (number - (len(block.rows) - 1) / 2))
-        axes.vlines(beside, low, high, color=styles[paint].light, lw=1.1, alpha=0.65)
+        beside, known = np.radians(degrees + 2.5 * (number - (len(block.rows) - 1) / 2)), np.isfinite(low)
+        axes.vlines(beside[known], low[known], high[known], color=styles[paint].light, lw=1.1, alpha=0.65)
     axes.set_rlim(0, 1)
     axes.set_rticks([0.25, 0.5, 0.75, 1.0], labels=["", "0.5", "", "1"])
     axes.set_rlabel_position(22.5)

@@ -61,6 +61,8 @@ def _published(paper: PaperTable, write: TableWriter) -> str:
         "As printed, not measured here: another simulator, vehicle and places, and other detectors, so compare the "
         "order and the size of effects rather than digits."
     ]
+    if any(column.name == "DDTR" for column in paper.table.columns):
+        notes.append("Its groups are kept: it counts DDTR, a transformer, among the single-stage detectors.")
     if odd := odd_averages(paper.table):
         notes.append(f"Printed averages that are not the mean of their row: {'; '.join(odd)}.")
     return (
