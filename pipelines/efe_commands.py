@@ -24,7 +24,9 @@ Epochs = Annotated[int, typer.Option(help="at most")]
 Batch = Annotated[int, typer.Option(help="frames per step, over all processes")]
 Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
 Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
+Size = Annotated[int | None, typer.Option(help="average frames down to this size, pixels; their own by default")]
 Crop = Annotated[int, typer.Option(help="train on squares of this side, pixels; 0: whole frames")]
+Mixed = Annotated[bool, typer.Option(help="with --crop: every other frame whole, averaged down to the square's side")]
 Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
 Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
 Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
@@ -34,14 +36,18 @@ Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card
 
 @efe_app.command("train")
 def efe_train(
-    datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps, of one image size")],
+    datasets: Annotated[
+        list[Path], typer.Argument(help="data sets with light maps, of one image size unless --size is given")
+    ],
     out: Out,
     test: Tests = None,
     epochs: Epochs = 40,
     batch: Batch = 4,
     lr: Rate = 2e-3,
     split: Split = "location",
+    size: Size = None,
     crop: Crop = 0,
+    mixed: Mixed = False,
     early_stop: Early = False,
     eta: Eta = ETA,
     seed: int = 0,
@@ -51,9 +57,15 @@ def efe_train(
     resume: Resume = False,
 ) -> None:
     """Train our extractor on several vehicles."""
-    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
+    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "size": size, "crop": crop, "mixed": mixed}
     _train(
-        datasets, out, test, chosen | {"eta": eta, "seed": seed, "threads": threads}, start, ("train", remarks), resume
+        datasets,
+        out,
+        test,
+        chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
+        start,
+        ("train", remarks),
+        resume,
     )
 
 
@@ -67,7 +79,9 @@ def efe_finetune(
     batch: Batch = 4,
     lr: Rate = 1e-3,
     split: Split = "location",
+    size: Size = None,
     crop: Crop = 0,
+    mixed: Mixed = False,
     early_stop: Early = True,
     eta: Eta = ETA,
     seed: int = 0,
@@ -78,13 +92,13 @@ def efe_finetune(
     """Adapt pre-trained weights to another vehicle."""
     from rauca_core.environment.weights import shipped_weights
 
-    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "crop": crop, "stop_early": early_stop}
+    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "size": size, "crop": crop, "mixed": mixed}
     start = weights or shipped_weights()
     _train(
         [dataset],
         out,
         test,
-        chosen | {"eta": eta, "seed": seed, "threads": threads},
+        chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
         start,
         ("finetune", remarks),
         resume,

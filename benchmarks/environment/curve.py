@@ -10,7 +10,7 @@ from statistics import mean
 import torch
 
 from rauca_core.environment.frames import LightFrames
-from rauca_core.environment.methods import affine_render
+from rauca_core.environment.methods import AffineRender
 from rauca_core.environment.metrics import Error, total
 
 from .cycles import LIGHT, Render, render_anew
@@ -27,6 +27,7 @@ class Point:
     Attributes:
         weather, samples: of the renders, denoised.
         maps_db, render_db: inside the paint, of exact maps and of the textured car itself.
+        maps_edge_db: of exact maps, on the paint's edges.
         maps_s, render_s: CPU seconds per frame; of the maps, once for all textures.
     """
 
@@ -36,6 +37,7 @@ class Point:
     render_db: float
     maps_s: float
     render_s: float
+    maps_edge_db: float
 
     def seconds(self, textures: int) -> float:
         """Of the maps, per texture."""
@@ -59,17 +61,21 @@ def measure_curve(
     for weather in dict.fromkeys(frames.get(i).weather for i in ids):
         for samples in settings.budgets:
             maps: list[tuple[Error, float]] = []
+            edges: list[Error] = []
             renders: list[tuple[Error, float]] = []
             for truth in (t for t in chosen if frames.get(t.index).weather == weather):
-                inside = regions(frames.datasets[0], ids[truth.index])["inside"]
+                where = regions(frames.datasets[0], ids[truth.index])
+                inside = where["inside"]
                 light = rendered[_render(ids[truth.index], LIGHT, samples)]
                 A, B = (torch.from_numpy(light[name].transpose(2, 0, 1).copy()) for name in ("A", "B"))
-                seen = affine_render(A, B)(truth.albedo)[0]
+                seen = AffineRender(A, B)(truth.albedo)[0]
                 maps.append((truth.error(seen, inside), float(light["seconds"])))
+                edges.append(truth.error(seen, where["edge"]))
                 car = rendered[_render(ids[truth.index], TEXTURE, samples)]
                 renders.append((truth.error(displayed(car["image"]), inside), float(car["seconds"])))
-            db = [total(error for error, _ in found).psnr_db for found in (maps, renders)]
-            points.append(Point(weather, samples, *db, *(mean(s for _, s in found) for found in (maps, renders))))
+            maps_db, render_db = (total(error for error, _ in found).psnr_db for found in (maps, renders))
+            maps_s, render_s = (mean(s for _, s in found) for found in (maps, renders))
+            points.append(Point(weather, samples, maps_db, render_db, maps_s, render_s, total(edges).psnr_db))
     return points
 
 

@@ -72,6 +72,7 @@ class Results:
             "epoch_time": times.to_json(),
             "epoch_time_base_over_final": round(times.base / times.final, 3),
             "epoch_time_base_over_ours": round(times.base / times.ours, 3),
+            "epoch_time_published_base_over_final": round(times.base_published / times.final, 3),
             "epochs_scratch": {v.vehicle: v.epochs_scratch for v in self.vehicles},
             "epochs_pretrained": {v.vehicle: v.epochs_pretrained for v in self.vehicles},
             "vehicles": [v.to_json() for v in self.vehicles],

@@ -50,16 +50,16 @@ class Settings:
     distances_m: tuple[float, float] = (5.5, 12.0)
     test_azimuths: int = 1
     uv_size: int = 1024
-    reference_samples: int = 192
-    budgets: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
-    ours_epochs: int = 80
-    published_epochs: int = 12
+    reference_samples: int = 128
+    budgets: tuple[int, ...] = (1, 2, 4, 8, 32)
+    ours_epochs: int = 60
+    published_epochs: int = 8
     widths: tuple[int, ...] = (64, 128, 256, 512, 1024)
-    timed_frames: int = 4
+    timed_frames: int = 2
     vehicles: tuple[str, ...] = ("suv", "van", "boat_detailed", "aeroplane")
     vehicle_locations: int = 3
     vehicle_azimuths: int = 3
-    most_epochs: int = 120
+    most_epochs: int = 60
 
 
 FULL = Settings()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from .datasets import make, vehicle_data
 from .settings import Settings
 from .trainings import Trained, drawn, train_ours
 
-RATE: dict[str, Any] = {"lr": 2e-3, "schedule": "constant"}
+RATE: dict[str, Any] = {"lr": 1e-3, "schedule": "constant", "crop": 80, "mixed": False}
+NEAR = 1.05  # times the least error from scratch
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,10 @@ class Adapted:
     """One unseen vehicle.
 
     Attributes:
-        epochs_scratch, epochs_pretrained: to the paper's criterion; the most that were tried if it was not met.
+        epochs_scratch, epochs_pretrained: to the paper's criterion; the most that were tried if it was not met. Ours
+            starts so near the truth that its 0.003 is soon met, from scratch as well: the others say more.
+        near_scratch, near_pretrained: to an error within 5 % of the least from scratch; None if never.
         epochs_matched: from scratch, until the error that pre-trained weights had when they converged; None if never.
-            Ours starts so near the truth that the criterion's 0.003 is soon met: this says more.
         mae_scratch, mae_pretrained: least mean absolute test errors.
         before_db, after_db: on unseen weather, by the pre-trained weights as they are, and fine-tuned.
     """
@@ -35,6 +38,8 @@ class Adapted:
     vehicle: str
     epochs_scratch: int
     epochs_pretrained: int
+    near_scratch: int | None
+    near_pretrained: int | None
     epochs_matched: int | None
     mae_scratch: float
     mae_pretrained: float
@@ -53,23 +58,31 @@ def adapt(vehicle: str, settings: Settings, folder: Path, weights: Path | None =
     pretrained, _ = load_extractor(weights)
     before = _unseen_db(pretrained, other)
 
-    def run(net: LightSplitter, how: str, stop: bool) -> Trained:
-        chosen = RATE | {"epochs": settings.most_epochs, "stop_early": stop}
+    def run(net: LightSplitter, how: str) -> Trained:
+        chosen = RATE | {"epochs": settings.most_epochs}
         return train_ours(frames, train_on, test_on, net, f"{vehicle} {how}", **chosen)
 
-    scratch, tuned = run(drawn(), "from scratch", False), run(pretrained, "pre-trained", True)
+    scratch, tuned = run(drawn(), "from scratch"), run(pretrained, "pre-trained")
     assert isinstance(tuned.net, LightSplitter)
-    reached = smoothed(tuned.outcome.errors)[-1]
+    errors, better = scratch.outcome.errors, tuned.outcome.errors
+    converged = tuned.outcome.converged or settings.most_epochs
     return Adapted(
         vehicle,
         scratch.outcome.converged or settings.most_epochs,
-        tuned.outcome.converged or settings.most_epochs,
-        next((epoch for epoch, error in enumerate(smoothed(scratch.outcome.errors)) if error <= reached), None),
-        min(scratch.outcome.errors),
-        min(tuned.outcome.errors),
+        converged,
+        first_within(errors, NEAR * min(errors)),
+        first_within(better, NEAR * min(errors)),
+        first_within(smoothed(errors), smoothed(better)[converged]),
+        min(errors),
+        min(better),
         before,
         _unseen_db(tuned.net, other),
     )
+
+
+def first_within(errors: Sequence[float], most: float) -> int | None:
+    """The first epoch whose error is at most ``most``."""
+    return next((epoch for epoch, error in enumerate(errors) if error <= most), None)
 
 
 def _unseen_db(net: LightSplitter, frames: LightFrames) -> float:

@@ -13,6 +13,7 @@ from ..render import display
 from .frames import LightFrame
 
 EXPOSURES = (0.5, 2.0)  # factor on the light of a whole frame
+TINT = 0.2  # largest change of that factor from channel to channel, in logarithms
 DARKEST_REFERENCE = 0.04  # sRGB 0.22; a darker reference paint tells nothing about the light on it
 
 
@@ -76,21 +77,22 @@ def join(batches: Sequence[Batch]) -> Batch:
 def augment(batch: Batch, rng: np.random.Generator, share: float = 0.5) -> Batch:
     """Frames as they would look in other light and other reference paint; exact, since light is linear.
 
-    Half of all frames are mirrored, a ``share`` gets its light scaled by a factor from `EXPOSURES`, and a ``share``
-    another reference paint. The image is then displayed and rounded to 8 bits again.
+    Half of all frames are mirrored, a ``share`` gets its light tinted and scaled by a factor from `EXPOSURES`, and a
+    ``share`` another reference paint. The image is then displayed and rounded to 8 bits again.
     """
     count = len(batch.names)
     low, high = np.log(EXPOSURES)
-    exposure = np.where(rng.random(count) < share, np.exp(rng.uniform(low, high, count)), 1.0)
+    brighter = np.exp(rng.uniform(low, high, (count, 1)) + rng.uniform(-TINT, TINT, (count, 3)))
+    exposure = np.where(rng.random((count, 1)) < share, brighter, 1.0)
     paint = rng.uniform(DARKEST_REFERENCE, 1.0, (count, 3))
     paint = np.where(rng.random((count, 1)) < 0.5, paint, paint[:, :1])  # half of them grey, as cars are
     repainted = torch.from_numpy(rng.random(count) < share)
     mirrored = torch.from_numpy(rng.random(count) < 0.5)
     factor = torch.from_numpy(exposure).float()
     reference = torch.where(repainted[:, None], torch.from_numpy(paint).float(), batch.reference)
-    A, B = batch.A * _wide(factor), batch.B * _wide(factor)
+    A, B = batch.A * factor[:, :, None, None], batch.B * factor[:, :, None, None]
     image = (display(A * reference[:, :, None, None] + B) * 255).round() / 255
-    changed = _wide(repainted | (factor != 1))
+    changed = _wide(repainted | (factor != 1).any(dim=1))
     seen = replace(batch, image=torch.where(changed, image, batch.image), A=A, B=B, reference=reference)
     return seen.mirrored(mirrored)
 

@@ -10,6 +10,7 @@ from ..contract import Dataset
 from ..contract.colour import linear_from_srgb
 from .exact import Light
 from .extractor import LightSplitter
+from .focus import split_light
 from .frames import read_picture
 
 
@@ -42,10 +43,7 @@ def estimate_image(
         paint: (H, W) coverage of the paint in [0, 1].
         reference_srgb: 8-bit colour of the paint in the image.
     """
-    device = next(extractor.parameters()).device
-    pixels = torch.from_numpy(image_srgb.transpose(2, 0, 1).astype(np.float32) / 255)[None]
-    albedo = torch.from_numpy(linear_from_srgb(np.array([reference_srgb]) / 255.0))
-    mask = torch.from_numpy(np.asarray(paint, np.float32))[None, None]
-    with torch.inference_mode():
-        A, B = extractor(pixels.to(device), mask.to(device), albedo.to(device))
-    return Light(*(m[0].permute(1, 2, 0).cpu().numpy() for m in (A, B)))
+    pixels = torch.from_numpy(image_srgb.transpose(2, 0, 1).astype(np.float32) / 255)
+    albedo = torch.from_numpy(linear_from_srgb(np.array(reference_srgb) / 255.0))
+    mask = torch.from_numpy(np.asarray(paint, np.float32))[None]
+    return Light(*(m.permute(1, 2, 0).numpy() for m in split_light(extractor, pixels, mask, albedo)))

@@ -20,7 +20,13 @@ from ..render.composite import undisplay
 
 DARKEST_ALBEDO = 0.02  # a photograph's "black" paint; below, A = share * I / r would be noise
 CLIPPED = 250.0 / 255.0
-INPUTS = 6  # image (3), mask, clipped, and the frame's mean light spread over it
+INPUTS = 13  # image (3), mask, clipped, exposure, darkness around (1) and anywhere (3), the reference's albedo (3)
+MASK = 3  # channel of the mask among them
+METERED = 0.2  # linear light that the paint's mean is exposed to for the network
+DARKEST_LIGHT = 1e-3  # mean light of the paint, below which a frame stays as dark as it is
+DARK_SHARE = 0.01  # of the frame is darker than its darkness
+AROUND = 15  # pixels, side of the square whose darkest pixel is told: in fog nothing is darker than the glow before it
+BRIGHTEST = 16.0  # light in that exposure, beyond which nothing more is told
 
 
 class LightSplitter(nn.Module):
@@ -38,14 +44,14 @@ class LightSplitter(nn.Module):
         sources = (detail, *widths[:-1])
         self.down = nn.ModuleList(_block(a, b, stride=2) for a, b in zip(sources, widths, strict=True))
         self.deep = nn.ModuleList(_block(b, b) for b in widths)
-        self.globe = nn.Linear(widths[-1], widths[-1])
+        self.globe = nn.Linear(2 * widths[-1], widths[-1])  # means of the frame, and of the paint
         targets = (*widths[-2::-1], detail)
         self.up = nn.ModuleList(_block(a + b, b) for a, b in zip(widths[::-1], targets, strict=True))
         self.head = nn.Conv2d(detail, 4, 3, padding=1)
-        # A first guess: most of what a grey car shows is diffuse light, and clipped pixels are as they look.
+        # A first guess: three quarters of what a grey car shows is diffuse, and clipped pixels are as they look.
         nn.init.zeros_(self.head.weight)
         with torch.no_grad():
-            self.head.bias.copy_(torch.tensor([1.0, 1.0, 1.0, -4.0]))  # type: ignore[union-attr]
+            self.head.bias.copy_(torch.tensor([2.3, 2.3, 2.3, -4.0]))  # type: ignore[union-attr]
 
     def forward(self, image_srgb: Tensor, mask: Tensor, reference_linear: Tensor) -> tuple[Tensor, Tensor]:
         """Light maps of frames.
@@ -58,29 +64,59 @@ class LightSplitter(nn.Module):
         Returns:
             A and B, (B, 3, H, W) linear float32; A is 0 where the mask is.
         """
-        share, excess = self._predict(image_srgb, mask)
+        share, excess = self._predict(image_srgb, mask, reference_linear)
         image = undisplay(image_srgb.float())
         image = image * (1 + excess.float() * _clipped(image_srgb).float())
         through = share.float() * image * (mask > 0)
         albedo = reference_linear.float().clamp(min=DARKEST_ALBEDO)[:, :, None, None]
         return through / albedo, image - through
 
-    def _predict(self, image_srgb: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    def _predict(self, image_srgb: Tensor, mask: Tensor, reference_linear: Tensor) -> tuple[Tensor, Tensor]:
+        """The share of the light that came through the paint, (B, 3, H, W), and what clipping took, (B, 1, H, W)."""
         height, width = image_srgb.shape[-2:]
-        light = image_srgb.mean(dim=(1, 2, 3), keepdim=True).expand(-1, 1, height, width)
-        x = torch.cat([image_srgb, mask, _clipped(image_srgb), light], dim=1)
-        x = nn.functional.pad(x, (0, -width % 16, 0, -height % 16))
+        tint = reference_linear.float().clamp(min=DARKEST_ALBEDO).log()[:, :, None, None]
+        x = torch.cat([*_seen(image_srgb, mask), tint.expand(-1, -1, height, width)], dim=1)
+        stride = 2 ** len(self.widths)
+        x = nn.functional.pad(x, (0, -width % stride, 0, -height % stride))
+        paint = x[:, MASK, None]
         skips = [self.detail(x)]
         for down, deep in zip(self.down, self.deep, strict=True):
             x = down(skips[-1])
             skips.append(x + deep(x))
         x = skips.pop()
-        x = x + self.globe(x.mean(dim=(2, 3)))[:, :, None, None]
+        paint = nn.functional.adaptive_avg_pool2d(paint, x.shape[-2:])
+        x = x + self.globe(torch.cat([x.mean(dim=(2, 3)), _mean_where(x, paint)], dim=1))[:, :, None, None]
         for up in self.up:
             skip = skips.pop()
             x = up(torch.cat([nn.functional.interpolate(x, scale_factor=2.0), skip], dim=1))
         out = self.head(x)[..., :height, :width]
-        return torch.sigmoid(out[:, :3]), nn.functional.softplus(out[:, 3:])
+        # share = A r / (A r + B) = sigmoid(log(A / B) + log r): what the network says does not depend on r.
+        return torch.sigmoid(out[:, :3] + tint), nn.functional.softplus(out[:, 3:])
+
+
+def _seen(image_srgb: Tensor, mask: Tensor) -> tuple[Tensor, ...]:
+    """The frame in an exposure that makes its paint's mean light :data:`METERED`, so that nights look like days.
+
+    Returns:
+        Encoded image (B, 3, H, W); mask, where the image is clipped, the exposure in stops, (B, 1, H, W) each; how dark
+        it gets around each pixel (B, 1, H, W), and in the frame, (B, 3, H, W).
+    """
+    linear = undisplay(image_srgb.float())
+    light = _mean_where(linear, mask.float()).mean(dim=1)
+    gain = METERED / light.clamp(min=DARKEST_LIGHT)
+    exposed = (linear * gain[:, None, None, None]).clamp(max=BRIGHTEST).sqrt()
+    stops = gain.log2()[:, None, None, None].expand_as(mask)
+    around = -nn.functional.max_pool2d(-exposed.amin(dim=1, keepdim=True), AROUND, 1, AROUND // 2)
+    pixels = exposed.flatten(2)
+    darkness = pixels.kthvalue(1 + int(DARK_SHARE * (pixels.shape[-1] - 1)), dim=-1).values
+    anywhere = darkness[:, :, None, None].expand_as(exposed)
+    maps = (exposed, mask, _clipped(image_srgb), stops, around, anywhere)
+    return tuple(m.to(image_srgb.dtype) for m in maps)
+
+
+def _mean_where(x: Tensor, weight: Tensor) -> Tensor:
+    """Mean (B, C) of maps (B, C, H, W), weighted by (B, 1, H, W); 0 where there is no weight."""
+    return (x * weight).sum(dim=(2, 3)) / weight.sum(dim=(2, 3)).clamp(min=1e-3)
 
 
 def _clipped(image_srgb: Tensor) -> Tensor:

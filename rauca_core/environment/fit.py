@@ -59,7 +59,7 @@ def fit(
     """
     if wanted.settings.method != "ours":
         raise RaucaError(f"method: {wanted.settings.method} is trained by `rauca bench environment` only; choose ours")
-    frames = LightFrames([*wanted.datasets, *wanted.tests], wanted.settings.memory_mb)
+    frames = LightFrames([*wanted.datasets, *wanted.tests], wanted.settings.memory_mb, wanted.settings.size)
     held_out, chosen = _held_out(frames, wanted)
     net, origin = _start(wanted)
     weights = wanted.out / WEIGHTS

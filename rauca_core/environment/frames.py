@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -15,11 +15,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
-from ..contract import Dataset, Frame, RaucaError, Vehicle, load_vehicle
+from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, load_vehicle
 from ..contract.colour import linear_from_srgb
 from ..contract.seeding import named_rng
 from ..images import read_image
+from ..render import display
 from .exact import load_exact, require_light
 from .shading import PlainShading, plain_shading
 
@@ -64,27 +66,26 @@ class Place(NamedTuple):
 class LightFrames:
     """The frames of data sets that show the vehicle; read on first use and kept while memory lasts.
 
+    Frames larger than the working size are averaged down to it, in linear light: the noise of few samples goes with it.
+
     Args:
-        folders: data sets with light maps, frames of one size.
+        folders: data sets with light maps.
         memory_mb: of frames kept in memory, MiB.
+        size: to work in, pixels; the frames' own size by default, which must then be one.
 
     Raises:
-        RaucaError: a data set made without light, without frames, or of another image size.
+        RaucaError: a data set made without light, without frames, or of an image size that is no multiple of ``size``.
     """
 
-    def __init__(self, folders: Sequence[Path], memory_mb: int = 2048) -> None:
+    def __init__(self, folders: Sequence[Path], memory_mb: int = 2048, size: int | None = None) -> None:
         if not folders:
             raise RaucaError("data sets: none given; make one with `rauca dataset make`")
         self.datasets = [Dataset(folder) for folder in folders]
-        self.size = self.datasets[0].plan.size
+        self.size = size or self.datasets[0].plan.size
         self.places: list[Place] = []
         for number, dataset in enumerate(self.datasets):
             require_light(dataset)
-            if dataset.plan.size != self.size:
-                raise RaucaError(
-                    f"{dataset.folder}: frames of {dataset.plan.size} pixels, those of {self.datasets[0].folder} have "
-                    f"{self.size}; make them with one --size"
-                )
+            self._require_size(dataset, chosen=size is not None)
             found = [Place(number, f) for f in dataset.frames() if f.box_xyxy is not None]
             if not found:
                 raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
@@ -97,6 +98,18 @@ class LightFrames:
 
     def __len__(self) -> int:
         return len(self.places)
+
+    def _require_size(self, dataset: Dataset, chosen: bool) -> None:
+        own = dataset.plan.size
+        if chosen and own % self.size:
+            raise RaucaError(
+                f"{dataset.folder}: frames of {own} pixels, no multiple of --size {self.size}; choose another"
+            )
+        if not chosen and own != self.size:
+            raise RaucaError(
+                f"{dataset.folder}: frames of {own} pixels, those of {self.datasets[0].folder} have {self.size}; "
+                "choose a --size that divides both"
+            )
 
     def get(self, index: int) -> LightFrame:
         """The frame at ``index``, from memory or from disk; raises :class:`RaucaError` naming a damaged file."""
@@ -118,12 +131,12 @@ class LightFrames:
 
     def render_plain(self, index: int) -> PlainShading:
         """Rasterise and shade the frame's view, anew at every call."""
-        return plain_shading(self.vehicle(index), self.places[index].frame.camera_in_vehicle)
+        return plain_shading(self.vehicle(index), self.camera(index))
 
     def plain(self, index: int) -> PlainShading:
         """The same, kept per camera: weathers and locations share it."""
         place = self.places[index]
-        camera = place.frame.camera_in_vehicle
+        camera = self.camera(index)
         pose = np.round(np.concatenate([camera.R, camera.t.reshape(3, 1)], 1), 9) + 0.0
         key = place.dataset, pose.tobytes() + camera.K.tobytes()
         found = self._shadings.pop(key, None) or self.render_plain(index)
@@ -159,22 +172,42 @@ class LightFrames:
     def digest(self) -> str:
         """Names the data: plans and lists of frames."""
         plans = [dataset.plan.to_json() for dataset in self.datasets]
-        text = json.dumps([plans, [(p.dataset, p.frame.id) for p in self.places]], sort_keys=True)
+        text = json.dumps([plans, self.size, [(p.dataset, p.frame.id) for p in self.places]], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def _name(self, index: int, by: SplitBy) -> int:
         frame = self.places[index].frame
         return frame.location if by == "location" else frame.view
 
+    def camera(self, index: int) -> Camera:
+        """Of a frame in its vehicle's own axes, in pixels of the working size."""
+        place = self.places[index]
+        camera = place.frame.camera_in_vehicle
+        shrunk = self.size / self.datasets[place.dataset].plan.size
+        return replace(camera, K=np.diag([shrunk, shrunk, 1.0]) @ camera.K, width=self.size, height=self.size)
+
     def _read(self, place: Place) -> LightFrame:
         dataset, frame = self.datasets[place.dataset], place.frame
-        folder, light = dataset.frame_folder(frame.id), load_exact(dataset, frame.id)
-        image = read_picture(folder / "image.png", self.size)
-        paint, vehicle = (read_picture(folder / f"{name}.png", self.size, grey=True) for name in ("paint", "vehicle"))
-        A, B = (torch.from_numpy(m.transpose(2, 0, 1).astype(np.float16)) for m in (light.A, light.B))
-        reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+        folder, light, own = dataset.frame_folder(frame.id), load_exact(dataset, frame.id), dataset.plan.size
+        image = read_picture(folder / "image.png", own)
+        paint, vehicle = (read_picture(folder / f"{name}.png", own, grey=True) for name in ("paint", "vehicle"))
+        A, B = (torch.from_numpy(m.transpose(2, 0, 1).copy()) for m in (light.A, light.B))
+        reference = torch.from_numpy(linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0))
         named = str(folder), frame.weather.name, frame.distance_m
-        return LightFrame(*named, image, paint, vehicle, A, B, torch.from_numpy(reference))
+        whole = LightFrame(*named, image, paint, vehicle, A.half(), B.half(), reference)
+        return whole if own == self.size else shrink(whole, own // self.size)
+
+
+def shrink(frame: LightFrame, factor: int) -> LightFrame:
+    """The frame with squares of ``factor`` pixels averaged, in linear light, and displayed anew."""
+
+    def mean(pixels: Tensor) -> Tensor:
+        return functional.avg_pool2d(pixels.float(), factor)
+
+    A, B = mean(frame.A), mean(frame.B)
+    image = display(A * frame.reference[:, None, None] + B)
+    paint, vehicle = (mean(mask).round().byte() for mask in (frame.paint, frame.vehicle))
+    return replace(frame, image=(image * 255).round().byte(), paint=paint, vehicle=vehicle, A=A.half(), B=B.half())
 
 
 def read_picture(path: Path, size: int, grey: bool = False) -> Tensor:

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from .batches import Batch, augment, collate, crop, draw_albedos, join
 from .extractor import LightSplitter
-from .frames import LightFrame, LightFrames
+from .frames import LightFrame, LightFrames, shrink
 from .losses import light_loss
 from .methods import Render, splitter_render
 from .settings import TrainingSettings
@@ -64,9 +64,13 @@ class SplitterLearner:
 
     def _draw(self, item: Item, rng: np.random.Generator) -> tuple[Batch, Tensor]:
         """A frame as this step sees it, and albedos (C, 1, 3, H, W) to compare it in."""
-        seen = collate([self._frames.get(item.frame)])
-        if self._settings.crop:
-            seen = crop(seen, self._settings.crop, rng)
+        side, frame = self._settings.crop, self._frames.get(item.frame)
+        own = frame.image.shape[-1]
+        if side and self._settings.mixed and own % side == 0 and rng.random() < 0.5:
+            frame = shrink(frame, own // side)
+        seen = collate([frame])
+        if side:
+            seen = crop(seen, side, rng)
         if self._settings.augment:
             seen = augment(seen, rng)
         height, width = seen.image.shape[-2:]

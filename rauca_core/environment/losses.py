@@ -82,9 +82,10 @@ def light_loss(
         mask: (B, 1, H, W) coverage of the paint; with W each frame counts by its mean over the paint.
         weighted: leave W of Eq. 5 out for the ablation: frames then count by the paint's area.
     """
-    A, B = predicted
-    A_exact, B_exact = exact
-    seen, truth = tone(albedo * A + B), tone(albedo * A_exact + B_exact)
+    painted = mask[:, 0] > 0  # a tenth of the pixels: the others weigh nothing
+    A, B, A_exact, B_exact = (m.transpose(0, 1)[:, painted] for m in (*predicted, *exact))
+    x = albedo.expand(-1, -1, -1, *mask.shape[-2:]).transpose(1, 2)[:, :, painted]
+    seen, truth = tone(x * A + B), tone(x * A_exact + B_exact)
     error = torch.nn.functional.huber_loss(seen, truth.clamp(max=1.5), reduction="none", delta=0.1)
     weight = vehicle_weight(mask)[:, None, None, None] * mask if weighted else mask
-    return (error * weight).mean()
+    return (error * weight[:, 0][painted]).sum() / (len(albedo) * 3 * mask.numel())

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from ..render import display, undisplay
 from .affine_transfer import transfer_light
-from .batches import collate
 from .extractor import LightSplitter
+from .focus import split_light
 from .frames import LightFrame
 from .published import PublishedEfe, fuse_published
 from .shading import PlainShading
@@ -19,29 +20,35 @@ Render = Callable[[Tensor], Tensor]
 """Linear albedo (C, 3, 1, 1) or (C, 3, H, W) -> the frame in C paints, (C, 3, H, W) sRGB, float32."""
 
 
-def affine_render(A: Tensor, B: Tensor) -> Render:
-    """Light maps (3, H, W) as a :data:`Render`: display(A * x + B)."""
-    return lambda albedo: display(A * albedo + B)
+@dataclass(frozen=True, eq=False)
+class AffineRender:
+    """Light maps A and B, (3, H, W) linear, as a :data:`Render`: display(A * x + B)."""
+
+    A: Tensor
+    B: Tensor
+
+    def __call__(self, albedo: Tensor) -> Tensor:
+        return display(self.A * albedo + self.B)
+
+    def where(self, mask: Tensor) -> AffineRender:
+        """The N pixels of a mask (H, W) alone, as an image of one row, (3, 1, N)."""
+        return AffineRender(self.A[:, mask][:, None], self.B[:, mask][:, None])
 
 
-def exact_render(frame: LightFrame) -> Render:
+def exact_render(frame: LightFrame) -> AffineRender:
     """The maps that Blender rendered: the truth of every other method, but for what is not affine."""
-    return affine_render(frame.A.float(), frame.B.float())
+    return AffineRender(frame.A.float(), frame.B.float())
 
 
-def transfer_render(frame: LightFrame) -> Render:
+def transfer_render(frame: LightFrame) -> AffineRender:
     """Colour transfer without training; see `affine_transfer`."""
     image = undisplay(frame.image.float() / 255)
-    return affine_render(*transfer_light(image, frame.paint.float() / 255, frame.reference))
+    return AffineRender(*transfer_light(image, frame.paint.float() / 255, frame.reference))
 
 
-def splitter_render(net: LightSplitter, frame: LightFrame) -> Render:
+def splitter_render(net: LightSplitter, frame: LightFrame) -> AffineRender:
     """Our extractor, one inference for all paints."""
-    device = next(net.parameters()).device
-    batch = collate([frame]).to(device)
-    with torch.no_grad():
-        A, B = net(batch.image, batch.paint, batch.reference)
-    return affine_render(A[0].cpu(), B[0].cpu())
+    return AffineRender(*split_light(net, frame.image.float() / 255, frame.paint.float() / 255, frame.reference))
 
 
 def plain_render(frame: LightFrame, plain: PlainShading) -> Render:

@@ -25,7 +25,10 @@ class TrainingSettings(BaseModel):
         loss: of the published extractor: ``bce``, Eq. 5, or ``mse``, the published code's.
         weighted: W of Eq. 5; without it every frame counts by its vehicle's area.
         colours: albedos that one inference of ours is compared in.
+        average: decay of the weights' running mean, which is what is tested and kept; 0 takes the weights themselves.
+        size: frames are averaged down to, pixels; None leaves them as they are.
         crop: train on random squares of this side, pixels; 0 on whole frames.
+        mixed: with ``crop``, every other frame is shown whole, averaged down to the square's side.
         augment: show our extractor the frames in other light and reference paint as well.
         split, test_share: how frames are held out to test on, see ``LightFrames.split``.
         precision: ``auto`` is bfloat16 where a GPU has it, else float32.
@@ -49,7 +52,10 @@ class TrainingSettings(BaseModel):
     loss: Literal["bce", "mse"] = "bce"
     weighted: bool = True
     colours: int = Field(6, ge=1, le=64)
+    average: float = Field(0.99, ge=0, lt=1)
+    size: int | None = Field(None, ge=16)
     crop: int = Field(0, ge=0)
+    mixed: bool = False
     augment: bool = True
     split: Literal["location", "view"] = "location"
     test_share: float = Field(0.25, gt=0, lt=1)
@@ -73,7 +79,14 @@ def make_training_settings(**chosen: Any) -> TrainingSettings:
     """
     given = {name: value for name, value in chosen.items() if value is not None}
     if str(given.get("method", "ours")).startswith("published"):
-        given = {"lr": 0.01, "weight_decay": 0.0, "schedule": "constant", "clip": 0.0, "batch": 16} | given
+        given = {
+            "lr": 0.01,
+            "weight_decay": 0.0,
+            "schedule": "constant",
+            "clip": 0.0,
+            "batch": 16,
+            "average": 0.0,
+        } | given
     try:
         return TrainingSettings(**given)
     except ValidationError as error:

@@ -21,6 +21,7 @@ from ..contract.files import append_line
 from ..contract.recolour import TEST
 from ..contract.seeding import named_rng
 from ..cpu import keep_large_blocks, threads
+from .averaging import WeightAverage
 from .convergence import converged_epoch
 from .distributed import Team
 from .frames import LightFrames
@@ -81,8 +82,9 @@ class Job:
         train, test: indices of frames.
         settings: of the loop.
         out: folder for checkpoints, ``epochs.jsonl`` and tensorboard.
-        keep: called in the leading process when the weights are the best so far, with the epoch and the test errors
-            per weather; before the epoch's checkpoint, so that a kill in between repeats it.
+        keep: called in the leading process when the averaged weights, which the network then holds, are the best so
+            far, with the epoch and the test errors per weather; before the epoch's checkpoint, so that a kill in
+            between repeats it.
         identity: what else a resumed run must share, as JSON.
     """
 
@@ -133,6 +135,7 @@ class _Training:
         self.job, self.team, self.on_step = job, team, on_step
         self.net = job.learner.net.to(team.device)
         self.wrapped = team.wrap(self.net)
+        self.average = WeightAverage(self.net, job.settings.average)
         settings = job.settings
         # Without weight decay AdamW is Adam.
         self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
@@ -152,6 +155,7 @@ class _Training:
         if resume:
             state = load_state(folder, self.identity)
             restore(self.net, self.optimiser, state.tensors, folder)
+            self.average.restore(state.tensors)
             self.errors = state.errors
         board = SummaryWriter(str(job.out / "tensorboard"), purge_step=len(self.errors)) if self.team.leads else None
         try:
@@ -204,6 +208,7 @@ class _Training:
                 f"{self._culprit(mine, draw)}; remove the frame, or lower the learning rate"
             )
         self.optimiser.step()
+        self.average.update((epoch - 1) * self.steps + step + 1)
         return float(loss.detach()) * weight
 
     def _culprit(self, items: list[Item], draw: Draw) -> str:
@@ -236,20 +241,19 @@ class _Training:
     ) -> None:
         """Measure, keep the best, write the checkpoint. The leading process does; all learn the error."""
         job, found = self.job, dict[str, Error]()
-        if self.team.leads:
-            self.net.eval()
-            found = measure(job.frames, job.test, job.learner.render_of, TEST)
-        (error,) = self.team.broadcast([total(found.values()).mae])
-        self.errors.append(error)
-        if board is None:
-            return
-        report = EpochReport(epoch, job.settings.epochs, loss, error, min(self.errors), seconds)
-        if error == report.best:
-            job.keep(epoch, found)
-        save_state(
-            job.out / CHECKPOINTS,
-            TrainingState(epoch, self.errors, self.identity, state_tensors(self.net, self.optimiser)),
-        )
+        with self.average.shown():
+            if self.team.leads:
+                self.net.eval()
+                found = measure(job.frames, job.test, job.learner.render_of, TEST)
+            (error,) = self.team.broadcast([total(found.values()).mae])
+            self.errors.append(error)
+            if board is None:
+                return
+            report = EpochReport(epoch, job.settings.epochs, loss, error, min(self.errors), seconds)
+            if error == report.best:
+                job.keep(epoch, found)
+        tensors = state_tensors(self.net, self.optimiser) | self.average.tensors()
+        save_state(job.out / CHECKPOINTS, TrainingState(epoch, self.errors, self.identity, tensors))
         _record(board, report, found)
         append_line(job.out / LEDGER, _line(report, found))
         on_epoch(report)

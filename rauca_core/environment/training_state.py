@@ -26,7 +26,8 @@ class TrainingState:
     Attributes:
         errors: mean absolute test error S_0 ... S_epoch.
         identity: what the run depends on, as JSON.
-        tensors: the network's as ``net.*``, the optimiser's as ``optimiser.<parameter>.<name>``.
+        tensors: the network's as ``net.*``, the optimiser's as ``optimiser.<parameter>.<name>``, and the weights' mean
+            as ``average.*``.
     """
 
     epoch: int

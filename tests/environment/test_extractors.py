@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from rauca_core.environment.extractor import LightSplitter
+from rauca_core.environment.focus import split_light, surroundings
 from rauca_core.environment.losses import light_loss, tone, vehicle_weight, weighted_bce, weighted_mse
 from rauca_core.environment.published import PublishedEfe, fuse_published
 from rauca_core.render.composite import display, undisplay
@@ -52,6 +53,40 @@ def test_our_maps_are_finite_and_give_the_reference_back(kind):
     unclipped = (image.amax(dim=1, keepdim=True) < 0.98).expand_as(A)
     again = display(A * GREY[:, :, None, None] + B)
     assert torch.allclose(again[unclipped], image[unclipped], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_frame_is_lit_around_its_vehicle(kind):
+    torch.manual_seed(0)
+    net = LightSplitter()
+    torch.nn.init.normal_(net.head.weight)
+    images, masks = frames(kind)
+    wide = [torch.nn.functional.pad(t[0], (60, 60, 70, 30), value=v) for t, v in ((images, 0.4), (masks, 0.0))]
+    A, B = split_light(net, *wide, GREY[0])
+    assert A.isfinite().all()
+    assert (A[(wide[1] == 0).expand_as(A)] == 0).all()
+    window = surroundings(wide[1][0] > 0)
+    if window is None:
+        assert kind == "no vehicle"
+        assert torch.equal(B, undisplay(wide[0]))
+        return
+    inside = (..., *window)
+    alone = net(wide[0][inside][None], wide[1][inside][None], GREY[:1])
+    assert torch.equal(A[inside], alone[0][0])
+    assert (wide[1].sum() - wide[1][inside].sum()).abs() < 1e-6
+    assert B[0, 0, 0] == undisplay(torch.tensor(0.4))
+
+
+def test_what_the_network_says_does_not_depend_on_the_exposure():
+    torch.manual_seed(0)
+    net = LightSplitter()
+    torch.nn.init.normal_(net.head.weight, std=0.1)
+    linear = undisplay(frames("plain")[0]) * 0.4
+    mask = frames("plain")[1]
+    A, _ = net(display(linear), mask, GREY)
+    net_stops = [net(display(linear * factor), mask, GREY)[0] / factor for factor in (0.5, 2.0)]
+    # Only the channel that tells the exposure itself differs.
+    assert all(((other - A).abs().mean() / A.mean()) < 0.2 for other in net_stops)
 
 
 @pytest.mark.parametrize("kind", KINDS)

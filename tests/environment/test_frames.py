@@ -21,6 +21,23 @@ def test_a_frame_holds_the_data_set(dataset):
     assert (frame.paint <= frame.vehicle).all()
 
 
+def test_frames_work_at_a_smaller_size(dataset):
+    own, small = LightFrames([dataset.folder]), LightFrames([dataset.folder], size=16)
+    frame, shrunk = own.get(0), small.get(0)
+    assert shrunk.image.shape == (3, 16, 16)
+    mean = torch.nn.functional.avg_pool2d(frame.A.float(), 2)
+    assert torch.allclose(shrunk.A.float(), mean, atol=1e-3)
+    again = display(shrunk.A.float() * shrunk.reference[:, None, None] + shrunk.B.float())
+    assert torch.allclose(again, shrunk.image / 255, atol=0.005)
+    # The vehicle's picture is that of the same camera with larger pixels.
+    coverage = torch.nn.functional.avg_pool2d(own.plain(0).coverage[None], 2)[0]
+    assert (coverage - small.plain(0).coverage).abs().max() < 0.3
+    assert abs(float(coverage.mean() - small.plain(0).coverage.mean())) < 0.01
+    assert own.digest != small.digest
+    with pytest.raises(RaucaError, match="no multiple of --size 10"):
+        LightFrames([dataset.folder], size=10)
+
+
 def test_memory_is_bounded(dataset):
     frames = LightFrames([dataset.folder])
     frames._budget = 2 * frames.get(0).nbytes

@@ -11,11 +11,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from rauca_core.contract import RaucaError
 from rauca_core.environment import LightSplitter, PublishedEfe, make_training_settings
+from rauca_core.environment.averaging import WeightAverage
 from rauca_core.environment.distributed import team
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import SplitterLearner
@@ -129,6 +131,35 @@ def test_the_best_weights_are_kept(dataset, tmp_path):
     outcome = run(Job(**{**vars(work), "keep": lambda epoch, errors: kept.append((epoch, set(errors)))}))
     assert kept[-1] == (outcome.best_epoch, {"clear", "fog"})
     assert outcome.errors[outcome.best_epoch] == min(outcome.errors)
+
+
+def test_what_is_tested_is_the_weights_mean():
+    net = torch.nn.Linear(2, 1, bias=False)
+    torch.nn.init.zeros_(net.weight)
+    mean = WeightAverage(net, 0.9)
+    for step in range(1, 4):
+        torch.nn.init.constant_(net.weight, float(step))
+        mean.update(step)
+    with mean.shown():
+        assert 1.5 < float(net.weight[0, 0].detach()) < 3
+        kept = mean.tensors()["average.weight"].clone()
+    assert float(net.weight[0, 0].detach()) == 3
+    again = WeightAverage(net, 0.9)
+    again.restore({"average.weight": kept})
+    assert torch.equal(again.tensors()["average.weight"], kept)
+    nothing = WeightAverage(net, 0.0)
+    with nothing.shown():
+        assert float(net.weight[0, 0].detach()) == 3
+
+
+def test_near_and_far_are_mixed(dataset, tmp_path):
+    work = job(dataset.folder, tmp_path / "run", crop=16, mixed=True)
+    seen = [
+        work.learner._draw(item, np.random.default_rng(k))[0] for k in range(8) for item in [work.learner.items([0])[0]]
+    ]
+    assert {tuple(batch.image.shape[-2:]) for batch in seen} == {(16, 16)}
+    painted = [float(batch.paint.sum()) for batch in seen]
+    assert max(painted) > 2 * min(painted)
 
 
 def test_bfloat16_learns_too(dataset, tmp_path):
