@@ -233,7 +233,8 @@ def bench_defences_command(
     detector: Annotated[
         list[str] | None, typer.Option(help="repeat for more; yolov3-tiny and yolov4-tiny by default")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not five")] = False,
+    patch: Annotated[float, typer.Option(help="share of the vehicle's box under the optimised patch")] = 0.25,
+    quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not three")] = False,
     docs: Annotated[
         Path | None, typer.Option(help="renew the figures and the picture of defences.md in this folder too")
     ] = None,
@@ -241,7 +242,7 @@ def bench_defences_command(
 ) -> None:
     """What LGS, PAD and cheap defences cost, do to clean views, and save from a camouflage and a patch."""
     detectors = detector or ["yolov3-tiny", "yolov4-tiny"]
-    _benchmark("defences.bench").bench_defences(run_folder, detectors, json, quick, docs)
+    _benchmark("defences.bench").bench_defences(run_folder, detectors, json, quick, docs, patch)
 
 
 @bench_app.command("jobs")

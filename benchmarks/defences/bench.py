@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from torch import Tensor
 from benchmarks.page import fill_page
 from benchmarks.tables import markdown_tables, print_tables
 from pipelines.console import progress_bar
-from rauca_core.contract import Progress
+from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.files import write_json
 from rauca_core.detect import Detector, car_score, class_index, load_detector
 from rauca_core.evaluate.average_precision import Sample, average_precision
@@ -32,17 +32,18 @@ LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
 
 @dataclass(frozen=True)
 class Extent:
-    """How much to measure: steps of the patch's optimisation, and views at most."""
+    """How much to measure: steps of the patch's optimisation, views at most, share of the box under the patch."""
 
     steps: int
     views: int
+    patch: float = 0.25
 
 
 FULL, QUICK = Extent(steps=120, views=10**6), Extent(steps=20, views=8)
 
 
 def bench_defences(
-    run: Path, detectors: Sequence[str], out: Path, quick: bool = False, docs: Path | None = None
+    run: Path, detectors: Sequence[str], out: Path, quick: bool = False, docs: Path | None = None, patch: float = 0.25
 ) -> Results:
     """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimised patch.
 
@@ -52,12 +53,18 @@ def bench_defences(
         run: folder laid out as the demo's.
         detectors: names from ``rauca weights list``.
         out: JSON to write; the sheet of pictures goes beside it.
+        patch: share of the vehicle's box that it covers.
         docs: folder whose ``defences.md`` gets the figures anew, and its pictures the sheet.
 
     Raises:
-        RaucaError: the run has no views, a detector's weights are missing.
+        RaucaError: the run has no views, the patch is larger than the box, a detector's weights are missing.
     """
-    return run_bench(run, [load_detector(name) for name in detectors], QUICK if quick else FULL, out, docs)
+    if not 0 < patch <= 1:
+        raise RaucaError(
+            f"--patch {patch}: the share of the vehicle's box under the patch; give more than 0, 1 at most"
+        )
+    extent = replace(QUICK if quick else FULL, patch=patch)
+    return run_bench(run, [load_detector(name) for name in detectors], extent, out, docs)
 
 
 def run_bench(run: Path, detectors: Sequence[Detector], extent: Extent, out: Path, docs: Path | None = None) -> Results:
@@ -66,12 +73,13 @@ def run_bench(run: Path, detectors: Sequence[Detector], extent: Extent, out: Pat
     views = read_views(run)
     everything = range(len(views.frames))
     with progress_bar("defences") as move:
-        patch = optimise_patch(detectors[0], views.part(everything[1::2]), extent.steps, _told(move, "patch"))
+        others = views.part(everything[1::2])
+        patch = optimise_patch(detectors[0], others, extent.patch, extent.steps, _told(move, "patch"))
         held = views.part(everything[::2][: extent.views])
-        held = held.with_paint("patch", paste(held.paints["normal"], held.boxes, patch))
+        held = held.with_paint("patch", paste(held.paints["normal"], held.boxes, patch, extent.patch))
         outcomes = _measure(held, defences, detectors, _told(move, "views"))
     height, width = held.paints["normal"].shape[2:]
-    results = Results(len(held.frames), (height, width), detectors[0].name, extent.steps, outcomes)
+    results = Results(len(held.frames), (height, width), detectors[0].name, extent.patch, extent.steps, outcomes)
     print_tables(grids(results), width=150)
     write_json(out, asdict(results))
     save_sheet(held, defences, out.with_suffix(".jpg"))

@@ -14,22 +14,21 @@ from rauca_core.detect import Detector, car_score
 from .views import Views
 
 SIDE = 48  # texels
-SHARE = 0.5  # of the patch's side in the square root of the box's area: it covers a quarter of the box
 
 
-def patch_area(box: Tensor) -> tuple[int, int, int]:
-    """Left, top and side of the patch in the middle of a box (4,), pixels."""
+def patch_area(box: Tensor, share: float) -> tuple[int, int, int]:
+    """Left, top and side of the patch in the middle of a box (4,), pixels; it covers ``share`` of the box."""
     width, height = (float(x) for x in box[2:] - box[:2])
-    side = max(2, round(SHARE * (width * height) ** 0.5))
+    side = max(2, round((share * width * height) ** 0.5))
     left, top = (float(box[i] + box[i + 2] - side) / 2 for i in (0, 1))
     return round(left), round(top), side
 
 
-def paste(images: Tensor, boxes: Tensor, patch: Tensor) -> Tensor:
-    """Images (B, 3, H, W) with the patch (3, SIDE, SIDE) in the middle of each box (B, 4); differentiable."""
+def paste(images: Tensor, boxes: Tensor, patch: Tensor, share: float) -> Tensor:
+    """Images (B, 3, H, W) with the patch (3, SIDE, SIDE) over ``share`` of each box (B, 4); differentiable."""
     pasted = []
     for image, box in zip(images, boxes, strict=True):
-        left, top, side = patch_area(box)
+        left, top, side = patch_area(box, share)
         x, y = max(left, 0), max(top, 0)
         resized = functional.interpolate(patch[None], (side, side), mode="bilinear", antialias=True)[0].clamp(0, 1)
         shown = resized[:, y - top : image.shape[1] - top, x - left : image.shape[2] - left]
@@ -40,7 +39,13 @@ def paste(images: Tensor, boxes: Tensor, patch: Tensor) -> Tensor:
 
 
 def optimise_patch(
-    detector: Detector, views: Views, steps: int, progress: Callable[[int, int], None], batch: int = 4, seed: int = 0
+    detector: Detector,
+    views: Views,
+    share: float,
+    steps: int,
+    progress: Callable[[int, int], None],
+    batch: int = 4,
+    seed: int = 0,
 ) -> Tensor:
     """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam."""
     generator = torch.Generator().manual_seed(seed)
@@ -49,7 +54,7 @@ def optimise_patch(
     for step in range(steps):
         chosen = torch.randint(len(views.frames), (batch,), generator=generator)
         images, boxes = views.paints["normal"][chosen], views.boxes[chosen]
-        loss = attack_loss(car_score(detector, paste(images, boxes, patch), boxes)).mean()
+        loss = attack_loss(car_score(detector, paste(images, boxes, patch, share), boxes)).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

@@ -30,11 +30,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Results:
-    """``white_box`` is the detector that the patch was optimised against."""
+    """``white_box`` is the detector that the patch was optimised against; it covers ``patch_share`` of a box."""
 
     images: int
     size: tuple[int, int]
     white_box: str
+    patch_share: float
     patch_steps: int
     outcomes: tuple[Outcome, ...]
 
@@ -60,11 +61,17 @@ def grids(results: Results) -> list[Grid]:
         cost.append((defence, f"{sum(o.cpu_ms for o in found) / len(found):.1f}", *cells))
     title = f"CPU ms per {width}x{height} image; pixels moved by > 16 levels: whole image / vehicle's box"
     tables: list[Grid] = [(title, ("defence", "ms", *results.paints), cost)]
-    detectors = tuple(results.outcomes[0].ap)
+    detectors, share = tuple(results.outcomes[0].ap), f"{100 * results.patch_share:.0f} %"
     for label, attribute in (("AP@0.5 of class car", "ap"), ("Mean car score on the vehicle", "score")):
         headers = ("defence", *(f"{paint}, {name}" for paint in results.paints for name in detectors))
         rows = [_row(results, defence, attribute, detectors) for defence in results.defences]
-        tables.append((f"{label}, {results.images} views (patch optimised on {results.white_box})", headers, rows))
+        tables.append(
+            (
+                f"{label}, {results.images} views (patch over {share} of the box, optimised on {results.white_box})",
+                headers,
+                rows,
+            )
+        )
     return tables
 
 

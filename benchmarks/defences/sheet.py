@@ -13,7 +13,6 @@ from rauca_core.contract.files import write_bytes
 from rauca_core.evaluate.defences import Defence
 from rauca_core.evaluate.defences.interface import to_pixels
 
-from .patch import patch_area
 from .views import Views
 
 TILE, GAP, TITLE = 216, 6, 26
@@ -46,8 +45,10 @@ def save_sheet(views: Views, defences: Sequence[Defence], out: Path) -> None:
 
 
 def _best_view(views: Views) -> int:
-    """The view whose vehicle has the largest patch: close, and seen from the side."""
-    return max(range(len(views.frames)), key=lambda index: patch_area(views.boxes[index])[2])
+    """The view with the largest box: the vehicle is close, and seen from the side."""
+    return max(
+        range(len(views.frames)), key=lambda index: float((views.boxes[index, 2:] - views.boxes[index, :2]).prod())
+    )
 
 
 def _tile(image: Tensor) -> Image.Image:

@@ -20,8 +20,8 @@ from rauca_core.evaluate.defences import defence_names
 
 def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:
     images, box = torch.full((1, 3, 100, 120), 0.5), torch.tensor([[20.0, 30.0, 100.0, 70.0]])
-    pasted = paste(images, box, torch.ones(3, SIDE, SIDE))
-    left, top, side = patch_area(box[0])
+    pasted = paste(images, box, torch.ones(3, SIDE, SIDE), 0.25)
+    left, top, side = patch_area(box[0], 0.25)
     expected = images.clone()
     expected[..., top : top + side, left : left + side] = 1
     torch.testing.assert_close(pasted, expected)
@@ -33,7 +33,7 @@ def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:
 @pytest.mark.parametrize("box", [(-30.0, -20.0, 40.0, 30.0), (60.0, 50.0, 130.0, 110.0), (5.0, 5.0, 6.0, 6.0)])
 def test_a_patch_may_reach_over_the_border_and_learns(box: tuple[float, ...]) -> None:
     images, patch = torch.zeros(1, 3, 80, 96), torch.rand(3, SIDE, SIDE).requires_grad_()
-    pasted = paste(images, torch.tensor([box]), patch)
+    pasted = paste(images, torch.tensor([box]), patch, 0.25)
     assert pasted.shape == images.shape
     pasted.sum().backward()
     assert patch.grad is not None
