@@ -9,6 +9,7 @@ from .interface import DensePredictions, Detections
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.
 MAX_CANDIDATES = 4096
+BLOCK = 256  # boxes that are suppressed at once
 
 
 def box_iou(a: Tensor, b: Tensor) -> Tensor:
@@ -25,8 +26,24 @@ def box_iou(a: Tensor, b: Tensor) -> Tensor:
 def suppress(boxes: Tensor, iou_threshold: float) -> Tensor:
     """Greedy non-maximum suppression of (N, 4) boxes sorted best first: (N,) bool, True for those kept.
 
-    A box is kept when no kept box before it overlaps it by more than ``iou_threshold``. Starting from "all kept" and
-    applying that rule to all boxes at once, box i is settled after at most i rounds, and all in a handful.
+    A box is kept when no kept box before it overlaps it by more than ``iou_threshold``. Block after block, best first:
+    what was kept before clears a block, then the block clears itself. So the work grows with the boxes kept, not with
+    the square of all; some networks call thousands of anchors a little likely, for every class.
+    """
+    kept = torch.zeros(len(boxes), dtype=torch.bool, device=boxes.device)
+    for start in range(0, len(boxes), BLOCK):
+        block = boxes[start : start + BLOCK]
+        before = boxes[:start][kept[:start]]
+        free = ~(box_iou(block, before) > iou_threshold).any(1)
+        kept[start : start + BLOCK][free] = _suppress_at_once(block[free], iou_threshold)
+    return kept
+
+
+def _suppress_at_once(boxes: Tensor, iou_threshold: float) -> Tensor:
+    """The same by the overlaps of all pairs.
+
+    Starting from "all kept" and applying the rule to all boxes at once, box i is settled after at most i rounds, and
+    all in a handful.
     """
     overlaps = (box_iou(boxes, boxes) > iou_threshold).triu(1)
     kept = torch.ones(len(boxes), dtype=torch.bool, device=boxes.device)
