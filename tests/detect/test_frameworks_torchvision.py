@@ -260,6 +260,9 @@ def test_checkpoints_are_tensors_and_nothing_else(
     checkpoint = tmp_path / "checkpoint.pth"
     torch.save({"model": loaded.model.state_dict(), "epoch": 26}, checkpoint)
     assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
+    old = {name.replace("rpn.head.conv.0.0.", "rpn.head.conv."): one for name, one in loaded.model.state_dict().items()}
+    torch.save(old, checkpoint)  # the names in which torchvision published its first Faster R-CNN
+    assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
     torch.save({"model": Payload()}, checkpoint)
     with pytest.raises(RaucaError, match="objects other than tensors"):
         TorchvisionDetector("x", SMALL, checkpoint, NAMES)
