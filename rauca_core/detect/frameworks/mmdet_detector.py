@@ -38,8 +38,9 @@ class MmdetDetector:
     without suppression (Sparse R-CNN, the DETRs) leave ``iou_threshold`` unused.
 
     MMDetection is no dependency of this project and its compiled operators are not part of the package index, so the
-    project's tests predict with it only where it happens to be installed. The adapter was checked by hand against MMDetection 3.3 with
-    random weights of Dynamic R-CNN, Sparse R-CNN and RetinaNet, with operators of torchvision in place of MMCV's.
+    project's tests predict with it only where it happens to be installed. The adapter was checked by hand against
+    MMDetection 3.3 with random weights of Dynamic R-CNN, Sparse R-CNN and RetinaNet, with this project's operators in
+    place of MMCV's compiled ones.
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
