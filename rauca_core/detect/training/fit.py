@@ -11,7 +11,7 @@ from typing import Any
 
 from torch import nn
 
-from ...contract import RaucaError
+from ...contract import RaucaError, read_plan
 from ...environment.frames import LightFrames
 from ..catalogue import find_source
 from ..store import stored_path, verify
@@ -99,10 +99,16 @@ def fit(
 
 
 def _check_folders(wanted: Fit) -> None:
+    """Refuse what would be tested on what it was trained on, and frames that differ in size."""
     folders = [folder.resolve() for folder in (*wanted.datasets, *wanted.tests)]
     for folder, times in Counter(folders).items():
         if times > 1:
             raise RaucaError(f"{folder}: given more than once; what is trained on cannot be tested on")
+    sizes = {folder: read_plan(folder).size for folder in folders}
+    usual = Counter(sizes.values()).most_common(1)[0][0]
+    for folder, size in sizes.items():
+        if size != usual:
+            raise RaucaError(f"{folder}: frames of {size} pixels, the others have {usual}; render them at one size")
 
 
 def _split(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
