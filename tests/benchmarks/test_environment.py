@@ -17,12 +17,13 @@ from benchmarks.environment.curve import Point
 from benchmarks.environment.cycles import LIGHT, Render, render_anew
 from benchmarks.environment.datasets import default_data, held_out_data, make, sedan_data, vehicle_data
 from benchmarks.environment.figure import save_curve, save_figure
+from benchmarks.environment.neural_renderer import SUBSAMPLES, find_faces
 from benchmarks.environment.results import Results
 from benchmarks.environment.settings import CLEAR, FULL, QUICK
 from benchmarks.environment.textures import TEXTURES, save_textures, texture
 from benchmarks.environment.trainings import Trained, drawn, time_epochs
 from benchmarks.environment.truth import Truth, displayed, near_frames, regions, sample_textures
-from benchmarks.environment.vehicles import Adapted
+from benchmarks.environment.vehicles import Adapted, first_within
 from benchmarks.environment.weighting import weigh
 from rauca_core.contract import Vehicle
 from rauca_core.contract.files import write_json
@@ -30,7 +31,8 @@ from rauca_core.environment import PublishedEfe, load_exact
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render
 from rauca_core.environment.training import Outcome
-from rauca_core.render import Pyramid
+from rauca_core.render import Pyramid, rasterize
+from rauca_core.render.raster.pattern import pattern
 
 TINY = replace(QUICK, uv_size=64, widths=(4, 6), seen=("clear",), unseen=("fog",), shown=("clear", "fog"))
 
@@ -89,11 +91,11 @@ def test_the_comparison_ranks_and_the_report_says_so(frames, truths, tmp_path):
     assert values["paint"] == values["inside"] + values["edge"] > 0
     outcome = Trained(net, Outcome([0.2, 0.1], 1, None), 3.0)
     points = [
-        Point(w, n, 30.0 + n, 29.0 + n, 1.0 * n, 0.6 * n) for w in ("clear", "fog") for n in TINY.budgets
+        Point(w, n, 30.0 + n, 29.0 + n, 1.0 * n, 0.6 * n, 28.0 + n) for w in ("clear", "fog") for n in TINY.budgets
     ]  # fmt: skip
     results = Results(
         TINY, found, found, outcome, outcome, time_epochs(frames, range(2), TINY),
-        weigh(frames, range(4), (net, net), TINY), points, [Adapted("suv", 40, 8, None, 0.02, 0.01, 24.0, 30.0)],
+        weigh(frames, range(4), (net, net), TINY), points, [Adapted("suv", 40, 8, 30, 2, None, 0.02, 0.01, 24.0, 30.0)],
     )  # fmt: skip
     told = results.to_json()
     write_json(tmp_path / "environment.json", told)
@@ -102,7 +104,9 @@ def test_the_comparison_ranks_and_the_report_says_so(frames, truths, tmp_path):
     assert told["epochs_pretrained"] == {"suv": 8}
     assert told["epoch_time_base_over_final"] > 3
     targets = {t.what: t for t in report.judge(replace_clear(results))}
-    assert targets["suv: epochs pre-trained over from scratch"].passed
+    assert targets["suv: epochs pre-trained over from scratch, the paper's criterion"].passed
+    assert targets["suv: the same, to 5 % of the error from scratch"].passed
+    assert told["epoch_time_published_base_over_final"] > told["epoch_time_base_over_final"]
     page = report.markdown_report(replace_clear(results))
     assert all(f"| {name} |" in page for name in METHODS)
     assert save_curve(points, TINY.shown, tmp_path / "curve.svg").stat().st_size > 1000
@@ -119,6 +123,21 @@ def replace_clear(results: Results) -> Results:
     return results
 
 
+def test_every_face_tested_finds_what_our_rasteriser_finds(frames):
+    vehicle, camera = frames.vehicle(0), frames.camera(0)
+    ours = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
+    expected = np.full((96, 96), -1)
+    height, width = ours.face_ids.shape
+    expected[ours.y0 : ours.y0 + height, ours.x0 : ours.x0 + width] = ours.face_ids
+    assert (find_faces(vehicle, camera) == expected).mean() > 0.999
+    assert (expected >= 0).sum() > 100
+
+
+def test_the_first_epoch_within_an_error():
+    assert first_within([0.3, 0.2, 0.25, 0.1], 0.2) == 1
+    assert first_within([0.3, 0.2], 0.1) is None
+
+
 @pytest.mark.parametrize("settings", [FULL, QUICK])
 def test_data_sets_are_named_by_what_they_hold(settings):
     wanted = [sedan_data(settings), held_out_data(settings), default_data(settings), *vehicle_data("suv", settings)]
@@ -131,18 +150,24 @@ def test_data_sets_are_named_by_what_they_hold(settings):
 
 def test_blender_renders_the_frames_anew(tmp_path):
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
-    small = replace(QUICK, size=64, samples=4, seen=(CLEAR,), unseen=(), locations=1, azimuths=1, uv_size=128)
+    # A rainy frame in shade: its own exposure and the rain before it belong to what is rendered anew.
+    small = replace(
+        QUICK, size=64, samples=8, seen=("heavy-rain-noon",), unseen=(), locations=1, azimuths=1, uv_size=128
+    )
     dataset = make(sedan_data(small), tmp_path)
     frames = LightFrames([dataset.folder])
     camouflages = save_textures(frames.vehicle(0), small.uv_size, tmp_path / "textures")
     (index,), name = near_frames(frames), "photograph-like"
     frame = frames.places[index].frame.id
-    wanted = [Render(frame, name, 16, seed) for seed in (1, 2)] + [Render(frame, LIGHT, 4, 1, True)]
+    wanted = [Render(frame, name, 16, seed) for seed in (1, 2)] + [Render(frame, LIGHT, 8, 1, True)]
     found = render_anew(dataset, camouflages, wanted, tmp_path / "cycles")
     assert render_anew(dataset, camouflages, wanted, tmp_path / "cycles").keys() == found.keys()  # from disk
     light, exact = found[wanted[2]], load_exact(dataset, frame)
     # Not to the bit: Cycles draws other noise in a process that has rendered no coverage.
     assert np.abs(light["A"] - exact.A)[exact.A > 0].mean() < 0.05 * exact.A.max()
+    painted = exact.A > 0
+    assert light["A"][painted].mean() == pytest.approx(exact.A[painted].mean(), rel=0.1)
+    assert frames.places[index].frame.exposure_stops > 0.2
     assert light["seconds"] > 0
     albedo = sample_textures(frames, [index], camouflages, small.uv_size)[index, name]
     pair = [displayed(found[render]["image"]) for render in wanted[:2]]
