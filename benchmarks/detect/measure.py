@@ -50,6 +50,7 @@ def measure(contender: Contender, images: list[Tensor], timed: int) -> Adapter:
         reference_ms,
         statistics.median(ours / theirs for theirs, ours, _ in kept),
         "detections" if contender.final else "predictions",
+        len(images),
     )
 
 

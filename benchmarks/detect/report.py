@@ -18,8 +18,18 @@ def markdown_report(results: Results) -> str:
 
 
 def _grids(results: Results) -> list[Grid]:
-    headers = ("adapter", "reference", "compared", "largest difference", "ours, ms", "theirs, ms", "ratio", "step, ms")
-    title = f"Adapters beside their references, {results.images} images ({results.source}), one core"
+    headers = (
+        "adapter",
+        "reference",
+        "compared",
+        "images",
+        "largest difference",
+        "ours, ms",
+        "theirs, ms",
+        "ratio",
+        "step, ms",
+    )
+    title = f"Adapters beside their references, one core, images: {results.source}"
     grids: list[Grid] = [(title, headers, [_row(adapter) for adapter in results.adapters])]
     hopes = [("difference", f"<= {LARGEST_DIFFERENCE:g}"), ("ratio of the forward pass", f"<= {LARGEST_RATIO:g}")]
     missed = [
@@ -41,6 +51,7 @@ def _row(adapter: Adapter) -> tuple[str, ...]:
         adapter.name,
         adapter.reference,
         adapter.compared,
+        str(adapter.images),
         f"{adapter.max_abs_difference:.1e}",
         *(f"{ms:.1f}" for ms in times),
         f"{adapter.forward_ratio:.2f}",

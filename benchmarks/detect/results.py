@@ -21,6 +21,7 @@ class Adapter:
         backward_ms: an attack's step: predictions with gradients and their way back to the image.
         forward_ratio: median over images of ours by theirs.
         compared: ``predictions`` before suppression, or ``detections`` after.
+        images: on which the difference was taken.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Adapter:
     reference_forward_ms: float
     forward_ratio: float
     compared: str
+    images: int
 
     @property
     def agrees(self) -> bool:

@@ -45,6 +45,7 @@ def test_every_ready_adapter_agrees_with_its_reference(tmp_path: Path, monkeypat
         assert row["max_abs_difference"] <= LARGEST_DIFFERENCE, row
         assert min(row["forward_ms"], row["backward_ms"], row["reference_forward_ms"]) > 0
         assert row["reference"]
+        assert row["images"] == (1 if "random" in row["name"] else 2)
     page = (tmp_path / "detectors.md").read_text()
     assert all(f"| {adapter.name} |" in page for adapter in results.adapters)
 
@@ -81,7 +82,7 @@ def test_differences() -> None:
 
 
 def test_an_adapter_that_differs_is_named() -> None:
-    good = Adapter("good", 1e-6, 10.0, 20.0, "cv2.dnn", 12.0, 0.83, "predictions")
+    good = Adapter("good", 1e-6, 10.0, 20.0, "cv2.dnn", 12.0, 0.83, "predictions", 20)
     bad = replace(good, name="bad", max_abs_difference=float("inf"), forward_ratio=2.0)
     results = Results(20, "drawn", (good, bad), (("absent", "rauca weights fetch absent"),))
     page = markdown_report(results)
