@@ -1,8 +1,9 @@
 """The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
 
-from .cache import TapCache, TapSettings
+from .cache import FacetSettings, PatternSettings, TapCache, TapRecipe, TapSettings
 from .canvas import Canvas
 from .composite import composite, display, undisplay
+from .facet_texture import bake_facets, cell_positions
 from .pyramid import Pyramid
 from .raster.rasterise import Raster, rasterize
 from .sampling import Sampler
@@ -14,16 +15,21 @@ from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pa
 __all__ = [
     "TAP_FORMAT",
     "Canvas",
+    "FacetSettings",
+    "PatternSettings",
     "Pyramid",
     "Raster",
     "Sampler",
     "SparseOperator",
     "TapCache",
+    "TapRecipe",
     "TapSettings",
     "Taps",
     "apply_many",
+    "bake_facets",
     "build_taps",
     "build_world_aligned_taps",
+    "cell_positions",
     "composite",
     "display",
     "pattern_pyramid",

@@ -8,18 +8,36 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
+from .facet_texture import build_facet_taps, cells_pyramid
 from .pyramid import Pyramid
 from .sampling import Sampler
+from .sampling.sampler import TEXTURE_SIZE
 from .taps import FORMAT, Taps, build_taps
+from .world_aligned import SHARPNESS, build_world_aligned_taps, pattern_pyramid
+
+
+class TapRecipe(Protocol):
+    """What a view's taps depend on beside vehicle and camera: a dataclass of plain values."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        """The colours that the taps read, with their mip levels."""
+        ...
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        """The taps of one view."""
+        ...
 
 
 @dataclass(frozen=True)
 class TapSettings:
-    """What a view's taps depend on beside vehicle and camera; see :func:`taps.build_taps`."""
+    """Taps on the UV map; see :func:`taps.build_taps`."""
 
     size: int
     samples: int = 12
@@ -27,6 +45,46 @@ class TapSettings:
     pattern: str = "lattice"
     thinning: float | None = None
     sampler: Sampler = Sampler.AREA
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return Pyramid.of(vehicle, self.size)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        return build_taps(vehicle, camera_in_vehicle, pyramid=pyramid, **asdict(self))
+
+
+@dataclass(frozen=True)
+class FacetSettings:
+    """Taps on the facet texture tensor; see :func:`facet_texture.build_facet_taps`."""
+
+    samples: int = 2
+    filter: str = "box"
+    texture_size: int = TEXTURE_SIZE
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return cells_pyramid(vehicle, self.texture_size)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        return build_facet_taps(vehicle, camera_in_vehicle, pyramid, self.texture_size, self.samples, self.filter)
+
+
+@dataclass(frozen=True)
+class PatternSettings:
+    """Taps on a world-aligned pattern; see :func:`world_aligned.build_world_aligned_taps`."""
+
+    side: int
+    tile_m: float
+    samples: int = 12
+    filter: str = "blackman-harris"
+    sharpness: float = SHARPNESS
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return pattern_pyramid(self.side)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        return build_world_aligned_taps(
+            vehicle, camera_in_vehicle, pyramid, self.tile_m, self.samples, self.filter, self.sharpness
+        )
 
 
 class TapCache:
@@ -36,19 +94,19 @@ class TapCache:
     threads, vehicles and settings may share the folder. The most recently used taps stay in memory.
 
     Attributes:
-        pyramid: the vehicle's, at the settings' size.
+        pyramid: of the colours that the taps read.
     """
 
-    def __init__(self, folder: Path, vehicle: Vehicle, settings: TapSettings, memory_bytes: int = 2**30) -> None:
+    def __init__(self, folder: Path, vehicle: Vehicle, settings: TapRecipe, memory_bytes: int = 2**30) -> None:
         self.folder, self.settings = Path(folder), settings
-        self.pyramid = Pyramid.of(vehicle, settings.size)
+        self.pyramid = settings.pyramid(vehicle)
         self._vehicle, self._geometry = vehicle, vehicle.geometry_id  # a hash of the whole mesh: once, not per view
         self._limit, self._held = memory_bytes, 0
         self._memory: OrderedDict[str, Taps] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, camera_in_vehicle: Camera) -> Taps:
-        """The taps that :func:`taps.build_taps` would return for the same arguments, to the bit."""
+        """The taps that the settings build for the camera, to the bit."""
         key = tap_key(self._geometry, camera_in_vehicle, self.settings)
         with self._lock:
             if key in self._memory:
@@ -82,7 +140,7 @@ class TapCache:
                 on_view(done, len(views))
 
     def _build(self, key: str, camera: Camera) -> Taps:
-        taps = build_taps(self._vehicle, camera, pyramid=self.pyramid, **asdict(self.settings))
+        taps = self.settings.build(self._vehicle, camera, self.pyramid)
         taps.save(self._path(key), key)
         return taps
 
@@ -106,7 +164,7 @@ class TapCache:
             return None  # a cache may be rebuilt without asking
 
 
-def tap_key(geometry_id: str, camera: Camera, settings: TapSettings) -> str:
+def tap_key(geometry_id: str, camera: Camera, settings: TapRecipe) -> str:
     """Name of a cache entry. Poses are rounded to a nanometre: frames of one camera differ by float noise only."""
     digest = hashlib.sha256(f"{FORMAT} {geometry_id} {asdict(settings)}".encode())
     digest.update(f" {camera.width} {camera.height}".encode())

@@ -10,20 +10,14 @@ Not here: the networks by which the two methods approximate this projection, whe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
-from .coverage import SUBSAMPLES
 from .filters import filter_table
-from .merge import Rows, filter_fragments, merge_pixels
-from .product import from_triplets
+from .merge import filter_fragments
+from .onto_atlas import read_on_atlas
 from .pyramid import Pyramid
-from .raster.atlas import rasterize_atlas
 from .raster.pattern import pattern
 from .raster.rasterise import Raster, rasterize
 from .sampling.fragments import Fragments
@@ -35,7 +29,6 @@ from .thin import Thinning
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
 SHARPNESS = 4.0
-BAND = 128  # rows of the atlas projected at once
 
 
 def pattern_pyramid(side: int) -> Pyramid:
@@ -102,42 +95,7 @@ def project_pattern(
     Raises:
         RaucaError: tile or sharpness not above 0; an atlas of another vehicle.
     """
-    paint = vehicle.paint_faces()
-    uvs = np.where(paint[:, None, None], vehicle.uvs, np.float32(-9))  # other faces lie off the map
-    rule = pattern(SUBSAMPLES)
-    table, _ = filter_table("box", rule)
-    texels_as_pixels = Camera(np.eye(3), np.eye(3), np.zeros(3), atlas.size, atlas.size)
-    thinning = Thinning.of(tiles.tree, 0.0)
-    parts = []
-    for raster in _bands(rasterize_atlas(uvs, atlas.size, SUBSAMPLES), BAND * rule.rows):
-        surface = find_surface(raster, paint)
-        texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
-        solid = np.ones(len(texels), np.float32)  # paint that the mask halves has its full colour
-        found = Fragments(surface.index, texels, weights.astype(np.float32), solid)
-        read = merge_pixels(found, raster, texels_as_pixels, table, tiles.count, thinning)
-        parts.append(_paintable_rows(read, atlas))
-    if not parts or not np.array_equal(np.concatenate([part[0] for part in parts]), atlas.texels):
-        raise RaucaError("pattern: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")
-    rows, columns, values = (np.concatenate([part[k] for part in parts]) for k in (1, 2, 3))
-    return from_triplets(rows, columns, values, (len(atlas.texels), tiles.count))
-
-
-def _bands(raster: Raster, rows: int) -> Iterator[Raster]:
-    """A raster cut at multiples of ``rows`` sample rows: all samples of a large atlas at once take gigabytes."""
-    start, end = raster.y0, raster.y0 + len(raster.face_ids)
-    for first in range(start - start % rows, end, rows):
-        low = max(first, start)
-        yield replace(raster, face_ids=raster.face_ids[low - start : first + rows - start], y0=low)
-
-
-def _paintable_rows(read: Rows, atlas: Pyramid) -> tuple[NDArray[Any], ...]:
-    """What `merge_pixels` returns, as entries: paintable texels covered; row, column and value of every tap on them."""
-    pixels, _, indptr, columns, values = read
-    place = np.minimum(np.searchsorted(atlas.texels, pixels), len(atlas.texels) - 1)
-    known = atlas.texels[place] == pixels
-    taps = np.diff(indptr)
-    kept = np.repeat(known, taps)
-    return pixels[known], np.repeat(place, taps)[kept], columns[kept], values[kept]
+    return read_on_atlas(vehicle, atlas, tiles, lambda surface: _read_tiles(vehicle, surface, tiles, tile_m, sharpness))
 
 
 def _read_tiles(

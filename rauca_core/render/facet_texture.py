@@ -1,0 +1,99 @@
+"""The facet texture tensor T_fc as the texture itself, the way DAS and FCA optimise it.
+
+A view reads the cells of the faces it sees, as Neural Renderer does; there is no UV map in between. To deploy such a
+texture it is baked: every texel of the atlas reads the cells of the face under it.
+
+Not here: what `sampling.facets` computes, the cells as a function of a UV map.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Camera, Vehicle
+from .filters import filter_table
+from .merge import filter_fragments
+from .onto_atlas import read_on_atlas
+from .pyramid import Pyramid
+from .raster.pattern import pattern
+from .raster.rasterise import rasterize
+from .sampling.facets import cell_points, check_texture_size, facet_fragments
+from .sampling.sampler import TEXTURE_SIZE
+from .sampling.surface import Array, Surface, find_surface
+from .sparse import SparseOperator
+from .taps import Taps, round_taps
+from .thin import Thinning
+
+
+def cells_pyramid(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> Pyramid:
+    """The cells of the paint faces as a list without coarser levels; cell c of paint face m is m * ts^3 + c.
+
+    Raises:
+        RaucaError: a texture size below 2, or so large that the cells cannot be counted.
+    """
+    faces = int(vehicle.paint_faces().sum())
+    check_texture_size(faces, texture_size)
+    count = faces * texture_size**3
+    side = math.isqrt(count) | 1  # odd: nothing to halve
+    side += 2 * (side**2 < count)
+    return Pyramid((np.arange(side**2) < count).astype(np.float32).reshape(side, side))
+
+
+def build_facet_taps(
+    vehicle: Vehicle,
+    camera_in_vehicle: Camera,
+    cells: Pyramid,
+    texture_size: int = TEXTURE_SIZE,
+    samples: int = 2,
+    filter: str = "box",
+) -> Taps:
+    """Compute the taps of one view from the cells of :func:`cells_pyramid`; samples and filter as in `build_taps`.
+
+    The defaults are Neural Renderer's: 2 x 2 samples, averaged.
+
+    Raises:
+        RaucaError: unknown filter, too many samples.
+    """
+    rule = pattern(samples)
+    table, reach = filter_table(filter, rule)
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=rule)
+    surface = find_surface(raster, vehicle.paint_faces())
+    found = facet_fragments(vehicle, surface, texture_size, _ranks(vehicle))
+    rows = filter_fragments(found, raster, camera_in_vehicle, table, cells.count, Thinning.of(cells.tree, 0.0))
+    return round_taps(rows, camera_in_vehicle, cells.count)
+
+
+def bake_facets(vehicle: Vehicle, atlas: Pyramid, cells: Pyramid, texture_size: int = TEXTURE_SIZE) -> SparseOperator:
+    """From the cells to the paintable texels of the UV atlas: the facet texture as a UV map.
+
+    What is lost: a texel on the seam of two faces is the mean of both; views then filter texels, not cells.
+
+    Raises:
+        RaucaError: an atlas of another vehicle.
+    """
+    ranks = _ranks(vehicle)
+
+    def look(surface: Surface) -> tuple[NDArray[np.int32], Array]:
+        found = facet_fragments(vehicle, surface, texture_size, ranks)
+        return found.texels, found.weights.astype(np.float64)
+
+    return read_on_atlas(vehicle, atlas, cells, look)
+
+
+def cell_positions(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> NDArray[np.float32]:
+    """Where on the body each cell lies, metres: (paint faces * ts^3, 3), in the vehicle's frame.
+
+    The cell (0, 0, 0), which stands for no point, is put at the face's centre.
+    """
+    points = cell_points(texture_size)
+    points[points.sum(1) == 0] = 1 / 3
+    corners = vehicle.positions[vehicle.triangles[vehicle.paint_faces()]]
+    return np.einsum("ck,fkd->fcd", points.astype(np.float32), corners).reshape(-1, 3)
+
+
+def _ranks(vehicle: Vehicle) -> NDArray[np.int64]:
+    """(F,) place of each face among the paint faces."""
+    return np.asarray(np.cumsum(vehicle.paint_faces()) - 1, np.int64)
