@@ -61,10 +61,13 @@ def evaluate(
         "standard"
     ),
     frames: Annotated[int | None, typer.Option(min=1, help="frames per weather set, instead of a scale")] = None,
-    elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; 0,22.5,45,67.5 by default")] = None,
+    ring: Annotated[
+        str, typer.Option(help="street (0 to 24 degrees up, 5 to 16 m away) or paper (0 to 67.5 degrees, 5 to 20 m)")
+    ] = "street",
+    elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; the ring's by default")] = None,
     distances: Annotated[
         str | None,
-        typer.Option(help="of the cameras, metres; by default 5,10,15,20, and more for what is larger than a car"),
+        typer.Option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
     ] = None,
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
@@ -99,7 +102,7 @@ def evaluate(
         detectors={},
         defences=[make_defence(name) for name in dict.fromkeys(names)],
         weathers=_weather_sets(_split(weathers), bool(datasets)),
-        held_out=_held_out(frames, scale, elevations, distances, size, samples, views_seed),
+        held_out=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
         datasets=_by_atlas(datasets),
         random=RandomPaint(random_seed, random_cell) if random else None,
         resamples=resamples,
@@ -164,18 +167,20 @@ def _weather_sets(names: Sequence[str], has_datasets: bool) -> list[str]:
 def _held_out(
     frames: int | None,
     scale: str,
+    ring_name: str,
     elevations: str | None,
     distances: str | None,
     size: int,
     samples: int,
     seed: int | None,
 ) -> HeldOut:
-    from rauca_core.evaluate.views import RING, TOWN_SEED, HeldOut, frames_of_scale
+    from rauca_core.evaluate.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
 
+    named = find_ring(ring_name)
     ring = replace(
-        RING,
-        elevations_deg=_numbers("--elevations", elevations) or RING.elevations_deg,
-        distances_m=_numbers("--distances", distances) or RING.distances_m,
+        named,
+        elevations_deg=_numbers("--elevations", elevations) or named.elevations_deg,
+        distances_m=_numbers("--distances", distances) or named.distances_m,
     )
     count = frames_of_scale(scale) if frames is None else frames
     town = TOWN_SEED if seed is None else seed

@@ -11,7 +11,7 @@ import pytest
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Plan, RaucaError, find_preset
 from rauca_core.contract.assets import assets_folder
-from rauca_core.evaluate.views import SCALES, HeldOut, balanced_frames, frames_of_scale
+from rauca_core.evaluate.views import SCALES, HeldOut, balanced_frames, find_ring, frames_of_scale
 
 WEATHERS = find_preset("enhanced", assets_folder() / "weathers")
 
@@ -87,11 +87,14 @@ def test_large_vehicles_are_seen_from_farther_away() -> None:
         return np.float32([[0, 0, 0], [length, 0, 30]])
 
     assert HeldOut().fitted(reaching(4.8)) == HeldOut()
-    assert HeldOut().fitted(reaching(14)).ring.distances_m == (10, 20, 30, 40)
+    assert HeldOut().fitted(reaching(14)).ring.distances_m == (10, 16, 24, 32)
     assert HeldOut(fit=False).fitted(reaching(14)) == HeldOut(fit=False)
 
 
-def test_scales_are_named() -> None:
+def test_scales_and_rings_are_named() -> None:
     assert frames_of_scale("standard") == SCALES["standard"] == 128
+    assert find_ring("paper").elevations_deg[-1] == 67.5
+    with pytest.raises(RaucaError, match=r"--ring moon: unknown; choose street or paper"):
+        find_ring("moon")
     with pytest.raises(RaucaError, match=r"--scale huge: unknown; choose quick \(32 frames"):
         frames_of_scale("huge")
