@@ -63,6 +63,7 @@ def apply(context: typer.Context, blender: Blender = None) -> None:
 
 @app.command()
 def optimize(
+    context: typer.Context,
     dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
     out: Annotated[Path, typer.Option(help="folder for the camouflage, its history and checkpoints")],
     detector: Annotated[
@@ -73,6 +74,12 @@ def optimize(
     ] = None,
     weight: Annotated[
         list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="settings of das, fca, dta, active, rauca-base or rauca-final; options given here win over them"
+        ),
     ] = None,
     steps: int = 1000,
     batch: Annotated[int, typer.Option(help="frames per step")] = 4,
@@ -97,13 +104,10 @@ def optimize(
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
     """Optimise a camouflage UV map against one or several detectors."""
+    from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage
 
-    settings = make_settings(
-        steps=steps, batch=batch, lr=lr, beta=beta, map_size=map_size, samples=samples, sampler=sampler, light=light,
-        start=start, limit=limit, roa=roa, rest=rest, precision=precision, seed=seed, threads=threads, name=name,
-        weights=tuple(weight) if weight else None,
-    )  # fmt: skip
+    settings = make_settings(**chosen_settings(context))
     detectors = detector or ["yolov3-tiny"]
     console.print(f"camouflage: {optimize_camouflage(dataset, detectors, settings, out, resume)}")
 

@@ -6,6 +6,7 @@ Unlike the published code, the ground-truth box moves with the image.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -14,13 +15,37 @@ from torch.nn import functional
 
 from . import augmentation_cpu
 
-ROTATION_DEG = 5.0
-TRANSLATION = 0.1  # of the image's side
-SCALES = (0.7, 1.0)
-BRIGHTNESS = 0.25  # added, in sRGB units
-CONTRASTS = (0.75, 1.5)  # about the image's own mean
-JITTER_PROBABILITY = 0.5
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
+
+
+AugmentationName = Literal["rauca", "active"]
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What is drawn from, uniformly.
+
+    Attributes:
+        rotation_deg: either way.
+        translation: either way, of the image's side.
+        scales: lowest and highest.
+        brightness: either way, added, in sRGB units.
+        contrasts: lowest and highest, about the image's own mean.
+        jitter: probability of a change of colour.
+    """
+
+    rotation_deg: float = 5.0
+    translation: float = 0.1
+    scales: tuple[float, float] = (0.7, 1.0)
+    brightness: float = 0.25
+    contrasts: tuple[float, float] = (0.75, 1.5)
+    jitter: float = 0.5
+
+
+RANGES: dict[AugmentationName, Ranges] = {
+    "rauca": Ranges(),
+    "active": Ranges(rotation_deg=0.0, scales=(0.25, 1.0), jitter=1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -39,14 +64,14 @@ class Augmentation:
     contrast: Tensor
 
     @staticmethod
-    def draw(rng: np.random.Generator, batch: int) -> Augmentation:
+    def draw(rng: np.random.Generator, batch: int, ranges: Ranges = RANGES["rauca"]) -> Augmentation:
         """Draw from a named generator, see ``contract.seeding``."""
-        angle = np.radians(rng.uniform(-ROTATION_DEG, ROTATION_DEG, batch))
-        scale = rng.uniform(*SCALES, batch)
-        shift = rng.uniform(-TRANSLATION, TRANSLATION, (batch, 2))
-        jitter = rng.random(batch) < JITTER_PROBABILITY
-        brightness = np.where(jitter, rng.uniform(-BRIGHTNESS, BRIGHTNESS, batch), 0.0)
-        contrast = np.where(jitter, rng.uniform(*CONTRASTS, batch), 1.0)
+        angle = np.radians(rng.uniform(-ranges.rotation_deg, ranges.rotation_deg, batch))
+        scale = rng.uniform(*ranges.scales, batch)
+        shift = rng.uniform(-ranges.translation, ranges.translation, (batch, 2))
+        jitter = rng.random(batch) < ranges.jitter
+        brightness = np.where(jitter, rng.uniform(-ranges.brightness, ranges.brightness, batch), 0.0)
+        contrast = np.where(jitter, rng.uniform(*ranges.contrasts, batch), 1.0)
         cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
         rows = [np.stack([cosine, -sine, shift[:, 0]], 1), np.stack([sine, cosine, shift[:, 1]], 1)]
         matrix = torch.tensor(np.stack(rows, 1), dtype=torch.float32)

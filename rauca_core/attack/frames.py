@@ -15,8 +15,9 @@ from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
 from ..images import read_image
-from ..render import Canvas, TapCache, Taps, TapSettings, composite, display
+from ..render import Canvas, Taps, composite, display
 from .lights import light_source
+from .media import make_medium
 from .settings import OptimiserSettings
 
 
@@ -45,7 +46,13 @@ class ReadyFrame:
 
 
 class FrameStore:
-    """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts."""
+    """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts.
+
+    Attributes:
+        medium: what is painted, see `media`.
+        pyramid: of the UV map.
+        reference_srgb: 8-bit, the paint that the frames were rendered in.
+    """
 
     def __init__(self, dataset: Dataset, settings: OptimiserSettings) -> None:
         self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
@@ -60,11 +67,11 @@ class FrameStore:
                     f"{frame.camera.height} pixels, the data set's frames are {size}x{size}; render the frame again"
                 )
         budget = settings.memory_mb * 2**20 // 2
-        chosen = TapSettings(settings.map_size, settings.samples, settings.pixel_filter, sampler=settings.sampler)
-        self._taps = TapCache(settings.tap_folder or dataset.folder / "taps", self.vehicle, chosen, budget)
+        self.medium = make_medium(self.vehicle, settings, settings.tap_folder or dataset.folder / "taps", budget)
         self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
         self._budget = budget
-        self.pyramid = self._taps.pyramid
+        self.pyramid = self.medium.atlas
+        self.reference_srgb = dataset.plan.reference_srgb
         self.light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
 
     def __len__(self) -> int:
@@ -92,7 +99,7 @@ class FrameStore:
         def work() -> None:
             # What stops this thread, a full disk for one, stops `ready` too, which says so.
             with contextlib.suppress(RaucaError):
-                self._taps.warm(cameras, on_view, stop)
+                self.medium.taps.warm(cameras, on_view, stop)
 
         thread = threading.Thread(target=work, name="taps", daemon=True)
         thread.start()
@@ -103,7 +110,7 @@ class FrameStore:
             thread.join()
 
     def _prepare(self, frame: Frame) -> ReadyFrame:
-        taps = self._taps.get(frame.camera_in_vehicle)
+        taps = self.medium.taps.get(frame.camera_in_vehicle)
         lit = self.light.of(frame)
         A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (lit.light.A, lit.light.B))
         return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)

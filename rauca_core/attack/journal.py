@@ -23,10 +23,11 @@ class StepReport:
 
     Attributes:
         step: counted from 1; ``steps`` in all.
-        loss: Eq. 8; ``attack`` and ``smooth`` are Eq. 6 (mean over the batch) and Eq. 7, unweighted.
+        loss: Eq. 8; ``attack`` and ``smooth`` are the objective (Eq. 6, mean over the batch) and Eq. 7, unweighted.
         score: max H_d, mean over the batch.
         seconds: of the whole step.
         stages: seconds by stage, see `stopwatch`; ``detector`` is the detectors and their gradient.
+        prior: the second loss on the paint, unweighted; 0 where there is none.
     """
 
     step: int
@@ -37,6 +38,7 @@ class StepReport:
     score: float
     seconds: float
     stages: dict[str, float]
+    prior: float = 0.0
 
 
 class Journal:
@@ -53,7 +55,7 @@ class Journal:
 
     def add(self, report: StepReport) -> None:
         self._pending.append(json.dumps(asdict(report)))
-        for name in ("loss", "attack", "smooth", "score"):
+        for name in ("loss", "attack", "smooth", "prior", "score"):
             self._board.add_scalar(name, getattr(report, name), report.step)
 
     def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:

@@ -59,7 +59,7 @@ def optimise(
         hint = "resume it or choose another folder" if started else "start it without resuming"
         raise RaucaError(f"{out}: holds {'a' if started else 'no'} run with checkpoints; {hint}")
     keep_large_blocks()
-    panel = Panel(detectors, settings.target, settings.weights, settings.precision)
+    panel = Panel(detectors, settings.target, settings.weights, settings.precision, settings.objective)
     with threads(settings.threads):
         run = Run(dataset, panel, settings, team)
         try:

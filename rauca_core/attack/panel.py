@@ -11,7 +11,9 @@ from torch import Tensor
 
 from ..contract import RaucaError
 from ..detect import Detector, class_index
-from .losses import attack_loss, detection_score
+from .attention import attention_layer, watching
+from .losses import detection_score
+from .objectives import OBJECTIVES, ObjectiveName, Sight
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +21,7 @@ class Attacked:
     """What a panel made of a batch.
 
     Attributes:
-        losses: (B,) Eq. 6 per image, mean over the detectors by weight.
+        losses: (B,) the objective per image, mean over the detectors by weight.
         scores: (B,) max H_d per image, the highest over the detectors: what is left to hide.
         gradient: (B, 3, H, W) of the sum of ``losses`` with respect to the images.
     """
@@ -41,6 +43,7 @@ class Panel:
         target: str,
         weights: Sequence[float] | None = None,
         precision: str = "float32",
+        objective: ObjectiveName = "eq6",
     ) -> None:
         """Check the panel.
 
@@ -48,9 +51,11 @@ class Panel:
             target: the class to hide; every detector must know it.
             weights: one per detector, of any sum; equal if left out.
             precision: of the detectors' networks, ``float32`` or ``bfloat16``; losses are in float32.
+            objective: what is made small, see `objectives`.
 
         Raises:
-            RaucaError: no detectors, as many weights as there are not detectors, an unknown class.
+            RaucaError: no detectors, as many weights as there are not detectors, an unknown class, a detector that
+                does not show what the objective needs.
         """
         if not detectors:
             raise RaucaError("optimise: no detector given; name at least one")
@@ -62,6 +67,8 @@ class Panel:
         self.detectors, self.precision = tuple(detectors), precision
         self.weights = tuple(weight / sum(weights) for weight in weights)
         self._labels = [class_index(detector, target) for detector in detectors]
+        self._objective = OBJECTIVES[objective]
+        self._watched = [attention_layer(d) if objective == "attention" else None for d in detectors]
 
     @property
     def name(self) -> str:
@@ -77,17 +84,21 @@ class Panel:
         ]
 
     def attack(self, images: Tensor, boxes: Tensor) -> Attacked:
-        """Eq. 6 on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels."""
+        """The objective on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels."""
         images = images.detach().requires_grad_()
         losses, scores = images.new_zeros(len(images)), images.new_zeros(len(images))
-        for detector, weight, label in zip(self.detectors, self.weights, self._labels, strict=True):
+        parts = zip(self.detectors, self.weights, self._labels, self._watched, strict=True)
+        for detector, weight, label, layer in parts:
             if not weight:
                 continue
-            with torch.autocast(images.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+            half = torch.autocast(images.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
+            with half, watching(layer) as seen:
                 found = detector.dense(images)
             found_score = detection_score(found, boxes, label)
-            loss = weight * attack_loss(found_score)
-            loss.sum().backward()
+            sight = Sight(found, boxes, label, found_score, seen[-1] if seen else None)
+            loss = weight * self._objective(sight)
+            if loss.requires_grad:  # not where the detector returned no box at all
+                loss.sum().backward()
             losses += loss.detach()
             scores = torch.maximum(scores, found_score.detach())
         gradient = images.grad if images.grad is not None else torch.zeros_like(images)

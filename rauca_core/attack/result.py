@@ -35,7 +35,7 @@ def write_result(
         "final_losses": losses,
         "settings": settings.identity(),
     }
-    camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, "rauca", made)
+    camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, settings.method, made)
     path = out / "camouflage.json"
     save_camouflage(path, camouflage, map_png(pyramid, texels_srgb))
     return path

@@ -17,16 +17,17 @@ from ..contract.seeding import named_rng
 from ..cpu import threads
 from ..environment.distributed import Team
 from ..render import TAP_FORMAT, Canvas, undisplay
-from .augmentation import Augmentation
+from .augmentation import RANGES, Augmentation
+from .background import background_colours
 from .checkpoint import Checkpoint
 from .frame_order import FrameOrder
 from .frames import FrameStore, ReadyFrame, boxes_of, light_up, see
 from .journal import StepReport
-from .losses import SmoothLoss
 from .panel import Attacked, Panel
+from .priors import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimiserSettings
 from .stopwatch import Stopwatch
-from .texture import FreeTexels, Texture
+from .texture import Texture, make_texture
 
 ALONE = Team(0, 1, torch.device("cpu"))
 
@@ -48,9 +49,12 @@ class Run:
             raise RaucaError(f"batch: {settings.batch} frames for {team.size} processes; give one to each at least")
         self.settings, self.panel, self.team = settings, panel, team
         self.store = FrameStore(dataset, settings)
-        self.texture: Texture = FreeTexels(len(self.store.pyramid.texels), settings)
+        self.texture: Texture = make_texture(self.store, settings)
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
-        self.smooth = SmoothLoss(self.store.pyramid.texels, settings.map_size)
+        self.smooth = smooth_paint(self.store, settings)
+        self.prior = prior(
+            self.texture, settings, lambda: background_colours(dataset, self.store, settings.palette, settings.seed)
+        )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
         frames = _digest(dataset, self.store)
         made_by = {"detectors": panel.identity, "frames": frames, "taps": TAP_FORMAT, "processes": team.size}
@@ -74,15 +78,15 @@ class Run:
             found = self.panel.attack(seen, boxes)
         self._check(found, batch)
         with threads(1):
-            smooth = self._descend(seen, found, batch, watch)
-        losses, scores = self._gather(drawn, found)
+            smooth, extra = self._descend(images, seen, found, batch, watch)
+        losses, scores, smooth = self._gather(drawn, found.losses, found.scores, smooth)
         self.order.note(drawn, scores)
         self.step, self.last_image = self.step + 1, images[0].detach()
-        attack, settings = float(losses.mean()), self.settings
-        loss = settings.alpha * attack + settings.beta * smooth
+        attack, mean, settings = float(losses.mean()), float(smooth.mean()), self.settings
+        loss = settings.alpha * attack + settings.beta * mean + settings.gamma * extra
         seconds = time.perf_counter() - begin
         return StepReport(
-            self.step, settings.steps, loss, attack, smooth, float(scores.mean()), seconds, watch.seconds
+            self.step, settings.steps, loss, attack, mean, float(scores.mean()), seconds, watch.seconds, extra
         )  # fmt: skip
 
     def uv_map_srgb(self) -> Tensor:
@@ -141,15 +145,28 @@ class Run:
     def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
-            albedo = see(batch, Canvas(self.store.pyramid, undisplay(self.texture.texels())))
+            albedo = see(batch, Canvas(self.store.medium.taps.pyramid, undisplay(self._painted())))
         with watch.time("environment"):
             return light_up(batch, albedo)
+
+    def _painted(self) -> Tensor:
+        """The colours of this step: the texture's, a pattern moved by a random part of a tile where that is asked."""
+        colours, settings = self.texture.colours(), self.settings
+        if settings.paint == "pattern" and settings.shift > 0:
+            side, reach = settings.pattern_side, round(settings.shift * settings.pattern_side)
+            moves = named_rng(settings.seed, "shift", self.step).integers(-reach, reach, 2, endpoint=True)
+            colours = colours.reshape(side, side, 3).roll(moves.tolist(), (0, 1)).reshape(-1, 3)
+        return colours
 
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
         boxes = boxes.to(images)
         if self.settings.roa:
-            drawn = Augmentation.draw(named_rng(self.settings.seed, "roa", self.step), self.settings.batch)
+            drawn = Augmentation.draw(
+                named_rng(self.settings.seed, "roa", self.step),
+                self.settings.batch,
+                RANGES[self.settings.augmentation],
+            )
             images, boxes = drawn.part(self.team.rank, self.team.size)(images, boxes)
         if self.settings.detector_size is not None:
             side = self.settings.detector_size
@@ -159,14 +176,25 @@ class Run:
             )
         return images, boxes
 
-    def _descend(self, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch) -> float:
-        """Carry the images' gradient to the texture and step; returns the smoothness loss, Eq. 7."""
+    def _descend(
+        self, images: Tensor, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch
+    ) -> tuple[Tensor, float]:
+        """Carry the images' gradient to the texture and step; returns Eq. 7 for each image (b,), and the prior."""
         parameter, settings = self.texture.parameter, self.settings
         with watch.time("backward"):
-            smooth = self.smooth(self.texture.texels())
+            share = 1.0 if self.team.leads else 0.0  # gradients add up over the team
+            if self.smooth is None:
+                smooth = smooth_picture(images, paint_of(batch).to(images.device))
+                weighted = [smooth.sum() * (settings.beta / settings.batch)]
+            else:
+                smooth = self.smooth(self.texture)
+                weighted = [smooth * (settings.beta * share)]
+            extra = None if self.prior is None else self.prior(self.texture)
+            weighted += [] if extra is None else [extra * (settings.gamma * share)]
             self.adam.zero_grad(set_to_none=True)
-            share = settings.beta if self.team.leads else 0.0  # gradients add up over the team
-            torch.autograd.backward([seen, smooth * share], [found.gradient * (settings.alpha / settings.batch), None])
+            torch.autograd.backward(
+                [seen, *weighted], [found.gradient * (settings.alpha / settings.batch), *[None] * len(weighted)]
+            )
             assert parameter.grad is not None
             self.team.sum(parameter.grad)
         with watch.time("adam"):
@@ -177,7 +205,7 @@ class Run:
                 )
             self.adam.step()
             self.texture.settle()
-        return float(smooth.detach())
+        return smooth.detach().expand(len(batch)), 0.0 if extra is None else float(extra.detach())
 
     def _check(self, found: Attacked, batch: list[ReadyFrame]) -> None:
         fine = torch.isfinite(found.losses) & torch.isfinite(found.gradient.flatten(1).sum(1))
@@ -189,12 +217,11 @@ class Run:
                 "check the detector's weights, then remove the frame"
             )
 
-    def _gather(self, drawn: list[int], found: Attacked) -> tuple[Tensor, Tensor]:
-        """Losses and scores of the whole batch, (B,) each."""
-        both = torch.zeros(2, len(drawn))
-        both[:, self.team.rank :: self.team.size] = torch.stack([found.losses, found.scores]).cpu()
-        losses, scores = self.team.sum(both)
-        return losses, scores
+    def _gather(self, drawn: list[int], *mine: Tensor) -> Tensor:
+        """Values of this process's part of the batch, (b,) each, as those of the whole batch (len(mine), B)."""
+        every = torch.zeros(len(mine), len(drawn))
+        every[:, self.team.rank :: self.team.size] = torch.stack(mine).cpu()
+        return self.team.sum(every)
 
 
 def _digest(dataset: Dataset, store: FrameStore) -> str:

@@ -9,8 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..contract import RaucaError
 from ..render import Sampler
+from ..render.sampling.sampler import TEXTURE_SIZE
+from .augmentation import AugmentationName
 from .lights import LightName
 from .limits import LimitName
+from .objectives import ObjectiveName
 
 
 class OptimiserSettings(BaseModel):
@@ -29,7 +32,7 @@ class OptimiserSettings(BaseModel):
         light: where the light comes from, see `lights`.
         extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
-        start: ``random`` uniform texels, or ``plain`` mid grey.
+        start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels".
         limit: how texels are kept in [0, 1], see `limits`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
@@ -42,6 +45,17 @@ class OptimiserSettings(BaseModel):
         memory_mb: frames and taps kept in memory, MiB.
         tap_folder: where taps are cached; beside the frames when None.
         name: of the camouflage, in tables.
+        method: whose settings these are, in tables, see `methods`; the fields below are what methods differ in.
+        paint: what is painted, see `media`: free ``texels`` of the UV map, ``facets``, or a repeated ``pattern``.
+        texture_size: ts of the facet texture tensor.
+        pattern_side, tile_m: of the pattern, texels and metres.
+        shift: the pattern is moved by up to this share of a tile each way, drawn at every step.
+        cover: ``all`` of the paint, or ``panels``: bonnet, roof and doors, on facets.
+        objective: what is made small on the detectors, see `objectives`.
+        smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``; see `priors`.
+        prior, gamma: a second loss on the paint and its weight, see `priors`.
+        palette: dominant colours of the background in ``prior`` "background".
+        augmentation: whose ranges ``roa`` draws from, see `augmentation`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -58,7 +72,7 @@ class OptimiserSettings(BaseModel):
     light: LightName = "exact"
     extractor: Path | None = None
     seed: int = Field(0, ge=0)
-    start: Literal["random", "plain"] = "random"
+    start: Literal["random", "plain", "seed"] = "random"
     limit: LimitName = "project"
     roa: bool = True
     rest: int = Field(0, ge=0, le=1000)
@@ -71,6 +85,19 @@ class OptimiserSettings(BaseModel):
     memory_mb: int = Field(4096, ge=64)
     tap_folder: Path | None = None
     name: str = "rauca"
+    method: str = "rauca"
+    paint: Literal["texels", "facets", "pattern"] = "texels"
+    texture_size: int = Field(TEXTURE_SIZE, ge=2, le=16)
+    pattern_side: int = Field(64, ge=2, le=1024)
+    tile_m: float = Field(1.0, gt=0, le=100)
+    shift: float = Field(0.0, ge=0, le=0.5)
+    cover: Literal["all", "panels"] = "all"
+    objective: ObjectiveName = "eq6"
+    smooth: Literal["map", "picture", "pattern"] = "map"
+    prior: Literal["none", "background", "seed"] = "none"
+    gamma: float = Field(0.0, ge=0)
+    palette: int = Field(4, ge=1, le=64)
+    augmentation: AugmentationName = "rauca"
 
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped."""

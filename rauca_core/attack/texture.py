@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from ..contract import RaucaError
 from ..contract.seeding import named_seed
 from .limits import LIMITS
+from .media import Medium
+from .seed_paint import seed_paint
 from .settings import OptimiserSettings
+
+if TYPE_CHECKING:
+    from .frames import FrameStore
 
 GREY = 0.5
 
@@ -23,8 +30,12 @@ class Texture(Protocol):
 
     parameter: Tensor
 
+    def colours(self) -> Tensor:
+        """What views read: the medium's colours (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
+        ...
+
     def texels(self) -> Tensor:
-        """The paintable texels (P, 3) of the UV map, sRGB in [0, 1], differentiable with respect to ``parameter``."""
+        """The same on the UV map: its paintable texels (P, 3), sRGB in [0, 1], differentiable likewise."""
         ...
 
     def settle(self) -> None:
@@ -32,22 +43,69 @@ class Texture(Protocol):
         ...
 
 
-class FreeTexels:
-    """Every paintable texel is free, as in RAUCA."""
+class FreeColours:
+    """Every colour of the medium is free; on the UV map that is RAUCA's texture."""
 
-    def __init__(self, count: int, settings: OptimiserSettings) -> None:
-        """``count`` texels, random or plain as the settings say."""
-        self._limit = LIMITS[settings.limit]
-        self.parameter = self._limit.start(first_texels(count, settings)).requires_grad_()
+    def __init__(self, medium: Medium, settings: OptimiserSettings) -> None:
+        """Random or plain at first, as the settings say."""
+        self._limit, self._medium = LIMITS[settings.limit], medium
+        self.parameter = self._limit.start(first_colours(medium.count, settings)).requires_grad_()
+
+    def colours(self) -> Tensor:
+        return self._limit.values(self.parameter)
 
     def texels(self) -> Tensor:
-        return self._limit.values(self.parameter)
+        return self._medium.on_map(self.colours())
 
     def settle(self) -> None:
         self._limit.settle(self.parameter)
 
 
-def first_texels(count: int, settings: OptimiserSettings) -> Tensor:
+class PaintedPanels:
+    """Some panels of the body are painted, over a seed picture; the rest keeps the reference paint.
+
+    Attributes:
+        seed: (M, 3) sRGB, the seed picture at the free cells.
+        edges: (M,) float32, 1 on the seed picture's lines.
+    """
+
+    def __init__(self, store: FrameStore, settings: OptimiserSettings) -> None:
+        """Raises :class:`RaucaError` where no face of the paint looks like a bonnet, roof or door."""
+        self._limit, self._medium = LIMITS[settings.limit], store.medium
+        cells, seed, edges = seed_paint(store.vehicle, store.reference_srgb, settings.texture_size)
+        self.seed, self.edges = torch.from_numpy(seed), torch.from_numpy(edges)
+        self._cells = torch.from_numpy(cells)
+        reference = torch.from_numpy(np.array(store.reference_srgb, np.float32) / 255)
+        self._base = reference.expand(store.medium.count, 3).clone()
+        first = self.seed if settings.start == "seed" else first_colours(len(cells), settings)
+        self.parameter = self._limit.start(first).requires_grad_()
+
+    def free(self) -> Tensor:
+        """The free cells (M, 3) sRGB."""
+        return self._limit.values(self.parameter)
+
+    def colours(self) -> Tensor:
+        return self._base.index_copy(0, self._cells, self.free())
+
+    def texels(self) -> Tensor:
+        return self._medium.on_map(self.colours())
+
+    def settle(self) -> None:
+        self._limit.settle(self.parameter)
+
+
+def make_texture(store: FrameStore, settings: OptimiserSettings) -> Texture:
+    """The texture of a run; raises :class:`RaucaError` for settings that do not fit together."""
+    if settings.cover == "panels":
+        if settings.paint != "facets":
+            raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")
+        return PaintedPanels(store, settings)
+    if settings.start == "seed":
+        raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
+    return FreeColours(store.medium, settings)
+
+
+def first_colours(count: int, settings: OptimiserSettings) -> Tensor:
     """Where an optimisation begins: (count, 3) sRGB."""
     if settings.start == "plain":
         return torch.full((count, 3), GREY)

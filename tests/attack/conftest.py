@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from rauca_core.contract import (
     Camera,
@@ -87,6 +87,15 @@ def dataset(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
     return make_dataset(tmp_path / "data", box_vehicle, 64, (40.0, 130.0, 250.0))
 
 
+class FirstLayer(nn.Module):
+    def __init__(self, weight: Tensor) -> None:
+        super().__init__()
+        self.weight = weight
+
+    def forward(self, images: Tensor) -> Tensor:
+        return nn.functional.conv2d(images, self.weight.to(images), stride=8).tanh()
+
+
 class SmallDetector:
     """Two seeded convolutions that predict a box, objectness and two classes per cell: numerics, not sight."""
 
@@ -96,11 +105,11 @@ class SmallDetector:
 
     def __init__(self) -> None:
         generator = torch.Generator().manual_seed(0)
-        self._first = torch.randn(8, 3, 8, 8, generator=generator) * 0.1
+        self.first = FirstLayer(torch.randn(8, 3, 8, 8, generator=generator) * 0.1)
         self._second = torch.randn(7, 8, 3, 3, generator=generator) * 0.2
 
     def dense(self, images: Tensor) -> DensePredictions:
-        hidden = torch.nn.functional.conv2d(images, self._first.to(images), stride=8).tanh()
+        hidden = self.first(images)
         out = torch.nn.functional.conv2d(hidden, self._second.to(images), padding=1)
         batch, _, rows, columns = out.shape
         y, x = torch.meshgrid(torch.arange(rows) * 8.0 + 4, torch.arange(columns) * 8.0 + 4, indexing="ij")

@@ -1,0 +1,53 @@
+"""The dominant colours around the vehicle, which ACTIVE draws its camouflage towards."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import Dataset
+from ..contract.seeding import named_rng
+from ..images import read_image
+from .frames import FrameStore
+
+FRAMES, PIXELS, ROUNDS = 64, 512, 30  # looked at, of each, of k-means
+
+
+def background_colours(dataset: Dataset, store: FrameStore, count: int, seed: int) -> NDArray[np.float32]:
+    """The ``count`` dominant colours (count, 3) sRGB of what is not vehicle, darkest first.
+
+    Frames and pixels are drawn by name of the seed: a resumed run, or another process, finds the same.
+
+    Raises:
+        RaucaError: a frame's picture is missing or damaged.
+    """
+    rng, found = named_rng(seed, "background"), []
+    for index in rng.permutation(len(store))[:FRAMES]:
+        folder = dataset.frame_folder(store.frames[int(index)].id)
+        image, vehicle = read_image(folder / "image.png"), read_image(folder / "vehicle.png")
+        around = image.reshape(-1, 3)[vehicle.reshape(len(image) * image.shape[1], -1)[:, 0] == 0]
+        if len(around):
+            found.append(around[rng.integers(0, len(around), PIXELS)])
+    pixels = np.concatenate(found) if found else np.full((1, 3), 128)
+    centres = cluster(pixels / 255.0, count, rng)
+    return np.asarray(centres[np.argsort(centres.sum(1))], np.float32)
+
+
+def cluster(points: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """k-means: ``count`` centres (count, 3) of points (N, 3), begun far apart (k-means++)."""
+    centres = points[rng.integers(len(points))][None].astype(np.float64)
+    for _ in range(count - 1):
+        distance = _squares(points, centres).min(1)
+        total = distance.sum()
+        chance = distance / total if total > 0 else None  # fewer colours than centres: any will do
+        centres = np.concatenate([centres, points[rng.choice(len(points), p=chance)][None]])
+    for _ in range(ROUNDS):
+        nearest = _squares(points, centres).argmin(1)
+        sizes = np.bincount(nearest, minlength=count)
+        sums = np.stack([np.bincount(nearest, column, count) for column in points.T], 1)
+        centres = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], centres)
+    return centres
+
+
+def _squares(points: NDArray[np.floating], centres: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.asarray(((points[:, None] - centres[None]) ** 2).sum(-1))

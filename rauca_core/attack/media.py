@@ -1,0 +1,87 @@
+"""What is painted: the UV map itself, the facet texture tensor, or one pattern that repeats all over the vehicle.
+
+Views read a list of colours through taps; the medium says which list. Every medium ends as a UV map, so that Blender
+can show it: free texels are one already, facets are baked, a pattern is projected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from torch import Tensor
+
+from ..contract import Vehicle
+from ..render import (
+    FacetSettings,
+    PatternSettings,
+    Pyramid,
+    SparseOperator,
+    TapCache,
+    TapRecipe,
+    TapSettings,
+    bake_facets,
+    display,
+    project_pattern,
+    undisplay,
+)
+from .settings import OptimiserSettings
+
+Bake = Callable[[], SparseOperator]
+
+
+@dataclass(frozen=True, eq=False)
+class Medium:
+    """A list of colours that views read.
+
+    Attributes:
+        taps: of every view, on that list and its mip levels.
+        atlas: the paintable texels of the UV map.
+        bake: makes the operator from all levels of the list to the atlas's texels; None where the list is the texels.
+    """
+
+    taps: TapCache
+    atlas: Pyramid
+    bake: Bake | None
+
+    @property
+    def count(self) -> int:
+        """How many colours the list holds."""
+        return len(self.taps.pyramid.texels)
+
+    @cached_property
+    def _operator(self) -> SparseOperator | None:
+        return None if self.bake is None else self.bake()
+
+    def on_map(self, colours: Tensor) -> Tensor:
+        """Colours (N, 3) sRGB of the list as texels (P, 3) sRGB of the UV map, differentiable; means are of light."""
+        if self._operator is None:
+            return colours
+        return display(self._operator(self.taps.pyramid(undisplay(colours))))
+
+
+def make_medium(vehicle: Vehicle, settings: OptimiserSettings, folder: Path, memory_bytes: int) -> Medium:
+    """The medium of a run.
+
+    Args:
+        folder: where taps are cached; ``memory_bytes`` of them are kept in memory.
+
+    Raises:
+        RaucaError: nothing paintable at the map's size.
+    """
+    samples, pixel_filter = settings.samples, settings.pixel_filter
+
+    def cache(recipe: TapRecipe) -> TapCache:
+        return TapCache(folder, vehicle, recipe, memory_bytes)
+
+    if settings.paint == "texels":
+        taps = cache(TapSettings(settings.map_size, samples, pixel_filter, sampler=settings.sampler))
+        return Medium(taps, taps.pyramid, None)
+    atlas = Pyramid.of(vehicle, settings.map_size)
+    if settings.paint == "facets":
+        taps = cache(FacetSettings(samples, pixel_filter, settings.texture_size))
+        return Medium(taps, atlas, lambda: bake_facets(vehicle, atlas, taps.pyramid, settings.texture_size))
+    taps = cache(PatternSettings(settings.pattern_side, settings.tile_m, samples, pixel_filter))
+    return Medium(taps, atlas, lambda: project_pattern(vehicle, atlas, taps.pyramid, settings.tile_m))

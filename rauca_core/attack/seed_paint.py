@@ -1,0 +1,103 @@
+"""The panels that a partial camouflage covers, and the picture it starts from.
+
+DAS paints parts of the body only, and keeps its paint close to a picture that people find harmless, a smiling face,
+whose lines count most. Which faces belong to a panel is read off the geometry: any car has a bonnet, a roof and doors,
+but no two meshes name them alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import RaucaError, Vehicle
+from ..render import cell_positions
+
+FACING = 0.7  # cosine: a face belongs to a panel that looks less than 46 degrees away from its axis
+LINE = 0.07  # half width of the picture's lines, of its radius
+SKIN, INK = (0.95, 0.80, 0.15), (0.08, 0.06, 0.05)  # sRGB
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A part of the body.
+
+    Attributes:
+        axis, sign: where it looks.
+        low, high: of its faces' centres, as shares of the vehicle's box along x (rear to front), y and z.
+        right, up: the axes of the picture on it; a minus sign, kept in ``turn``, mirrors the first.
+    """
+
+    axis: int
+    sign: float
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    right: int
+    up: int
+    turn: float
+
+
+PANELS = {
+    "bonnet": Panel(2, 1.0, (0.70, 0.0, 0.3), (1.0, 1.0, 0.85), 1, 0, -1.0),
+    "roof": Panel(2, 1.0, (0.0, 0.0, 0.85), (1.0, 1.0, 1.0), 1, 0, -1.0),
+    "left doors": Panel(1, 1.0, (0.28, 0.5, 0.15), (0.70, 1.0, 0.7), 0, 2, -1.0),
+    "right doors": Panel(1, -1.0, (0.28, 0.0, 0.15), (0.70, 0.5, 0.7), 0, 2, 1.0),
+}
+
+
+def panel_faces(vehicle: Vehicle) -> dict[str, NDArray[np.int64]]:
+    """For each panel its faces, as places among the paint faces; a vehicle may lack some."""
+    corners = vehicle.positions[vehicle.triangles[vehicle.paint_faces()]].astype(np.float64)
+    low, high = vehicle.positions.min(0), vehicle.positions.max(0)
+    place = (corners.mean(1) - low) / np.maximum(high - low, 1e-9)
+    normals = vehicle.normals[vehicle.paint_faces()].mean(1)  # shading normals: they point outwards, windings may not
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    found = {}
+    for name, panel in PANELS.items():
+        inside = ((place >= panel.low) & (place <= panel.high)).all(1)
+        found[name] = np.flatnonzero(inside & (normals[:, panel.axis] * panel.sign > FACING))
+    return found
+
+
+def seed_paint(
+    vehicle: Vehicle, reference_srgb: tuple[int, int, int], texture_size: int
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
+    """The cells of all panels (M,), the smiling face on them (M, 3) sRGB, and 1 on its lines, else 0 (M,).
+
+    Args:
+        reference_srgb: 8-bit, of the paint around the face.
+        texture_size: ts of the facet texture tensor.
+
+    Raises:
+        RaucaError: the vehicle has none of the panels.
+    """
+    positions = cell_positions(vehicle, texture_size).reshape(-1, texture_size**3, 3)
+    cells, colours, edges = [], [], []
+    for name, faces in panel_faces(vehicle).items():
+        if not len(faces):
+            continue
+        panel, points = PANELS[name], positions[faces].reshape(-1, 3)
+        plane = points[:, [panel.right, panel.up]] * (panel.turn, 1.0)
+        low, high = plane.min(0), plane.max(0)
+        paint, line = smile((plane - (low + high) / 2) / max((high - low).min() / 2, 1e-6), reference_srgb)
+        cells.append((faces[:, None] * texture_size**3 + np.arange(texture_size**3)).ravel())
+        colours.append(paint)
+        edges.append(line)
+    if not cells:
+        raise RaucaError(f"{vehicle.name}: no paint on a bonnet, roof or door; cover all of it")
+    return np.concatenate(cells), np.concatenate(colours), np.concatenate(edges)
+
+
+def smile(
+    points: NDArray[np.floating], reference_srgb: tuple[int, int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """A smiling face of radius 0.9 about 0: colours (N, 3) sRGB and lines (N,) at points (N, 2), x right, y up."""
+    x, y = points.T
+    radius = np.hypot(x, y)
+    eyes = np.hypot((np.abs(x) - 0.32) / 0.12, (y - 0.3) / 0.18) < 1
+    mouth = (np.abs(np.hypot(x, y - 0.1) - 0.6) < LINE) & (y < -0.15)
+    line = eyes | mouth | (np.abs(radius - 0.9) < LINE)
+    colours = np.where(radius[:, None] < 0.9, SKIN, np.array(reference_srgb) / 255)
+    return np.where(line[:, None], INK, colours).astype(np.float32), line.astype(np.float32)

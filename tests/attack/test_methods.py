@@ -1,0 +1,199 @@
+"""Each rival method: lowers its own objective, ends as a UV map that looks like what was optimised, and resumes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from rauca_core.attack import OptimiserSettings, make_settings, objectives, optimise, read_history
+from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.frames import FrameStore, render_batch
+from rauca_core.attack.methods import METHODS, method_named, settings_of
+from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.panel import Panel
+from rauca_core.attack.run import Run
+from rauca_core.contract import (
+    Camera,
+    Dataset,
+    FramePasses,
+    RaucaError,
+    Vehicle,
+    load_camouflage,
+    load_passes,
+    save_frame,
+)
+from rauca_core.detect import DensePredictions
+from rauca_core.images import read_image
+from rauca_core.render import Canvas, undisplay
+from tests.attack.conftest import SmallDetector
+
+SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
+
+
+class AttentiveDetector(SmallDetector):
+    """The small detector, which says where its attention is read from."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.attention_layer = self.first
+
+
+@pytest.fixture
+def detector() -> AttentiveDetector:
+    return AttentiveDetector()
+
+
+def settings(method: str, **chosen: Any) -> OptimiserSettings:
+    return make_settings(**settings_of(method, **(SMALL | chosen)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_lowers_its_own_loss(
+    dataset: Dataset, detector: Any, tmp_path: Path, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
+    seen = []
+    chosen = settings(method, steps=30, batch=6, roa=False, shift=0.0)
+    path = optimise(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    assert seen[-1].loss < seen[0].loss
+    if method != "das":  # its seed picture is a strong pull; what it is worth is measured below
+        assert seen[-1].attack < seen[0].attack
+    assert seen[0].loss == pytest.approx(
+        seen[0].attack + chosen.beta * seen[0].smooth + chosen.gamma * seen[0].prior, rel=1e-5
+    )
+    camouflage, image = load_camouflage(path)
+    assert (camouflage.method, camouflage.name) == (method, method)
+    assert read_image(image).std() > 1
+    assert read_history(tmp_path / "out")[0]["prior"] == seen[0].prior
+
+
+def test_attention_falls_when_nothing_else_counts(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
+    seen = []
+    chosen = settings("das", steps=25, batch=6, beta=0.0, gamma=0.0, lr=0.1)
+    optimise(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    assert seen[0].attack > 0
+    assert seen[-1].attack < 0.9 * seen[0].attack
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
+    optimise(dataset, [detector], settings(method), tmp_path / "whole")
+
+    class PowerCutError(Exception):
+        pass
+
+    def cut(report: Any) -> None:
+        if report.step == 4:
+            raise PowerCutError
+
+    with pytest.raises(PowerCutError):
+        optimise(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
+    optimise(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
+    one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
+    assert torch.equal(one, two)
+    pictures = [(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")]
+    assert pictures[0] == pictures[1]
+
+
+@pytest.mark.parametrize("method", ["active", "dta", "fca", "das"])
+def test_uv_map_shows_what_was_optimised(
+    dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle, detector: Any, tmp_path: Path, method: str
+) -> None:
+    """Views of the medium and of the UV map that it ends as, in the same light, differ by texel filtering only."""
+    data = dataset_factory(tmp_path / "fine", box_vehicle, 128, (40.0, 250.0))
+    fine = {"map_size": 512, "samples": 4, "pixel_filter": "blackman-harris", "light": "exact", "texture_size": 4}
+    chosen = settings(method, tile_m=1.6, pattern_side=16, start="seed" if method == "das" else "random", **fine)
+    run = Run(data, Panel([detector], "car"), chosen)
+    store, on_map = run.store, FrameStore(data, make_settings(map_size=512, samples=4))
+    indices = range(len(store))
+    with torch.no_grad():
+        optimised = render_batch(
+            [store.ready(i) for i in indices],
+            Canvas(store.medium.taps.pyramid, undisplay(run.texture.colours())),
+        )
+        deployed = render_batch(
+            [on_map.ready(i) for i in indices], Canvas(on_map.pyramid, undisplay(run.texture.texels()))
+        )
+    run.close()
+    painted = np.stack([on_map.ready(i).taps.coverage() > 0.99 for i in indices])
+    difference = (optimised - deployed).abs().amax(1).numpy()[painted]
+    spread = deployed.permute(0, 2, 3, 1).numpy()[painted].std()
+    assert spread > 0.02
+    assert np.mean(difference) < 0.1 * spread
+    assert np.quantile(difference, 0.99) < spread
+
+
+def test_shifted_pattern_reads_neighbouring_texels(dataset: Dataset, detector: Any) -> None:
+    run = Run(dataset, Panel([detector], "car"), settings("active", pattern_side=8, shift=0.5))
+    at_rest = run.texture.colours().detach().reshape(8, 8, 3)
+    moves = set()
+    for step in range(12):
+        run.step = step
+        moved = run._painted().detach().reshape(8, 8, 3)
+        (found,) = [(r, c) for r in range(8) for c in range(8) if torch.equal(moved, at_rest.roll((r, c), (0, 1)))]
+        moves.add(found)
+    run.close()
+    assert len(moves) > 6
+
+
+def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, detector: Any) -> None:
+    run = Run(dataset, Panel([detector], "car"), settings("das"))
+    with torch.no_grad():
+        run.texture.parameter.add_(3.0)
+        colours = run.texture.colours().reshape(8, -1, 3)
+    run.close()
+    grey = torch.full((3,), 140 / 255)
+    kept = torch.isclose(colours, grey).all(-1).all(-1)
+    assert kept.tolist() == [False, False, True, True] * 2  # the box's long sides are its doors
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_hard_frames_leave_every_method_finite(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
+    """A black night, fog that hides the paint, a vehicle of no painted pixel; a detector that is certain, or blind."""
+    frames = dataset.frames()
+    for number, frame in enumerate(frames):
+        folder = dataset.frame_folder(frame.id)
+        stored = load_passes(folder, ("A", "B"))
+        A, B = (stored[k].astype(np.float32) * (number > 1) for k in "AB")  # two black frames
+        A = A * 0 + 0 if number == 2 else A  # thick fog
+        flat = np.ones(A.shape[:2], np.float32)
+        away = Camera.look_at(np.array([6.8, 0, 2.2]), np.array([20.0, 0, 2.2]), 45, 64, 64)
+        frame = replace(frame, camera=away) if number == 3 else frame
+        save_frame(folder, frame, FramePasses(A * 0.25 + B, flat * 0, flat * 0, flat, A, B))
+    certain = detector.dense
+
+    def dense(images: torch.Tensor) -> DensePredictions:
+        found = certain(images)
+        box = torch.tensor([0.0, 0.0, 64.0, 64.0]).expand_as(found.boxes) + 0 * found.boxes
+        ones = torch.ones_like(found.classes) + 0 * found.classes
+        return DensePredictions(box, ones[..., 0], ones)
+
+    for name, sees in (("seeing", certain), ("certain", dense)):
+        detector.dense = sees
+        optimise(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
+        texels = load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"]
+        assert torch.isfinite(texels).all()
+        assert all(
+            np.isfinite([h[k] for k in ("loss", "attack", "smooth", "prior")]).all()
+            for h in read_history(tmp_path / name)
+        )
+
+
+def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
+    with pytest.raises(RaucaError, match=r"no 'fcb'; choose one of das, fca, dta, active, rauca-base, rauca-final"):
+        method_named("fcb")
+    with pytest.raises(RaucaError, match="panels are painted on facets"):
+        optimise(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
+    with pytest.raises(RaucaError, match="smooth: pattern needs paint: pattern"):
+        optimise(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
+    with pytest.raises(RaucaError, match="prior: seed needs cover: panels"):
+        optimise(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
+    with pytest.raises(RaucaError, match="attention cannot be read"):
+        optimise(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
+    assert settings("fca", lr=0.5, name="mine").name == "mine"
