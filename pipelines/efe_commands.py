@@ -25,7 +25,7 @@ Batch = Annotated[int, typer.Option(help="frames per step, over all processes")]
 Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
 Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
 Size = Annotated[int | None, typer.Option(help="average frames down to this size, pixels; their own by default")]
-Crop = Annotated[int, typer.Option(help="train on squares of this side, pixels; 0: whole frames")]
+Crop = Annotated[int, typer.Option(help="train on squares of this side around the paint, pixels; 0: whole frames")]
 Mixed = Annotated[bool, typer.Option(help="with --crop: every other frame whole, averaged down to the square's side")]
 Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
 Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
@@ -46,7 +46,7 @@ def efe_train(
     lr: Rate = 2e-3,
     split: Split = "location",
     size: Size = None,
-    crop: Crop = 0,
+    crop: Crop = 80,
     mixed: Mixed = False,
     early_stop: Early = False,
     eta: Eta = ETA,
@@ -75,14 +75,14 @@ def efe_finetune(
     out: Out,
     weights: Weights = None,
     test: Tests = None,
-    epochs: Epochs = 20,
+    epochs: Epochs = 40,
     batch: Batch = 4,
     lr: Rate = 1e-3,
     split: Split = "location",
     size: Size = None,
-    crop: Crop = 0,
+    crop: Crop = 80,
     mixed: Mixed = False,
-    early_stop: Early = True,
+    early_stop: Early = False,
     eta: Eta = ETA,
     seed: int = 0,
     threads: Threads = None,

@@ -71,9 +71,7 @@ def vehicle_data(vehicle: str, settings: Settings) -> tuple[Wanted, Wanted]:
     near = f"--distances {settings.distances_m[0] * 1.5}"
     many = f"--locations {settings.vehicle_locations} --azimuths {settings.vehicle_azimuths} {near}"
     few = f"--locations 1 --azimuths 2 {near}"
-    train = _wanted(vehicle, vehicle, settings.shown[:4], settings, many, TRAIN_SEED)
-    if any(name in settings.unseen for name in settings.shown):
-        train = _wanted(vehicle, vehicle, settings.seen, settings, many, TRAIN_SEED)
+    train = _wanted(vehicle, vehicle, settings.seen, settings, many, TRAIN_SEED)
     return train, _wanted(f"{vehicle}-unseen", vehicle, settings.unseen, settings, few, TEST_SEED)
 
 

@@ -14,6 +14,8 @@ from .frames import LightFrame
 
 EXPOSURES = (0.5, 2.0)  # factor on the light of a whole frame
 TINT = 0.2  # largest change of that factor from channel to channel, in logarithms
+TRANSMITTANCES = (0.2, 0.9)  # of a veil
+GLOWS = (0.3, 1.5)  # of a veil that lets nothing through, times the frame's mean light
 DARKEST_REFERENCE = 0.04  # sRGB 0.22; a darker reference paint tells nothing about the light on it
 
 
@@ -77,8 +79,9 @@ def join(batches: Sequence[Batch]) -> Batch:
 def augment(batch: Batch, rng: np.random.Generator, share: float = 0.5) -> Batch:
     """Frames as they would look in other light and other reference paint; exact, since light is linear.
 
-    Half of all frames are mirrored, a ``share`` gets its light tinted and scaled by a factor from `EXPOSURES`, and a
-    ``share`` another reference paint. The image is then displayed and rounded to 8 bits again.
+    Half of all frames are mirrored, a ``share`` gets its light tinted and scaled by a factor from `EXPOSURES`, a
+    ``share`` another reference paint, and half a ``share`` is seen through a veil. The image is then displayed and
+    rounded to 8 bits again.
     """
     count = len(batch.names)
     low, high = np.log(EXPOSURES)
@@ -89,12 +92,29 @@ def augment(batch: Batch, rng: np.random.Generator, share: float = 0.5) -> Batch
     repainted = torch.from_numpy(rng.random(count) < share)
     mirrored = torch.from_numpy(rng.random(count) < 0.5)
     factor = torch.from_numpy(exposure).float()
+    batch, veiled = _veil(batch, rng, share / 2)
     reference = torch.where(repainted[:, None], torch.from_numpy(paint).float(), batch.reference)
-    A, B = batch.A * factor[:, :, None, None], batch.B * factor[:, :, None, None]
+    A, B = (light * factor[:, :, None, None] for light in (batch.A, batch.B))
     image = (display(A * reference[:, :, None, None] + B) * 255).round() / 255
-    changed = _wide(repainted | (factor != 1).any(dim=1))
+    changed = _wide(repainted | veiled | (factor != 1).any(dim=1))
     seen = replace(batch, image=torch.where(changed, image, batch.image), A=A, B=B, reference=reference)
     return seen.mirrored(mirrored)
+
+
+def _veil(batch: Batch, rng: np.random.Generator, share: float) -> tuple[Batch, Tensor]:
+    """Frames behind haze that is even over the frame: it dims everything and adds its own glow, which is all B's.
+
+    Returns:
+        The batch, and which frames (B,) are behind a veil.
+    """
+    count = len(batch.names)
+    veiled = rng.random(count) < share
+    through = np.where(veiled, rng.uniform(*TRANSMITTANCES, count), 1.0)[:, None]
+    level = rng.uniform(*GLOWS, (count, 1)) * np.exp(rng.uniform(-TINT, TINT, (count, 3))) * (1 - through)
+    mean = (batch.A * batch.reference[:, :, None, None] + batch.B).mean(dim=(1, 2, 3))
+    dimming = torch.from_numpy(through).float()[:, :, None, None]
+    glow = torch.from_numpy(level).float()[:, :, None, None] * _wide(mean)
+    return replace(batch, A=batch.A * dimming, B=batch.B * dimming + glow), torch.from_numpy(veiled)
 
 
 def crop(batch: Batch, side: int, rng: np.random.Generator) -> Batch:

@@ -24,6 +24,7 @@ INPUTS = 13  # image (3), mask, clipped, exposure, darkness around (1) and anywh
 MASK = 3  # channel of the mask among them
 METERED = 0.2  # linear light that the paint's mean is exposed to for the network
 DARKEST_LIGHT = 1e-3  # mean light of the paint, below which a frame stays as dark as it is
+LEAST_COVERAGE = 1 / 255
 DARK_SHARE = 0.01  # of the frame is darker than its darkness
 AROUND = 15  # pixels, side of the square whose darkest pixel is told: in fog nothing is darker than the glow before it
 BRIGHTEST = 16.0  # light in that exposure, beyond which nothing more is told
@@ -90,8 +91,10 @@ class LightSplitter(nn.Module):
             skip = skips.pop()
             x = up(torch.cat([nn.functional.interpolate(x, scale_factor=2.0), skip], dim=1))
         out = self.head(x)[..., :height, :width]
-        # share = A r / (A r + B) = sigmoid(log(A / B) + log r): what the network says does not depend on r.
-        return torch.sigmoid(out[:, :3] + tint), nn.functional.softplus(out[:, 3:])
+        # share = A r / (A r + B) = sigmoid(log(A / B) + log r), and A grows with the coverage of an edge pixel: what
+        # the network says depends on neither.
+        known = tint + mask.float().clamp(min=LEAST_COVERAGE).log()
+        return torch.sigmoid(out[:, :3] + known), nn.functional.softplus(out[:, 3:])
 
 
 def _seen(image_srgb: Tensor, mask: Tensor) -> tuple[Tensor, ...]:
