@@ -12,6 +12,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import detections
 from rauca_core.detect.training.assignment import assign
@@ -142,3 +143,17 @@ def test_generalised_overlap_is_torchvisions():
     ops = import_torchvision().ops
     a, b = (corners(torch.rand(9, 4, generator=torch.Generator().manual_seed(k)) + 0.1) for k in (0, 1))
     torch.testing.assert_close(generalised_iou(a[:, None], b[None]), ops.generalized_box_iou(a, b))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_frozen_batch_norm_takes_gradients_of_any_layout(count):
+    generator = torch.Generator().manual_seed(0)
+    norm = torch.nn.BatchNorm2d(16).double()
+    with torch.no_grad():
+        for parameter in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
+            parameter.copy_(torch.rand(16, generator=generator) + 0.5)
+    x = torch.randn(count, 16, 5, 5, dtype=torch.float64, generator=generator).requires_grad_()
+    weight = torch.randn(count, 25, 16, dtype=torch.float64, generator=generator)
+    frozen = freeze_batch_norms(torch.nn.Sequential(norm))
+    torch.testing.assert_close(frozen(x), norm.eval()(x))
+    assert torch.autograd.gradcheck(lambda x: (frozen(x).flatten(2).transpose(1, 2) * weight).sum(), x)

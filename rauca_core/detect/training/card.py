@@ -17,6 +17,7 @@ from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.files import write_bytes, write_json
 from ...contract.schema import Fields, read_json
+from ..batch_norm import freeze_batch_norms
 from .adapter import SynthDetector
 from .networks import RECIPES, build_network, find_recipe
 
@@ -98,6 +99,14 @@ def load_weights(path: Path) -> SynthDetector:
     Raises:
         RaucaError: missing, damaged, or not what the card describes.
     """
+    network, card, digest = load_network(path)
+    fingerprint = hashlib.sha256(f"{digest} {card.name} {card.size}".encode()).hexdigest()
+    frozen = freeze_batch_norms(network).requires_grad_(False)
+    return SynthDetector(card.name, frozen, card.class_names, card.size, fingerprint)
+
+
+def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
+    """The network of a weights file, ready to learn on, its card, and the file's sha256; see :func:`load_weights`."""
     card, digest = read_card(path.with_suffix(".json"))
     if not path.is_file():
         raise RaucaError(f"{path}: no such weights; {REMEDY}")
@@ -112,8 +121,7 @@ def load_weights(path: Path) -> SynthDetector:
         raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
     if not all(t.isfinite().all() for t in network.state_dict().values()):
         raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
-    fingerprint = hashlib.sha256(f"{digest} {card.name} {card.size}".encode()).hexdigest()
-    return SynthDetector(card.name, network.eval().requires_grad_(False), card.class_names, card.size, fingerprint)
+    return network, card, digest
 
 
 def read_card(path: Path) -> tuple[DetectorCard, str]:

@@ -17,7 +17,7 @@ from ..catalogue import find_source
 from ..store import stored_path, verify
 from ..weights_file import sha256_of
 from .adapter import SynthDetector
-from .card import DetectorCard, load_weights, read_card, save_weights
+from .card import DetectorCard, load_network, save_weights
 from .loop import Job, RoundReport, train
 from .measure import CAR, Findings, Score, measure
 from .networks import BODY, build_network, find_recipe
@@ -143,16 +143,13 @@ def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     if wanted.start is None:
         body = _yolo_body()
         return build_network(wanted.name, len(class_names), body, wanted.settings.seed), sha256_of(body)
-    card, digest = read_card(wanted.start.with_suffix(".json"))
+    network, card, digest = load_network(wanted.start)
     if (card.name, card.class_names) != (wanted.name, class_names):
         raise RaucaError(
             f"{wanted.start}: holds a {card.name} of the classes {', '.join(card.class_names)}, but a {wanted.name} of "
             f"{', '.join(class_names)} is to be trained; start without it"
         )
-    network = load_weights(wanted.start).network
-    fresh = build_network(wanted.name, len(class_names))
-    fresh.load_state_dict(network.state_dict())
-    return fresh, digest
+    return network, digest
 
 
 def _yolo_body() -> Path:
