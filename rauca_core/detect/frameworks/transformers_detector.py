@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from ...contract import RaucaError
+from ..batch_norm import freeze_batch_norms
 from ..checks import check_images
 from ..classes import canonical
 from ..interface import DensePredictions, Detections
@@ -93,6 +94,7 @@ class TransformersDetector:
         self._family: Family = family_of(name, model.config.model_type)
         self.model: Any = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
+        freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
 
     def to(self, device: torch.device | str) -> TransformersDetector:
         """Move the model to a device; returns self."""
