@@ -62,14 +62,16 @@ def watching(layer: nn.Module | None) -> Iterator[list[Tensor]]:
 def attention_map(score: Tensor, features: Tensor) -> Tensor:
     """Grad-CAM (B, h, w) of the log-odds of ``score`` (B,), differentiable by way of ``features`` (B, C, h, w).
 
-    The channels' weights are constants of it, as published. Positive where the vehicle's score comes from.
+    The channels' weights are constants of it, as published; but sums of their slopes, not means: a classifier pools
+    all cells, a detector's score hangs on a few, and its map would all but vanish. Positive where the vehicle's score
+    comes from.
     """
     features, slopes = precise(features), None
     if score.requires_grad:
         evidence = torch.logit(score.clamp(SCORE_EDGE, 1 - SCORE_EDGE)).sum()
         (slopes,) = torch.autograd.grad(evidence, features, retain_graph=True, allow_unused=True)
     weights = torch.zeros_like(features) if slopes is None else slopes
-    return (features * weights.mean((2, 3), keepdim=True)).sum(1)
+    return (features * weights.sum((2, 3), keepdim=True)).sum(1)
 
 
 def dispersed_attention(score: Tensor, features: Tensor) -> Tensor:

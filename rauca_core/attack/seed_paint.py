@@ -27,7 +27,7 @@ class Panel:
     Attributes:
         axis, sign: where it looks.
         low, high: of its faces' centres, as shares of the vehicle's box along x (rear to front), y and z.
-        right, up: the axes of the picture on it; a minus sign, kept in ``turn``, mirrors the first.
+        right, up: the axes of the picture on it, times the signs in ``turn``: upright to whoever stands before it.
     """
 
     axis: int
@@ -36,14 +36,14 @@ class Panel:
     high: tuple[float, float, float]
     right: int
     up: int
-    turn: float
+    turn: tuple[float, float]
 
 
 PANELS = {
-    "bonnet": Panel(2, 1.0, (0.70, 0.0, 0.3), (1.0, 1.0, 0.85), 1, 0, -1.0),
-    "roof": Panel(2, 1.0, (0.0, 0.0, 0.85), (1.0, 1.0, 1.0), 1, 0, -1.0),
-    "left doors": Panel(1, 1.0, (0.28, 0.5, 0.15), (0.70, 1.0, 0.7), 0, 2, -1.0),
-    "right doors": Panel(1, -1.0, (0.28, 0.0, 0.15), (0.70, 0.5, 0.7), 0, 2, 1.0),
+    "bonnet": Panel(2, 1.0, (0.70, 0.0, 0.3), (1.0, 1.0, 0.85), 1, 0, (1.0, -1.0)),
+    "roof": Panel(2, 1.0, (0.0, 0.0, 0.85), (1.0, 1.0, 1.0), 1, 0, (1.0, -1.0)),
+    "left doors": Panel(1, 1.0, (0.28, 0.5, 0.15), (0.70, 1.0, 0.7), 0, 2, (-1.0, 1.0)),
+    "right doors": Panel(1, -1.0, (0.28, 0.0, 0.15), (0.70, 0.5, 0.7), 0, 2, (1.0, 1.0)),
 }
 
 
@@ -79,7 +79,7 @@ def seed_paint(
         if not len(faces):
             continue
         panel, points = PANELS[name], positions[faces].reshape(-1, 3)
-        plane = points[:, [panel.right, panel.up]] * (panel.turn, 1.0)
+        plane = points[:, [panel.right, panel.up]] * panel.turn
         low, high = plane.min(0), plane.max(0)
         paint, line = smile((plane - (low + high) / 2) / max((high - low).min() / 2, 1e-6), reference_srgb)
         cells.append((faces[:, None] * texture_size**3 + np.arange(texture_size**3)).ravel())

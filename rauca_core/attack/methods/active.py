@@ -20,9 +20,8 @@ ACTIVE = Method(
     },
     assumed=(
         "Triplanar mapping is exact, and exact light stands for its neural texture renderer. Both favour it.",
-        "A tile is a metre wide; the paper gives no metres.",
+        "A tile is a metre wide and the background has four dominant colours; the paper's main text gives neither.",
         "The pattern is shifted by up to half a tile once per step, not per picture; its scale is not varied.",
-        "Four dominant colours of the background; the paper gives no number.",
         "The difference of two colours is the mean over their channels; pictures move by up to a tenth of their side.",
         "One vehicle; published is five at once.",
     ),

@@ -22,8 +22,8 @@ FCA = Method(
     assumed=(
         "The boxes assigned to the vehicle are the nine that overlap it most, as many as YOLOv3 assigns anchors; other "
         "detectors have no anchors to match.",
-        "Objectness and class enter as probabilities, to be made small; the public code's cross-entropy raises the "
-        "objectness of assigned boxes, against its paper.",
+        "Objectness and class enter as probabilities, to be made small; the public code's cross-entropy pulls the "
+        "objectness of assigned boxes up, which cannot be meant.",
         "The weights, 0.05 overlap, 1 objectness and 0.5 class, are those of the public code.",
     ),
 )
