@@ -85,12 +85,16 @@ def optimize(
     batch: Annotated[int, typer.Option(help="frames per step")] = 4,
     lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
     beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
+    smooth: Annotated[str, typer.Option(help="smoothness on the UV map, the rendered picture or the pattern")] = "map",
     map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
     samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
     sampler: Annotated[
         str, typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)")
     ] = "area",
     light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
+    paint: Annotated[
+        str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
+    ] = "texels",
     start: Annotated[str, typer.Option(help="random or plain")] = "random",
     limit: Annotated[
         str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")

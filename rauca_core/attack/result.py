@@ -27,7 +27,7 @@ def write_result(
 ) -> Path:
     """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history."""
     last = read_history(out)[-AVERAGED_STEPS:]
-    losses = {name: sum(r[name] for r in last) / len(last) for name in ("loss", "attack", "smooth", "score")}
+    losses = {name: sum(r[name] for r in last) / len(last) for name in ("loss", "attack", "smooth", "prior", "score")}
     made = {
         "detector": detector,
         "steps": settings.steps,

@@ -27,8 +27,8 @@ DAS = Method(
         "Attention is Grad-CAM of the white-box detector, at the last layer that its heads share, for the log-odds of "
         "max H_d, channels weighted by the sum of their slopes; published is the last stage of an ImageNet classifier, "
         "for one of seven vehicle classes, channels weighted by the mean.",
-        "Channel weights take no gradient, as in the public code: the loss itself need not fall. On the demo's frames it "
-        "doubled in 60 steps while max H_d halved; differentiated whole, it fell to a third and max H_d stayed.",
+        "Channel weights take no gradient, as in the public code, so the loss need not fall: on the demo's frames "
+        "it doubled in 60 steps while max H_d halved. Differentiated whole, it fell to a third and max H_d stayed.",
         "The painted panels are bonnet, roof and doors, found by geometry; published is a list of one car's faces.",
         "The seed picture is a smiling face drawn by this project, upright on each panel.",
         "Distance from the seed is measured in sRGB values, four times the published 1e-4 of values before tanh, which "
