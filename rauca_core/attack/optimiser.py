@@ -10,13 +10,13 @@ from ..contract import Dataset, RaucaError
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
 from ..environment.distributed import Team
+from ..stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .journal import Journal, StepReport
 from .panel import Panel
 from .result import write_result
 from .run import ALONE, Run
 from .settings import OptimiserSettings
-from .stopping import stop_request
 
 CHECKPOINTS = "checkpoints"
 OnStep = Callable[[StepReport], None]
