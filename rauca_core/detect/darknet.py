@@ -9,18 +9,17 @@ import torch
 from torch import Tensor
 
 from ..contract import RaucaError
-from .checks import check_images
-from .interface import DensePredictions, Detections
+from .interface import DensePredictions
 from .letterbox import Letterbox
 from .network import DarknetNetwork
-from .nms import clipped, detections
+from .single_pass import SinglePassDetector
 from .weights_file import read_weights
 
 # As the networks were published; a cfg may state 608, for which the tiny ones gain little.
 DEFAULT_SIZE = 416
 
 
-class DarknetDetector:
+class DarknetDetector(SinglePassDetector):
     """A YOLOv2, v3 or v4 network behind :class:`rauca_core.detect.Detector`.
 
     Attributes:
@@ -56,17 +55,6 @@ class DarknetDetector:
         """Move the network to a device; returns self."""
         self.network.to(device)
         return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        check_images(self.name, images)
-        return self._predict(images)
-
-    @torch.inference_mode()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        check_images(self.name, images, waits=True)
-        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)

@@ -9,21 +9,20 @@ import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
-from .checks import check_images
 from .classes import class_list
 from .heads import precise
-from .interface import DensePredictions, Detections
-from .nms import clipped, detections
+from .interface import DensePredictions
 from .onnx_fusion import fuse
 from .onnx_graph import OnnxGraph, first_line, read_graph, to_torch
 from .onnx_layouts import GraphFamily, Layout, find_layout
 from .onnx_session import Session
+from .single_pass import SinglePassDetector
 
 DEFAULT_SIZE = 640
 LARGEST_DIFFERENCE = 1e-3  # between the runtimes, of the largest output; rounding makes 1e-6
 
 
-class OnnxDetector:
+class OnnxDetector(SinglePassDetector):
     """An ONNX graph behind :class:`rauca_core.detect.Detector`.
 
     Where a gradient is wanted the graph runs in torch, converted by onnx2torch; on the CPU without one it runs in
@@ -83,16 +82,9 @@ class OnnxDetector:
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images`` if ``differentiable``."""
-        check_images(self.name, images)
         if not self.differentiable and images.requires_grad and torch.is_grad_enabled():
             raise RaucaError(f"{self.name}: has no gradients; {self._why_not}")
-        return self._predict(images)
-
-    @torch.inference_mode()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        check_images(self.name, images, waits=True)
-        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
+        return super().dense(images)
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = self._layout.letterbox(images.shape[2], images.shape[3], self.size)

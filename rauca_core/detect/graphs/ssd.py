@@ -12,9 +12,8 @@ import torch
 from torch import Tensor
 
 from ...contract import RaucaError
-from ..checks import check_images
-from ..interface import DensePredictions, Detections
-from ..nms import clipped, detections
+from ..interface import DensePredictions
+from ..single_pass import SinglePassDetector
 from .boxes import CentreSizeBoxes
 from .fold import simplify
 from .labels import score_columns
@@ -56,7 +55,7 @@ class SsdParts:
     half_pixel_centers: bool
 
 
-class SsdDetector:
+class SsdDetector(SinglePassDetector):
     """A single-shot detector with anchors.
 
     Images are stretched to the network's square, not letterboxed: so the networks were trained. ``objectness`` is one
@@ -118,17 +117,6 @@ class SsdDetector:
         self.boxes.to(device)
         self._columns = self._columns.to(device)
         return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        check_images(self.name, images)
-        return self._predict(images)
-
-    @torch.inference_mode()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        check_images(self.name, images, waits=True)
-        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
 
     def _predict(self, images: Tensor) -> DensePredictions:
         encodings, scores = self._heads(stretch(images, self.size, self._parts.half_pixel_centers))
