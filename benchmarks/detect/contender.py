@@ -15,6 +15,7 @@ from rauca_core.detect import DensePredictions, Detections, Detector
 
 # A runtime that leaves a score out, as OpenCV does for boxes it suppressed, has NaN there: nothing to compare with.
 Rows = NDArray[np.float32]
+ROUNDING = 1e-5  # of scores; random weights give many detections nearly the same
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ class Contender:
         """Largest difference of any score or box side (as a fraction of the image's)."""
         theirs = self.rows((self.run_openly or self.run)(self.prepare(image)))
         if self.final:
-            return unordered_difference(final_rows(self.detector.detect(image, *self.thresholds)[0], self.size), theirs)
+            found = self.detector.detect(image, *self.thresholds)[0]
+            return unordered_difference(final_rows(found, self.size), theirs, self.thresholds[0])
         plain, with_gradient = (self.detector.dense(image.clone().requires_grad_(wants)) for wants in (False, True))
         return max(ordered_difference(dense_rows(found, self.size), theirs) for found in (plain, with_gradient))
 
@@ -86,10 +88,14 @@ def ordered_difference(ours: Rows, theirs: Rows) -> float:
     return float(np.nanmax(np.abs(ours - theirs)))
 
 
-def unordered_difference(ours: Rows, theirs: Rows) -> float:
-    """Each detection against the nearest of the same label, both ways: equal scores may come in any order."""
-    if len(ours) != len(theirs) or not len(ours):
+def unordered_difference(ours: Rows, theirs: Rows, threshold: float = 0.0) -> float:
+    """Each detection against the nearest of the same label, both ways: equal scores may come in any order.
+
+    One whose score is the ``threshold`` but for rounding may be missing on either side.
+    """
+    sure, theirs_sure = (rows[:, 4] > threshold + ROUNDING for rows in (ours, theirs))
+    if not 0 < sure.sum() <= len(theirs) or not 0 < theirs_sure.sum() <= len(ours):
         return float("inf")
     apart = np.abs(ours[:, None, :5] - theirs[None, :, :5]).max(2)
     apart[ours[:, None, 5] != theirs[None, :, 5]] = np.inf
-    return float(max(apart.min(0).max(), apart.min(1).max()))
+    return float(max(apart.min(0)[theirs_sure].max(), apart.min(1)[sure].max()))
