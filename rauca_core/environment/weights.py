@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ from safetensors import SafetensorError
 from torch import Tensor, nn
 
 from .. import __version__
+from ..carded_weights import read_carded, save_carded
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
-from ..contract.files import write_bytes, write_json
 from ..contract.schema import Fields, read_json
 from .extractor import LightSplitter
 
@@ -62,12 +61,8 @@ def card_path(weights: Path) -> Path:
 
 def save_extractor(path: Path, net: LightSplitter, card: ModelCard) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
-    name, version = FORMAT
     tensors: dict[str, Tensor] = {k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}
-    data = safetensors.torch.save(tensors)
-    write_bytes(path, data)
-    digest = hashlib.sha256(data).hexdigest()
-    write_json(card_path(path), {"format": name, "version": version, "sha256": digest, **asdict(card)})
+    save_carded(path, card_path(path), FORMAT, tensors, asdict(card))
 
 
 def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
@@ -80,9 +75,7 @@ def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
     if not path.is_file():
         raise RaucaError(f"{path}: no such weights; {REMEDY}")
     card, digest = read_card(card_path(path))
-    data = path.read_bytes()
-    if hashlib.sha256(data).hexdigest() != digest:
-        raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {REMEDY}")
+    data = read_carded(path, digest, REMEDY)
     try:
         net = LightSplitter(card.widths, card.detail)
         net.load_state_dict(safetensors.torch.load(data))

@@ -13,9 +13,9 @@ from safetensors import SafetensorError
 from torch import Tensor, nn
 
 from ... import __version__
+from ...carded_weights import read_carded, save_carded
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
-from ...contract.files import write_bytes, write_json
 from ...contract.schema import Fields, read_json
 from ..batch_norm import freeze_batch_norms
 from .adapter import SynthDetector
@@ -85,12 +85,8 @@ def load_synth(name: str) -> SynthDetector:
 
 def save_weights(path: Path, network: nn.Module, card: DetectorCard) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
-    form, version = FORMAT
-    data = safetensors.torch.save({name: _half(t) for name, t in network.state_dict().items()})
-    write_bytes(path, data)
-    digest = hashlib.sha256(data).hexdigest()
-    opening = {"format": form, "version": version, "sha256": digest}
-    write_json(path.with_suffix(".json"), {**opening, **asdict(card)})
+    tensors = {name: _half(t) for name, t in network.state_dict().items()}
+    save_carded(path, path.with_suffix(".json"), FORMAT, tensors, asdict(card))
 
 
 def load_weights(path: Path) -> SynthDetector:
@@ -110,9 +106,7 @@ def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
     card, digest = read_card(path.with_suffix(".json"))
     if not path.is_file():
         raise RaucaError(f"{path}: no such weights; {REMEDY}")
-    data = path.read_bytes()
-    if hashlib.sha256(data).hexdigest() != digest:
-        raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {REMEDY}")
+    data = read_carded(path, digest, REMEDY)
     network = build_network(card.name, len(card.class_names))
     try:
         tensors = safetensors.torch.load(data)
