@@ -17,7 +17,7 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Progress
 from rauca_core.contract.seeding import named_seed
 from rauca_core.environment import LightSplitter, PublishedEfe, TrainingSettings, make_training_settings
-from rauca_core.environment.distributed import Team
+from rauca_core.environment.distributed import ALONE
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
@@ -26,7 +26,6 @@ from rauca_core.environment.training import EpochReport, Job, Outcome, train
 from .neural_renderer import seconds_per_image
 from .settings import Settings
 
-ALONE = Team(0, 1, torch.device("cpu"))
 OURS = {"batch": 4, "lr": 4e-3, "crop": 80, "stop_early": False}
 PUBLISHED = {"batch": 4, "lr": 0.01, "stop_early": False, "method": "published-final"}
 

@@ -9,13 +9,13 @@ from ..checkpoint_files import POINTER
 from ..contract import Dataset, RaucaError
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
-from ..environment.distributed import Team
+from ..environment.distributed import ALONE, Team
 from ..stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .journal import Journal, StepReport
 from .panel import Panel
 from .result import write_result
-from .run import ALONE, Run
+from .run import Run
 from .settings import OptimiserSettings
 
 CHECKPOINTS = "checkpoints"

@@ -15,7 +15,7 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..cpu import threads
-from ..environment.distributed import Team
+from ..environment.distributed import ALONE, Team
 from ..render import TAP_FORMAT, Canvas, undisplay
 from .augmentation import RANGES, Augmentation
 from .background import background_colours
@@ -28,8 +28,6 @@ from .priors import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimiserSettings
 from .stopwatch import Stopwatch
 from .texture import Texture, make_texture
-
-ALONE = Team(0, 1, torch.device("cpu"))
 
 
 class Run:

@@ -68,6 +68,10 @@ class Team:
         return [float(v) for v in tensor.tolist()]
 
 
+ALONE = Team(0, 1, torch.device("cpu"))
+"""One process on the CPU."""
+
+
 @contextlib.contextmanager
 def team() -> Iterator[Team]:
     """Join the processes that ``torchrun`` started, by gloo on CPUs and NCCL on GPUs; leaves them at the end."""
