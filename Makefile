@@ -30,18 +30,20 @@ pictures: demo
 extension: $(READY)
 	$(VENV)/bin/python pipelines/build_extension.py dist
 
-# torch comes first and pinned: asked for later, by another package, it would bring gigabytes of CUDA libraries.
+# torch comes first and pinned, and stays named: torchvision's newest asks for a newer torch, which would replace it and
+# bring gigabytes of CUDA libraries.
+TORCH := torch==2.13.0
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet torch==2.13.0
-	$(VENV)/bin/python -m pip install --quiet -e .[blender,bench,slurm,detectors,dev]
+	$(VENV)/bin/python -m pip install --quiet $(TORCH)
+	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[blender,bench,slurm,detectors,dev]
 	touch $(READY)
 
 # bpy 4.5 was built against NumPy 1.
 $(VENV)-4.5/.ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-4.5
-	$(VENV)-4.5/bin/python -m pip install --quiet torch==2.13.0
-	$(VENV)-4.5/bin/python -m pip install --quiet -e .[dev] bpy==4.5.15 'numpy<2'
+	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH)
+	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[dev] bpy==4.5.15 'numpy<2'
 	touch $@
 
 # Compiled kernels do not notice changes in the files they call; see CONTRIBUTING.md.

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ..render import saturate
 from . import augmentation_cpu
 
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
@@ -134,4 +135,4 @@ class Augmentation:
         contrast = self.contrast.to(images)[:, None, None, None]
         brightness = self.brightness.to(images)[:, None, None, None]
         mean = images.mean((1, 2, 3), keepdim=True)
-        return ((images - mean) * contrast + mean + brightness).clamp(0.0, 1.0)
+        return saturate((images - mean) * contrast + mean + brightness)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
 from ..images import read_image
-from ..render import Canvas, Taps, composite, display
+from ..render import Canvas, Taps, composite, display, saturate
 from .lights import light_source
 from .media import make_medium
 from .settings import OptimiserSettings
@@ -131,7 +131,7 @@ def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
     if batch[0].linear:
         paint = display(composite(albedo, albedo.new_ones(()), A, B))
     else:
-        paint = (A * display(albedo) + B).clamp(0.0, 1.0)
+        paint = saturate(A * display(albedo) + B)
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
     places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
     flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)

@@ -12,6 +12,8 @@ from typing import Literal, Protocol
 import torch
 from torch import Tensor
 
+from ..render import saturate
+
 LimitName = Literal["project", "clamp", "tanh"]
 FURTHEST = 0.98  # of tanh's range that a start may take: at its ends there is no way back
 
@@ -39,7 +41,7 @@ class Project:
         return values.clone()
 
     def values(self, parameter: Tensor) -> Tensor:
-        return parameter.clamp(0.0, 1.0)  # a texel at the very end still has its gradient
+        return saturate(parameter)  # a texel at the very end still has its gradient
 
     def settle(self, parameter: Tensor) -> None:
         with torch.no_grad():

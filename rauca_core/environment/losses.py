@@ -57,11 +57,11 @@ def tone(linear: Tensor) -> Tensor:
 
     Finite with a finite gradient for every finite input; negative light is taken as 0.
     """
-    x = linear.clamp(min=0.0)
+    x = torch.where(linear >= 0.0, linear, linear.detach().clamp(min=0.0))  # its gradient at 0 is the curve's
     knee = 0.0031308
     curve = 1.055 * x.clamp(knee, 1.0).pow(1 / 2.4) - 0.055
-    slope_at_one = 1.055 / 2.4
-    return torch.where(x <= knee, 12.92 * x, curve) + slope_at_one * (x - 1).clamp(min=0.0)
+    line = 1.0 + (1.055 / 2.4) * (x - 1.0)
+    return torch.where(x <= knee, 12.92 * x, torch.where(x < 1.0, curve, line))
 
 
 def light_loss(

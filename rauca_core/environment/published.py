@@ -10,6 +10,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from ..render import saturate
+
 WIDTHS = (64, 128, 256, 512, 1024)
 
 
@@ -50,7 +52,7 @@ class PublishedEfe(nn.Module):
 
 def fuse_published(x_nr_srgb: Tensor, A: Tensor, B: Tensor) -> Tensor:
     """``clamp(x_nr * A + B, 0, 1)`` in sRGB values; shapes broadcast."""
-    return (x_nr_srgb * A + B).clamp(0.0, 1.0)
+    return saturate(x_nr_srgb * A + B)
 
 
 def _double(inputs: int, outputs: int) -> nn.Sequential:

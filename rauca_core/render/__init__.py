@@ -2,7 +2,7 @@
 
 from .cache import FacetSettings, PatternSettings, TapCache, TapRecipe, TapSettings
 from .canvas import Canvas
-from .composite import composite, display, undisplay
+from .composite import composite, display, saturate, undisplay
 from .facet_texture import bake_facets, cell_positions
 from .pyramid import Pyramid
 from .raster.rasterise import Raster, rasterize
@@ -35,5 +35,6 @@ __all__ = [
     "pattern_pyramid",
     "project_pattern",
     "rasterize",
+    "saturate",
     "undisplay",
 ]

@@ -35,13 +35,22 @@ def composite(
     return A * albedo + B
 
 
+def saturate(values: Tensor) -> Tensor:
+    """Clip to [0, 1], as a camera does: any shape, gradient 0 beyond and 1 at both ends, NaN stays NaN.
+
+    At its ends torch.clamp has the gradient 1 until torch 2.13 and 0 from 2.14 on, which would freeze black and white
+    texels for good.
+    """
+    return torch.where((values >= 0.0) & (values <= 1.0), values, values.detach().clamp(0.0, 1.0))
+
+
 def display(linear: Tensor) -> Tensor:
     """Encode linear light as sRGB in [0, 1] (IEC 61966-2-1).
 
     Light beyond [0, 1] is clipped and has zero gradient, as a camera that saturates; within, the gradient is exact and
     at most 12.92, the slope at 0. NaN stays NaN.
     """
-    x = linear.clamp(0.0, 1.0)
+    x = saturate(linear)
     # The power's slope is infinite at 0: keep its argument off 0 even where the other branch is taken.
     curve = 1.055 * x.clamp(min=_KNEE_LINEAR).pow(1 / 2.4) - 0.055
     return torch.where(x <= _KNEE_LINEAR, 12.92 * x, curve)
