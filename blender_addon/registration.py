@@ -1,30 +1,45 @@
-"""What Blender is told about: properties, operators, panels. In that order; unregistered in reverse."""
+"""What Blender is told about, in order; unregistered in reverse.
+
+Every module lists its CLASSES, and may have ``register`` and ``unregister`` for handlers, timers, previews.
+"""
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import bpy
 
-from .operators.apply_camouflage import RAUCA_OT_apply_camouflage
-from .operators.generate_dataset import RAUCA_OT_generate_dataset
-from .ui.panels import RAUCA_PT_camouflage, RAUCA_PT_dataset
-from .ui.properties import RaucaProperties
+from .operators import apply_camouflage, generate_dataset
+from .ui import bake, cameras, camouflage, dataset, optimise, properties, vehicle, weather
 
-CLASSES = (
-    RaucaProperties,
-    RAUCA_OT_apply_camouflage,
-    RAUCA_OT_generate_dataset,
-    RAUCA_PT_dataset,
-    RAUCA_PT_camouflage,
+MODULES: tuple[ModuleType, ...] = (
+    generate_dataset,
+    apply_camouflage,
+    # The panels appear in this order.
+    vehicle,
+    weather,
+    cameras,
+    dataset,
+    optimise,
+    camouflage,
+    bake,
+    properties,  # after the groups it points to
 )
 
 
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.rauca = bpy.props.PointerProperty(type=RaucaProperties)
+    for module in MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+        getattr(module, "register", _nothing)()
 
 
 def unregister() -> None:
-    del bpy.types.Scene.rauca
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    for module in reversed(MODULES):
+        getattr(module, "unregister", _nothing)()
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)
+
+
+def _nothing() -> None:
+    pass

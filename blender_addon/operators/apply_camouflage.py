@@ -8,24 +8,22 @@ import bpy
 
 from ..core import contract
 from ..scene.apply import apply_camouflage
-from ..vehicles import find_vehicle
+from .operator import RaucaOperator
 
 
-class RAUCA_OT_apply_camouflage(bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
     """Add the vehicle to the scene, painted with the chosen camouflage"""
 
     bl_idname = "rauca.apply_camouflage"
     bl_label = "Apply camouflage"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca
-        try:
-            if not settings.camouflage:
-                raise contract.RaucaError("Choose a camouflage's .json file")
-            vehicle = find_vehicle(settings.vehicle, None, None)
-            apply_camouflage(context.scene, vehicle, Path(bpy.path.abspath(settings.camouflage)))
-        except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        if not settings.camouflage.file:
+            raise contract.RaucaError("Choose a camouflage's .json file")
+        vehicle = settings.vehicle.chosen(context)
+        apply_camouflage(context.scene, vehicle, Path(bpy.path.abspath(settings.camouflage.file)))
+
+
+CLASSES = (RAUCA_OT_apply_camouflage,)

@@ -20,7 +20,7 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return not context.scene.rauca.job
+        return not context.scene.rauca.dataset.job
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Without a window: run to the end, then report."""
@@ -48,14 +48,15 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
         return self._finish(context)
 
     def _start(self, context: bpy.types.Context) -> bool:
-        settings = context.scene.rauca
+        steps = context.scene.rauca
+        settings = steps.dataset
         if not settings.folder:
             self.report({"ERROR"}, "Choose a folder for the data set")
             return False
         arguments = [
-            *("--out", bpy.path.abspath(settings.folder), "--vehicle", settings.vehicle),
-            *("--weathers", settings.weathers, "--locations", str(settings.locations)),
-            *("--azimuths", str(settings.azimuths), "--size", str(settings.size)),
+            *("--out", bpy.path.abspath(settings.folder), "--vehicle", steps.vehicle.file),
+            *("--weathers", steps.weather.preset_file(context), "--locations", str(settings.locations)),
+            *("--azimuths", str(steps.cameras.azimuths), "--size", str(settings.size)),
             *("--samples", str(settings.samples), "--denoise" if settings.denoise else "--no-denoise"),
             "--json-progress",
         ]
@@ -74,7 +75,7 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
             self._lines.put(line)
 
     def _show_progress(self, context: bpy.types.Context) -> None:
-        settings = context.scene.rauca
+        settings = context.scene.rauca.dataset
         while True:
             try:
                 line = self._lines.get_nowait()
@@ -87,10 +88,13 @@ class RAUCA_OT_generate_dataset(bpy.types.Operator):  # noqa: N801 - Blender wan
                     area.tag_redraw()
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
-        context.scene.rauca.job = ""
+        context.scene.rauca.dataset.job = ""
         if self._process.returncode == 0:
             self.report({"INFO"}, "Data set finished")
             return {"FINISHED"}
         reason = next((line for line in reversed(self._errors) if line.startswith(("error:", "interrupted:"))), "")
         self.report({"ERROR"}, reason.strip() or f"Rendering stopped with code {self._process.returncode}")
         return {"CANCELLED"}
+
+
+CLASSES = (RAUCA_OT_generate_dataset,)

@@ -37,7 +37,7 @@ def a_camouflage(folder: Path, atlas_id: str) -> Path:
 def test_apply_adds_the_painted_vehicle(addon, tmp_path):
     vehicle = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     settings = addon.context.scene.rauca
-    settings.camouflage = str(a_camouflage(tmp_path, vehicle.atlas_id))
+    settings.camouflage.file = str(a_camouflage(tmp_path, vehicle.atlas_id))
     assert addon.ops.rauca.apply_camouflage() == {"FINISHED"}
     painted = addon.data.objects["sedan pink"]
     assert len(painted.data.polygons) == len(vehicle.triangles)
@@ -47,7 +47,7 @@ def test_apply_adds_the_painted_vehicle(addon, tmp_path):
 
 def test_apply_refuses_another_atlas_and_changes_nothing(addon, tmp_path):
     before = len(addon.data.objects)
-    addon.context.scene.rauca.camouflage = str(a_camouflage(tmp_path, "0" * 16))
+    addon.context.scene.rauca.camouflage.file = str(a_camouflage(tmp_path, "0" * 16))
     with pytest.raises(RuntimeError, match="made for the UV atlas 0000000000000000"):
         addon.ops.rauca.apply_camouflage()
     assert len(addon.data.objects) == before
@@ -55,13 +55,14 @@ def test_apply_refuses_another_atlas_and_changes_nothing(addon, tmp_path):
 
 def test_generate_dataset_runs_the_headless_job(addon, tmp_path):
     settings = addon.context.scene.rauca
-    settings.weathers, settings.azimuths, settings.size, settings.samples = "demo", 1, 64, 1
+    settings.weather.preset, settings.cameras.azimuths = "demo", 1
+    settings.dataset.size, settings.dataset.samples = 64, 1
     with pytest.raises(RuntimeError, match="Choose a folder"):
         addon.ops.rauca.generate_dataset()
-    settings.folder = str(tmp_path / "set")
+    settings.dataset.folder = str(tmp_path / "set")
     assert addon.ops.rauca.generate_dataset() == {"FINISHED"}
     assert len(Dataset(tmp_path / "set").frames()) == 1 * 2 * 2 * 3
-    settings.size = 96
+    settings.dataset.size = 96
     with pytest.raises(RuntimeError, match="holds a data set made with another size"):
         addon.ops.rauca.generate_dataset()
 
