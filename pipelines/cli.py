@@ -106,6 +106,9 @@ def optimize(
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
     name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
+    json_progress: Annotated[
+        bool, typer.Option("--json-progress", help="each step as a line of JSON on standard output, for programs")
+    ] = False,
 ) -> None:
     """Optimise a camouflage UV map against one or several detectors."""
     from .methods import chosen_settings
@@ -113,7 +116,8 @@ def optimize(
 
     settings = make_settings(**chosen_settings(context))
     detectors = detector or ["yolov3-tiny"]
-    console.print(f"camouflage: {optimize_camouflage(dataset, detectors, settings, out, resume)}")
+    path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress)
+    console.print(f"camouflage: {path}")
 
 
 @app.command()

@@ -7,26 +7,39 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import median
 
 from pipelines.console import console, progress_bar
 from rauca_core.attack import OptimiserSettings, StepReport, optimise
-from rauca_core.contract import Dataset, Progress
+from rauca_core.attack.preview import PICTURE, UV_MAP
+from rauca_core.contract import Dataset, OptimiseProgress, Progress
 from rauca_core.detect import load_detector
 from rauca_core.environment.distributed import team
 
+RECENT_STEPS = 50  # that the time left is judged by
+
 
 def optimize_camouflage(
-    dataset: Path, detectors: Sequence[str], settings: OptimiserSettings, out: Path, resume: bool
+    dataset: Path,
+    detectors: Sequence[str],
+    settings: OptimiserSettings,
+    out: Path,
+    resume: bool,
+    json_progress: bool = False,
 ) -> Path:
-    """Optimise with a progress bar; returns the camouflage's JSON."""
+    """Optimise with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
+    tell = _lines(out) if json_progress else None
     with progress_bar("optimising") as move:
         views = ""
 
         def show(report: StepReport) -> None:
             move(Progress(report.step, report.steps, f"loss {report.loss:.3f}  score {report.score:.2f}{views}"))
+            if tell is not None:
+                tell(report)
 
         def show_views(done: int, total: int) -> None:
             nonlocal views
@@ -35,6 +48,27 @@ def optimize_camouflage(
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
         with team() as processes:
             return optimise(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
+
+
+def _lines(out: Path) -> Callable[[StepReport], None]:
+    """Prints each step as a line of JSON on standard output; once nobody reads it any more, the run goes on alone."""
+    recent: deque[float] = deque(maxlen=RECENT_STEPS)
+    pictures = str((out / PICTURE).absolute()), str((out / UV_MAP).absolute())
+    heard = True
+
+    def tell(report: StepReport) -> None:
+        nonlocal heard
+        recent.append(report.seconds)
+        left_s = (report.steps - report.step) * median(recent)
+        losses = report.loss, report.attack, report.smooth, report.score
+        line = OptimiseProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line() + "\n"
+        try:
+            if heard:
+                os.write(1, line.encode())  # one write, whole lines: nothing is left to be flushed when we end
+        except BrokenPipeError:
+            heard = False
+
+    return tell
 
 
 if __name__ == "__main__":

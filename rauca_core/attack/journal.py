@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from torch import Tensor
-from torch.nn import functional
 from torch.utils.tensorboard import SummaryWriter
 
 from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
+from .preview import SIDE, shrunk
 
 HISTORY = "history.jsonl"
-PREVIEW_SIDE = 512
+FLUSH_S = 5  # a tensorboard that watches the run is at most so far behind
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ class Journal:
         if self._path.is_file():
             write_bytes(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
         self._pending: list[str] = []
-        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1 if step else None)
+        purge = step + 1 if step else None
+        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=purge, flush_secs=FLUSH_S)
 
     def add(self, report: StepReport) -> None:
         self._pending.append(json.dumps(asdict(report)))
@@ -60,8 +61,7 @@ class Journal:
 
     def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
         """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
-        small = functional.adaptive_avg_pool2d(uv_map_srgb, min(PREVIEW_SIDE, uv_map_srgb.shape[-1]))
-        self._board.add_image("uv_map", small.clamp(0, 1), step)
+        self._board.add_image("uv_map", shrunk(uv_map_srgb, SIDE), step)
         self._board.add_image("frame", image_srgb.clamp(0, 1), step)
 
     def flush(self) -> None:

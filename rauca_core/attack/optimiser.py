@@ -14,6 +14,7 @@ from ..stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .journal import Journal, StepReport
 from .panel import Panel
+from .preview import Preview
 from .result import write_result
 from .run import Run
 from .settings import OptimiserSettings
@@ -35,8 +36,9 @@ def optimise(
 ) -> Path:
     """Optimise a camouflage on a data set against detectors.
 
-    ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/`` and ``checkpoints/``. A run
-    resumed on the same machine ends in the same bits as one that never stopped.
+    ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
+    the run goes on, the pictures of `preview`. A run resumed on the same machine ends in the same bits as one that
+    never stopped.
 
     Args:
         dataset: with light maps; frames without a box are skipped.
@@ -105,17 +107,22 @@ class _Keeper:
     def __init__(self, run: Run, out: Path) -> None:
         self._run, self._out, self._saved = run, out, run.step
         self._journal = Journal(out, run.step) if run.team.leads else None
+        self._preview = Preview(out)
 
     def add(self, report: StepReport) -> None:
         if self._journal is not None:
             self._journal.add(report)
+            if self._preview.due:
+                self._preview.show(self._run.uv_map_srgb(), self._run.last_image)
 
     def keep(self) -> None:
         """Bring what is on disk up to this step."""
         run = self._run
         if self._journal is None or self._saved == run.step:
             return
-        self._journal.preview(run.step, run.uv_map_srgb(), run.last_image)
+        uv_map = run.uv_map_srgb()
+        self._preview.show(uv_map, run.last_image)
+        self._journal.preview(run.step, uv_map, run.last_image)
         self._journal.flush()  # first: a resumed run cuts the history to its checkpoint, never extends it
         save_checkpoint(self._out / CHECKPOINTS, run.checkpoint())
         self._saved = run.step

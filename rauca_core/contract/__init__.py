@@ -14,6 +14,7 @@ from .errors import RaucaError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .instances import Box, Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
+from .optimise_progress import OptimiseProgress, parse_optimise_progress
 from .presets import find_preset, load_weathers, preset_notes
 from .progress import Progress, parse_progress
 from .quality import Quality
@@ -32,6 +33,7 @@ __all__ = [
     "Instance",
     "LedgerEntry",
     "Material",
+    "OptimiseProgress",
     "Plan",
     "PlannedFrame",
     "Progress",
@@ -55,6 +57,7 @@ __all__ = [
     "load_passes",
     "load_vehicle",
     "load_weathers",
+    "parse_optimise_progress",
     "parse_progress",
     "planned_frames",
     "preset_notes",
