@@ -43,35 +43,51 @@ class SceneWeather:
     def __init__(self, scene: bpy.types.Scene, lamps: list[bpy.types.Object]) -> None:
         self._scene = scene
         self._lamps = StreetLamps(lamps)
-        self._world = bpy.data.worlds.new("rauca weather")
-        # No more noise than with Cycles' own choice, which spends 3.5 CPU seconds more on a closed cloud cover.
-        self._world.cycles.sampling_method = "MANUAL"
-        self._world.cycles.sample_map_resolution = SKY_SAMPLING_MAP
+        self._world = new_world()
         scene.world = self._world
         self._layer = FogLayer(scene)
         self.fog = self._layer.box
 
     def apply(self, weather: contract.Weather) -> None:
         """Set everything; equal :meth:`contract.Weather.light_key` give equal renders."""
-        tree = nodes.fresh_tree(self._world)
-        altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
-        night = night_share(altitude) * (1.0 - cover) + weather.lamps * cover
-        glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
-        if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
-            colour: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
-        else:
-            colour = _sky(tree, weather)
-            if night > 0.0:
-                sum_ = nodes.add(tree, "ShaderNodeVectorMath")
-                tree.links.new(colour, sum_.inputs[0])
-                sum_.inputs[1].default_value = [night * g for g in glow]
-                colour = sum_.outputs[0]
-        background = nodes.add(tree, "ShaderNodeBackground", Color=colour, Strength=1.0)
-        tree.links.new(background.outputs[0], nodes.add(tree, "ShaderNodeOutputWorld").inputs["Surface"])
-        self._scene.cycles.film_exposure = 2.0 ** exposure_stops(altitude, cover)
+        draw_sky(self._world, weather)
+        self._scene.cycles.film_exposure = film_exposure(weather)
         self._lamps.shine(weather.lamps)
         self._layer.apply(weather)
         set_wetness(weather.film, weather.puddles, weather.ripples)
+
+
+def new_world() -> bpy.types.World:
+    """A world for :func:`draw_sky`."""
+    world = bpy.data.worlds.new("rauca weather")
+    # No more noise than with Cycles' own choice, which spends 3.5 CPU seconds more on a closed cloud cover.
+    world.cycles.sampling_method = "MANUAL"
+    world.cycles.sample_map_resolution = SKY_SAMPLING_MAP
+    return world
+
+
+def draw_sky(world: bpy.types.World, weather: contract.Weather) -> None:
+    """Replace a world's nodes by the weather's sky, sun, clouds and the glow of the night; linear, before exposure."""
+    tree = nodes.fresh_tree(world)
+    altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
+    night = night_share(altitude) * (1.0 - cover) + weather.lamps * cover
+    glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
+    if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
+        colour: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
+    else:
+        colour = _sky(tree, weather)
+        if night > 0.0:
+            sum_ = nodes.add(tree, "ShaderNodeVectorMath")
+            tree.links.new(colour, sum_.inputs[0])
+            sum_.inputs[1].default_value = [night * g for g in glow]
+            colour = sum_.outputs[0]
+    background = nodes.add(tree, "ShaderNodeBackground", Color=colour, Strength=1.0)
+    tree.links.new(background.outputs[0], nodes.add(tree, "ShaderNodeOutputWorld").inputs["Surface"])
+
+
+def film_exposure(weather: contract.Weather) -> float:
+    """What Cycles' film multiplies light by in this weather."""
+    return 2.0 ** exposure_stops(weather.sun_altitude_angle, weather.cloudiness / 100.0)
 
 
 def exposure_stops(sun_altitude_deg: float, cover: float = 0.0) -> float:

@@ -1,0 +1,56 @@
+"""Settings of the artist's scene that the add-on changes for a while, and gives back.
+
+What was changed is a line of JSON that lives in the file with the settings, so it survives saving, loading and undo:
+path of each setting -> [what it was, what it was set to].
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+
+import bpy
+
+Setting = bool | int | float | str
+
+
+def lend(scene: bpy.types.Scene, loans: str, values: Mapping[str, Setting]) -> str:
+    """Set what ``values`` name, for example ``{"cycles.film_exposure": 2.0}``; returns the loans to keep.
+
+    A path that this Blender does not have is passed over: engines and versions differ in their settings. A setting
+    that the artist changed since it was lent counts as his own from then on.
+    """
+    known = json.loads(loans) if loans else {}
+    for path, value in values.items():
+        owner, name = _find(scene, path)
+        if owner is None:
+            continue
+        now = getattr(owner, name)
+        before = known[path][0] if path in known and _same(now, known[path][1]) else now
+        setattr(owner, name, value)
+        known[path] = [before, getattr(owner, name)]
+    return json.dumps(known)
+
+
+def give_back(scene: bpy.types.Scene, loans: str) -> None:
+    """Set everything back, but for what the artist has changed in the meantime."""
+    for path, (before, ours) in (json.loads(loans) if loans else {}).items():
+        owner, name = _find(scene, path)
+        if owner is not None and _same(getattr(owner, name), ours):
+            setattr(owner, name, before)
+
+
+def _find(scene: bpy.types.Scene, path: str) -> tuple[bpy.types.bpy_struct | None, str]:
+    """The owner and name of a setting; None where there is no such setting."""
+    *parents, name = path.split(".")
+    owner = scene
+    for parent in parents:
+        owner = getattr(owner, parent, None)
+    return (owner if hasattr(owner, name) else None), name
+
+
+def _same(first: Setting, second: Setting) -> bool:
+    if isinstance(first, float) and isinstance(second, float):
+        return math.isclose(first, second, rel_tol=1e-6, abs_tol=1e-9)
+    return first == second
