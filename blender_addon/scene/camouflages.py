@@ -15,9 +15,11 @@ from ..core import colour, contract, files
 from .images import read_image_blender
 from .metering import expose
 from .rain import rain_before
+from .render import Crop
 from .session import Session
 
 Progress = Callable[[int, int, str], None]
+MARGIN = 0.1  # of a frame's side, around the vehicle: farther out no light from the paint is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +54,9 @@ def render_camouflages(
 ) -> None:
     """Render frames of ``dataset`` in every camouflage to ``out/<name>/<frame id>.png`` (8-bit sRGB).
 
-    Frames already there are kept if they come from the same plan, UV map and sample count, and are rendered again
-    otherwise.
+    Only the vehicle and what is near it is rendered, some 30 % of a full frame's work; the rest is the data set's own
+    image, which has the same noise. A session of another quality renders whole frames. Frames already there are kept
+    if they come from the same plan, UV map and sample count, and are rendered again otherwise.
 
     Args:
         frames: of the data set; all of them by default.
@@ -75,15 +78,28 @@ def render_camouflages(
                 session.enter(frame.location)
                 session.set_weather(frame.weather)
                 present = (frame.location, frame.weather)
-            linear = expose(session.render(frame.location, frame.view, frame.weather), frame.exposure_stops)
-            distance = contract.load_passes(dataset.frame_folder(frame.id), ("distance",))["distance"]
-            rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
-            if rain is not None:
-                linear = contract.rain.over(linear, rain)
-            pixels = colour.to_bytes(colour.srgb_from_linear(linear))
+            pixels = _in_paint(session, dataset, frame)
             files.write_bytes(folder / f"{frame.id}.png", files.png_bytes(pixels))
             done += 1
             progress(done, total, f"{paintwork.name}/{frame.id}")
+
+
+def _in_paint(session: Session, dataset: contract.Dataset, frame: contract.Frame) -> NDArray[np.uint8]:
+    """The data set's image of ``frame`` with the vehicle in its present paint, (H, W, 3) 8-bit sRGB."""
+    folder = dataset.frame_folder(frame.id)
+    pixels = read_image_blender(folder / "image.png")
+    crop = Crop.around(read_image_blender(folder / "vehicle.png") > 0, round(MARGIN * dataset.plan.size))
+    if session.plan.quality != dataset.plan.quality:
+        crop = Crop(0, 0, dataset.plan.size, dataset.plan.size)
+    if crop is None:
+        return pixels
+    linear = expose(session.render(frame.location, frame.view, frame.weather, crop), frame.exposure_stops)
+    distance = contract.load_passes(folder, ("distance",))["distance"]
+    rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
+    if rain is not None:
+        linear = contract.rain.over(linear, replace(rain, alpha=rain.alpha[crop.inside]))
+    pixels[crop.inside] = colour.to_bytes(colour.srgb_from_linear(linear))
+    return pixels
 
 
 def _claim(folder: Path, paintwork: Paintwork, plan: contract.Plan) -> None:
@@ -94,6 +110,7 @@ def _claim(folder: Path, paintwork: Paintwork, plan: contract.Plan) -> None:
         "name": paintwork.name,
         "uv_map": paintwork.digest,
         "samples": plan.quality.samples,
+        "margin": MARGIN,
         "plan": hashlib.sha256(views.encode()).hexdigest()[:16],
     }
     if _noted(note) == bound:

@@ -1,0 +1,50 @@
+"""Renders in camouflage: only the surroundings of the vehicle are rendered again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
+from rauca_core.images import read_image
+
+
+@pytest.fixture
+def painted(session, box_vehicle, tmp_path):
+    """A data set in rain, a paint for it, and a session that renders it."""
+    from blender_addon.scene.camouflages import read_paintwork
+    from blender_addon.scene.dataset import render_chunk
+
+    weather = Weather("rain", 30, precipitation=60)
+    session.plan = replace(session.plan, size=192, quality=Quality(8), weathers=(weather,))
+    claim_folder(tmp_path / "set", session.plan)
+    box_vehicle.save(tmp_path / "set" / "vehicle")
+    render_chunk(session, tmp_path / "set", planned_frames(session.plan)[:1], lambda news: None)
+    random_camouflage(tmp_path / "random.json", box_vehicle, size=64, seed=2, cell=4)
+    return Dataset(tmp_path / "set"), read_paintwork(tmp_path / "random.json", box_vehicle.atlas_id)
+
+
+def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painted, tmp_path):
+    from blender_addon.scene.camouflages import MARGIN, render_camouflages
+    from blender_addon.scene.render import Crop
+
+    dataset, paintwork = painted
+    frame = dataset.frames()[0]
+    render_camouflages(session, dataset, [paintwork], tmp_path / "part", lambda done, total, last: None)
+    plan, finer = session.plan, replace(session.plan.quality, adaptive_threshold=1e-6)
+    session.plan = replace(plan, quality=finer)  # the same samples, but not the data set's settings: whole frames
+    render_camouflages(session, dataset, [paintwork], tmp_path / "whole", lambda done, total, last: None)
+    session.plan = plan
+
+    part, whole = (read_image(tmp_path / name / "random" / f"{frame.id}.png") / 255.0 for name in ("part", "whole"))
+    own = read_image(dataset.frame_folder(frame.id) / "image.png") / 255.0
+    vehicle = read_image(dataset.frame_folder(frame.id) / "vehicle.png") > 0
+    inside = np.zeros(vehicle.shape, bool)
+    inside[Crop.around(vehicle, round(MARGIN * plan.size)).inside] = True
+    assert 0.1 < inside.mean() < 0.9
+    assert (part[~inside] == own[~inside]).all()
+    assert np.abs(part - own)[vehicle].mean() > 0.05
+    assert np.sqrt(np.square(part - whole).mean()) < 0.015
