@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from ..core import contract
 from .panel import StepPanel
 from .state import State
 
@@ -15,6 +16,10 @@ class RaucaCameras(bpy.types.PropertyGroup):
     azimuths: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Azimuths", default=8, min=1, max=360, description="Cameras on each ring around the vehicle"
     )
+
+    def ring(self, context: bpy.types.Context) -> contract.Ring:
+        """Where the cameras of the jobs stand."""
+        return contract.Ring(tuple(i * 360.0 / self.azimuths for i in range(self.azimuths)), (10.0, 25.0), (6.0, 10.0))
 
 
 def state(context: bpy.types.Context) -> State:
