@@ -15,7 +15,7 @@ from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .instances import Box, Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
 from .optimise_progress import OptimiseProgress, parse_optimise_progress
-from .presets import find_preset, load_weathers, preset_notes
+from .presets import find_preset, load_weathers, preset_notes, save_weathers
 from .progress import Progress, parse_progress
 from .quality import Quality
 from .scenery import Scenery
@@ -66,6 +66,7 @@ __all__ = [
     "read_plan",
     "save_camouflage",
     "save_frame",
+    "save_weathers",
     "seal_dataset",
     "weather_from_carla",
 ]

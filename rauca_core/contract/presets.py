@@ -9,10 +9,12 @@ With ``"convention": "carla"`` the entries are CARLA's own parameters (`carla.py
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from .carla import weather_from_carla
 from .errors import RaucaError
+from .files import write_json
 from .schema import Fields, read_json
 from .weather import Weather
 
@@ -22,6 +24,12 @@ PRESET_FORMAT = ("rauca-weathers", 1)
 def load_weathers(path: Path) -> list[Weather]:
     """Read a preset file. Names must be unique and the list not empty."""
     return _read(Path(path))[0]
+
+
+def save_weathers(path: Path, weathers: Sequence[Weather]) -> None:
+    """Write a preset file in place of the one that may be there."""
+    name, version = PRESET_FORMAT
+    write_json(path, {"format": name, "version": version, "weathers": [weather.to_json() for weather in weathers]})
 
 
 def find_preset(name_or_path: str, folder: Path) -> list[Weather]:
