@@ -22,6 +22,15 @@ def has_denoiser(scene: bpy.types.Scene) -> bool:
     return bool(getattr(bpy.app.build_options, "openimagedenoise", True))
 
 
+def denoiser_is_built_in() -> bool:
+    """What :func:`has_denoiser` finds, for panels: nothing may be written to a scene while one is drawn."""
+    try:
+        import _cycles
+    except ImportError:
+        return False
+    return bool(getattr(_cycles, "with_openimagedenoise", False))
+
+
 def march_volumes(scene: bpy.types.Scene, march: bool) -> None:
     """March through volumes in steps, or track collisions in them; before 5.0 Blender always marches."""
     if hasattr(scene.cycles, "volume_biased"):

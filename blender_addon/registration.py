@@ -9,11 +9,35 @@ from types import ModuleType
 
 import bpy
 
-from .operators import apply_camouflage, generate_dataset
+from . import preferences
+from .background import watch
+from .operators import (
+    add_vehicle,
+    apply_camouflage,
+    check_python,
+    check_uvs,
+    generate_dataset,
+    mark_paint,
+    optimise_camouflage,
+    pause_job,
+    stop_job,
+    unwrap_paint,
+    without_denoiser,
+)
 from .ui import bake, cameras, camouflage, dataset, optimise, properties, vehicle, weather
 
 MODULES: tuple[ModuleType, ...] = (
+    preferences,
+    add_vehicle,
+    mark_paint,
+    unwrap_paint,
+    check_uvs,
     generate_dataset,
+    without_denoiser,
+    check_python,
+    optimise_camouflage,
+    pause_job,
+    stop_job,
     apply_camouflage,
     # The panels appear in this order.
     vehicle,
@@ -24,6 +48,7 @@ MODULES: tuple[ModuleType, ...] = (
     camouflage,
     bake,
     properties,  # after the groups it points to
+    watch,  # last, so that jobs are stopped first
 )
 
 

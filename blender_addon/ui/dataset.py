@@ -5,37 +5,55 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from .. import compat
+from ..background import pictures, watch
+from ..operators.generate_dataset import JOB
+from ..operators.without_denoiser import samples_without_denoiser
+from .job_view import draw_job, draw_open_folder, job_state
 from .panel import StepPanel, paragraph
 from .state import State
 
+PICTURE = f"{JOB}.frame"
+
 
 class RaucaDataset(bpy.types.PropertyGroup):
-    """Settings of the data set; ``job`` and ``done`` show the work in progress."""
+    """Settings of the data set."""
 
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder", subtype="DIR_PATH", description="The data set is written here and nowhere else"
+    )
     locations: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"
     )
     size: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Size", default=320, min=64, max=4096, description="Frames are square, this many pixels wide"
+        name="Size", default=320, min=64, max=4096, subtype="PIXEL", description="Frames are square, this many wide"
     )
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Samples", default=8, min=1, max=4096, description="Cycles samples per pixel, before denoising"
+        name="Samples", default=8, min=1, max=4096, description="Of the light per pixel: more are cleaner and slower"
     )
     denoise: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Denoise", default=True, description="Use Open Image Denoise; without it take 64 samples or more"
+        name="Denoise", default=True, description="Clean the frames up; without it take 64 samples or more"
     )
-    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder", subtype="DIR_PATH", description="The data set is written here and nowhere else"
+    light: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Light Maps",
+        default=True,
+        description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
-    job: bpy.props.StringProperty(options={"SKIP_SAVE"})  # type: ignore[valid-type]
-    done: bpy.props.FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)  # type: ignore[valid-type]
+    workers: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Blenders at Once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
+    )
+    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"
+    )
+    retry: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Retry Failed", description="Try frames again that failed twice in an earlier run"
+    )
 
 
 def state(context: bpy.types.Context) -> State:
-    settings = context.scene.rauca.dataset
-    if settings.job:
-        return State("running", settings.job)
-    if not settings.folder:
+    if found := job_state(JOB, iface("{done} of {total} frames"), iface("Building the scene in the background")):
+        return found
+    if not context.scene.rauca.dataset.folder:
         return State("missing", iface("Choose a folder for the data set"))
     return State("ready", iface("Ready to render"))
 
@@ -44,19 +62,52 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
     """Render the data set"""
 
     bl_idname = "RAUCA_PT_dataset"
-    bl_label = "Generate dataset"
+    bl_label = "Generate Dataset"
     number = 4
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        if not watch.busy(JOB):
+            self._draw_settings(context, layout)
+        draw_job(context, layout, JOB)
+        if icon := pictures.icon(PICTURE):
+            layout.template_icon(icon, scale=8)
+        if found := watch.job(JOB):
+            draw_open_folder(layout, str(found.task.folder))
+
+    def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.dataset
-        for name in ("locations", "size", "samples", "denoise", "folder"):
-            layout.prop(settings, name)
-        if settings.job:
-            layout.progress(factor=settings.done, text=settings.job)
-            paragraph(context, layout, iface("Press Esc to stop; finished frames are kept"))
-        else:
-            layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
+        column = layout.column()
+        for name in ("folder", "locations", "size", "samples", "denoise"):
+            column.prop(settings, name)
+        if settings.denoise and not compat.denoiser_is_built_in():
+            count = samples_without_denoiser(settings.samples)
+            words = iface("This Blender has no denoiser: {count} samples without it give as clean frames, more slowly")
+            paragraph(context, layout, words.format(count=count), icon="ERROR")
+            layout.operator("rauca.without_denoiser")
+        layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
 
 
-CLASSES = (RaucaDataset, RAUCA_PT_dataset)
+class RAUCA_PT_dataset_more(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Settings that are seldom changed"""
+
+    bl_idname = "RAUCA_PT_dataset_more"
+    bl_parent_id = "RAUCA_PT_dataset"
+    bl_label = "More"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Rauca"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not watch.busy(JOB)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        for name in ("light", "workers", "seed", "retry"):
+            self.layout.prop(context.scene.rauca.dataset, name)
+
+
+CLASSES = (RaucaDataset, RAUCA_PT_dataset, RAUCA_PT_dataset_more)

@@ -5,6 +5,10 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from ..background import pictures, watch
+from ..operators.optimise_camouflage import JOB
+from ..preferences import CHECK, draw_python, preferences
+from .job_view import draw_job, draw_open_folder, job_state
 from .panel import StepPanel
 from .state import State
 
@@ -12,9 +16,51 @@ from .state import State
 class RaucaOptimise(bpy.types.PropertyGroup):
     """Settings of the optimisation."""
 
+    dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Data Set", subtype="DIR_PATH", description="Folder of the data set; step 4's if left empty"
+    )
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder", subtype="DIR_PATH", description="The camouflage is written here and nowhere else"
+    )
+    title: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Name", default="rauca", description="The camouflage's name, in tables and pictures"
+    )
+    steps: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
+    )
+    batch: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+    )
+    map_size: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
+    )
+    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Seed", default=0, min=0, description="Another number begins with another random camouflage"
+    )
+
+    def dataset_folder(self, context: bpy.types.Context) -> str:
+        """The data set to optimise on: the one chosen here, or step 4's; empty without either."""
+        return str(self.dataset or context.scene.rauca.dataset.folder)
+
 
 def state(context: bpy.types.Context) -> State:
-    return State("missing", iface("Run rauca optimize on the data set's folder in a terminal"))
+    starting = iface("Reading the data set and the detectors")
+    if found := job_state(JOB, iface("{done} of {total} steps"), starting):
+        return found
+    settings, settled = context.scene.rauca.optimise, preferences(context)
+    if settled is None or not settled.python:
+        return State("missing", iface("Choose the Python in which rauca is installed"))
+    if watch.busy(CHECK):
+        return State("missing", iface("Checking the chosen Python"))
+    if not settled.ready:
+        return State("missing", iface("Check the chosen Python"))
+    if not settings.dataset_folder(context):
+        return State("missing", iface("Generate a data set, or choose one"))
+    if not settled.chosen_detectors():
+        return State("missing", iface("Choose a detector"))
+    if not settings.folder:
+        return State("missing", iface("Choose a folder for the camouflage"))
+    return State("ready", iface("Ready to optimise"))
 
 
 class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
@@ -25,5 +71,67 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
     number = 5
     step_state = staticmethod(state)
 
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settled = preferences(context)
+        if not watch.busy(JOB) and (settled is None or not settled.ready):
+            draw_python(context, layout)
+        elif not watch.busy(JOB):
+            self._draw_settings(context, layout)
+        draw_job(context, layout, JOB)
+        self._draw_pictures(layout)
+        if found := watch.job(JOB):
+            draw_open_folder(layout, str(found.task.folder))
 
-CLASSES = (RaucaOptimise, RAUCA_PT_optimise)
+    def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings, settled = context.scene.rauca.optimise, preferences(context)
+        column = layout.column()
+        column.prop(settings, "dataset", placeholder=context.scene.rauca.dataset.folder)
+        for name in ("folder", "title", "steps"):
+            column.prop(settings, name)
+        column = layout.column(heading="Detectors", align=True)
+        for detector in settled.detectors if settled is not None else ():
+            column.prop(detector, "use", text=detector.name, translate=False)
+        layout.operator("rauca.optimise", icon="PLAY")
+
+    def _draw_pictures(self, layout: bpy.types.UILayout) -> None:
+        """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""
+        found = watch.job(JOB)
+        if found is None:
+            return
+        row = layout.row()
+        for kind in ("painted", "uv_map"):
+            if icon := pictures.icon(f"{JOB}.{kind}"):
+                row.template_icon(icon, scale=6)
+        if icon := pictures.icon(f"{JOB}.loss"):
+            row = layout.row()
+            row.template_icon(icon, scale=6)
+            figures = row.column(align=True)
+            for name, words in (("loss", iface("Loss {value:.3f}")), ("score", iface("Seen {value:.0%}"))):
+                figures.label(text=words.format(value=found.history[name][-1]), translate=False)
+
+
+class RAUCA_PT_optimise_more(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Settings that are seldom changed"""
+
+    bl_idname = "RAUCA_PT_optimise_more"
+    bl_parent_id = "RAUCA_PT_optimise"
+    bl_label = "More"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Rauca"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settled = preferences(context)
+        return not watch.busy(JOB) and settled is not None and settled.ready
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        for name in ("batch", "map_size", "seed"):
+            self.layout.prop(context.scene.rauca.optimise, name)
+        draw_python(context, self.layout)
+
+
+CLASSES = (RaucaOptimise, RAUCA_PT_optimise, RAUCA_PT_optimise_more)

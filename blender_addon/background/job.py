@@ -1,0 +1,175 @@
+"""A job that can be paused, taken up again and stopped: one child process after another with the same aim.
+
+Pausing ends the child at the next good moment (a frame or a step is finished first, everything is on disk) and going on
+starts it again. A child that was frozen instead would keep its memory, its locks on the folder and a half-rendered
+frame, and would hang for good if Blender died; this one loses nothing when Blender does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract
+from .endings import Ending, ending
+from .process import BackgroundProcess
+
+Phase = Literal["starting", "running", "pausing", "paused", "stopping", "done", "stopped", "failed"]
+NEWS_PER_TICK = 200
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a line of a child tells.
+
+    Attributes:
+        done, total: items finished, and in all; None when the line tells of something else.
+        left_s: estimate of the seconds left, if known.
+        note: something the user should know.
+        figures: numbers by name, such as ``loss``, of the steps it tells of, oldest first.
+        pictures: small (H, W, 3) sRGB bytes by name, row 0 at the top.
+    """
+
+    done: int | None = None
+    total: int | None = None
+    left_s: float | None = None
+    note: str = ""
+    figures: Sequence[Mapping[str, float]] = ()
+    pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+
+
+class Task(Protocol):
+    """What a job does."""
+
+    @property
+    def folder(self) -> Path:
+        """Where its results go."""
+
+    def command(self) -> list[str]:
+        """Starts a child, or starts it again where an earlier one stopped."""
+
+    def hear(self, line: str) -> Told | None:
+        """What a line of the child tells; called in a thread, no Blender in here."""
+
+    def clean(self) -> None:
+        """Remove what only the job needed."""
+
+
+class Job:
+    """A task at work.
+
+    Attributes:
+        phase: where it stands.
+        done, total, left_s: progress; 0 of 0 until the child tells.
+        notes: what the child wants known, each once.
+        history: each figure of every step, oldest first.
+        pictures: the newest of each name.
+        ending: how the job ended, once ``phase`` is done, stopped or failed.
+    """
+
+    def __init__(self, task: Task) -> None:
+        """Start it.
+
+        Raises:
+            RaucaError: the program cannot be started.
+        """
+        self.task = task
+        self.done = self.total = 0
+        self.left_s: float | None = None
+        self.notes: list[str] = []
+        self.history: dict[str, list[float]] = {}
+        self.pictures: dict[str, NDArray[np.uint8]] = {}
+        self.ending: Ending | None = None
+        self._begin()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still works or waits to go on."""
+        return self.ending is None
+
+    @property
+    def fraction(self) -> float:
+        """Done so far, in [0, 1]."""
+        return min(self.done / self.total, 1.0) if self.total else 0.0
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def tick(self) -> bool:
+        """Hear what is new, without waiting; returns whether anything changed."""
+        if not self.alive or self.phase == "paused":
+            return False
+        code = self._process.code()  # first: what was said before the end is heard below
+        news = [told for told in self._process.news(NEWS_PER_TICK) if isinstance(told, Told)]
+        for told in news:
+            self._take(told)
+        if code is not None and len(news) < NEWS_PER_TICK:
+            self._end(code)
+            return True
+        return bool(news)
+
+    def pause(self) -> None:
+        """Let the child finish what it has in hand, then wait for :meth:`go_on`."""
+        if self.phase in ("starting", "running"):
+            self.phase = "pausing"
+            self._process.stop()
+
+    def go_on(self) -> None:
+        """After a pause; raises :class:`RaucaError`, and the job has failed, when the program is not there any more."""
+        if self.phase == "paused":
+            try:
+                self._begin()
+            except contract.RaucaError as error:
+                self._close(Ending("failed", "{reason}", {"reason": str(error)}))
+                raise
+
+    def stop(self) -> None:
+        """End the job, keeping what is finished; a second call does not wait for what the child has in hand."""
+        if self.phase == "paused":
+            self._close(Ending.stopped())
+        elif self.phase == "stopping":
+            self._process.kill()
+        elif self.alive:
+            self.phase = "stopping"
+            self._process.stop()
+
+    def _begin(self) -> None:
+        command = self.task.command()
+        try:
+            self._process = BackgroundProcess(command, self.task.hear)
+        except OSError as error:
+            self.task.clean()
+            raise contract.RaucaError(f"{command[0]}: cannot be started ({error.strerror}); choose another") from None
+        self.phase: Phase = "starting"
+        self.left_s = None
+
+    def _take(self, told: Told) -> None:
+        if told.note and told.note not in self.notes:
+            self.notes.append(told.note)
+        if told.done is not None and told.total is not None:
+            self.done, self.total, self.left_s = told.done, told.total, told.left_s
+            self.phase = "running" if self.phase == "starting" else self.phase
+        for step in told.figures:
+            for name, value in step.items():
+                self.history.setdefault(name, []).append(value)
+        self.pictures.update(told.pictures)
+
+    def _end(self, code: int) -> None:
+        if code == 0:
+            self._close(Ending.finished())
+        elif self.phase == "pausing":
+            self.phase, self.left_s = "paused", None
+        elif self.phase == "stopping":
+            self._close(Ending.stopped())
+        else:
+            self._close(ending(code, self._process.complaints()))
+
+    def _close(self, how: Ending) -> None:
+        self.ending, self.phase, self.left_s = how, how.phase, None
+        self.task.clean()

@@ -1,0 +1,69 @@
+"""A job in a panel: how far it is, what it wants known, how it ended, and its buttons."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+
+from ..background import watch
+from ..background.job import Job
+from ..jobs.pace import spoken
+from .panel import paragraph
+from .state import State
+
+NOTES = 3  # the latest, so that a talkative job does not push the buttons away
+
+
+def job_state(name: str, items: str, starting: str) -> State | None:
+    """The state of a step whose job is at work or done; None when the step's settings decide.
+
+    Args:
+        items: with ``{done}`` and ``{total}``, such as "{done} of {total} frames"; translated already, as is
+        starting: what is going on before the first item.
+    """
+    found = watch.job(name)
+    if found is None or found.phase in ("stopped", "failed"):
+        return None
+    how_far = items.format(done=found.done, total=found.total) if found.total else starting
+    if found.phase == "done":
+        return State("done", iface("Finished: {how_far}").format(how_far=how_far))
+    if found.phase == "paused":
+        return State("running", iface("Paused: {how_far}").format(how_far=how_far))
+    if found.phase == "pausing":
+        return State("running", iface("Pausing as soon as what is in hand is finished"))
+    if found.phase == "stopping":
+        return State("running", iface("Stopping as soon as what is in hand is finished"))
+    left = iface(", about {time} left").format(time=spoken(found.left_s)) if found.left_s is not None else ""
+    return State("running", how_far + left)
+
+
+def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str) -> None:
+    """Progress, notes and buttons of a job at work, or how the last one ended."""
+    found = watch.job(name)
+    if found is None:
+        return
+    if found.alive:
+        layout.progress(factor=found.fraction, text=f"{found.fraction:.0%}")
+        _draw_buttons(layout, name, found)
+    elif found.phase != "done" and found.ending is not None:
+        words = iface(found.ending.text).format(**found.ending.values)
+        paragraph(context, layout, words, icon="ERROR" if found.phase == "failed" else "INFO")
+    for note in found.notes[-NOTES:]:
+        paragraph(context, layout, note, icon="INFO")
+
+
+def draw_open_folder(layout: bpy.types.UILayout, folder: str) -> None:
+    """A button that shows a folder in the system's own window."""
+    layout.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = folder
+
+
+def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
+    row = layout.row(align=True)
+    if found.phase == "paused":
+        row.operator("rauca.continue_job", icon="PLAY").job = name
+    else:
+        pause = row.row(align=True)
+        pause.enabled = found.phase in ("starting", "running")
+        pause.operator("rauca.pause_job", icon="PAUSE").job = name
+    text = "Stop at Once" if found.phase == "stopping" else "Stop"
+    row.operator("rauca.stop_job", text=text, icon="CANCEL").job = name
