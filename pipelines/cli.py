@@ -17,12 +17,24 @@ from rauca_core.attack import make_settings
 from rauca_core.contract import RaucaError
 from rauca_core.detect.listing import ready_names
 
+from .ablate_command import ablate
 from .blender_process import run_blender
 from .console import console, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 from .evaluate_command import evaluate
+from .harden_command import harden
+from .naturalness import (
+    FeatureSize,
+    MaxDeltaE,
+    PaletteColours,
+    PaletteOption,
+    Reference,
+    ReferenceWeight,
+    ReferenceWidth,
+    natural_settings,
+)
 
 app = typer.Typer(
     name="rauca",
@@ -37,6 +49,8 @@ app.add_typer(detectors_app, name="detectors")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
 app.command()(evaluate)
+app.command()(ablate)
+app.command()(harden)
 
 
 def run(*command: str) -> None:
@@ -102,6 +116,13 @@ def optimize(
     roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
     rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
+    palette_of: PaletteOption = None,
+    palette_colours: PaletteColours = 4,
+    feature_size: FeatureSize = None,
+    reference: Reference = None,
+    reference_width: ReferenceWidth = 2.0,
+    reference_weight: ReferenceWeight = 0.0,
+    max_delta_e: MaxDeltaE = None,
     seed: int = 0,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
     name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
@@ -114,7 +135,7 @@ def optimize(
     from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage
 
-    settings = make_settings(**chosen_settings(context))
+    settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
     detectors = detector or ["yolov3-tiny"]
     path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress)
     console.print(f"camouflage: {path}")

@@ -19,7 +19,7 @@ from ...contract.assets import assets_folder
 from ...contract.schema import Fields, read_json
 from ..batch_norm import freeze_batch_norms
 from .adapter import SynthDetector
-from .networks import RECIPES, build_network, find_recipe
+from .networks import RECIPES, build_network, find_recipe, is_darknet
 
 FORMAT = ("rauca-detector-weights", 1)
 REMEDY = "train it again with `rauca detectors train`"
@@ -30,13 +30,18 @@ CAUTION = (
     "strangers. It saw plain paints only and is not hardened against anything."
 )
 
+HARDENED = (
+    "Fine-tuned on this project's synthetic frames, in plain paint and in camouflage: what it gained was measured "
+    "on renders of the vehicles that its card names, and on camouflages of the kind it was trained on."
+)
+
 
 @dataclass(frozen=True)
 class DetectorCard:
     """Where weights come from and what they are good for.
 
     Attributes:
-        name: of the detector, a key of :data:`networks.RECIPES`.
+        name: of the network, a key of :data:`networks.RECIPES` or a darknet network of the catalogue.
         architecture, licence, caution: for people.
         class_names: in the network's order.
         size: the network's square input, pixels.
@@ -48,6 +53,8 @@ class DetectorCard:
         metrics: on the test frames, see ``measure.Findings``.
         remarks: for people.
         rauca: version that wrote them.
+        called: the detector's name in tables; ``name`` unless given.
+        hardened: against what, for weights of `harden`.
     """
 
     name: str
@@ -66,6 +73,8 @@ class DetectorCard:
     metrics: dict[str, Any] = field(default_factory=dict)
     remarks: str = ""
     rauca: str = __version__
+    called: str = ""
+    hardened: dict[str, Any] = field(default_factory=dict)
 
 
 def shipped_weights(name: str) -> Path:
@@ -97,8 +106,12 @@ def load_weights(path: Path) -> SynthDetector:
     """
     network, card, digest = load_network(path)
     fingerprint = hashlib.sha256(f"{digest} {card.name} {card.size}".encode()).hexdigest()
-    frozen = freeze_batch_norms(network).requires_grad_(False)
-    return SynthDetector(card.name, frozen, card.class_names, card.size, fingerprint)
+    return as_detector(card, freeze_batch_norms(network).requires_grad_(False), fingerprint)
+
+
+def as_detector(card: DetectorCard, network: nn.Module, fingerprint: str = "") -> SynthDetector:
+    """A network in evaluation mode as the detector that its card describes."""
+    return SynthDetector(card.called or card.name, network, card.class_names, card.size, fingerprint)
 
 
 def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
@@ -136,10 +149,13 @@ def read_card(path: Path) -> tuple[DetectorCard, str]:
         cpu_minutes=fields.number("cpu_minutes", 0),
         metrics=_object(fields, "metrics"),
         **{n: fields.text(n) for n in ("architecture", "licence", "caution", "body", "command", "remarks", "rauca")},
+        called=fields.text("called") if fields.has("called") else "",
+        hardened=_object(fields, "hardened") if fields.has("hardened") else {},
     )
     fields.done()
-    if card.name not in RECIPES or not card.class_names:
-        raise RaucaError(f"{path}: must name one of {', '.join(RECIPES)} and its classes; {REMEDY}")
+    if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
+        known = ", ".join(RECIPES)
+        raise RaucaError(f"{path}: must name one of {known} or a darknet network, and its classes; {REMEDY}")
     return card, digest
 
 

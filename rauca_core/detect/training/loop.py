@@ -53,6 +53,7 @@ class Job:
         test: measures a network in evaluation mode.
         out: folder for checkpoints and ``rounds.jsonl``.
         identity: what else a resumed run must share, as JSON.
+        keep_norms: leave the statistics of batch normalisation as they are, as for weights that know the data already.
     """
 
     network: nn.Module
@@ -62,6 +63,7 @@ class Job:
     settings: DetectorSettings
     out: Path
     identity: dict[str, Any] = field(default_factory=dict)
+    keep_norms: bool = False
 
 
 def train(
@@ -143,6 +145,10 @@ class _Training:
             group["lr"] = lr * group["share"]
         images, truths, chosen = self._batch(step)
         self.network.train()
+        if self.job.keep_norms:
+            for module in self.network.modules():
+                if isinstance(module, nn.BatchNorm2d):
+                    module.eval()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(named_seed(settings.seed, "step", step))
             with torch.autocast("cpu", torch.bfloat16, settings.precision == "bfloat16"):

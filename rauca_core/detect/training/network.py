@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..interface import DensePredictions
-from .body import Body
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +28,7 @@ class Trainable(Protocol):
     """A module that detects and learns to; images are square sRGB batches (B, 3, S, S) in [0, 1]."""
 
     @property
-    def body(self) -> Body:
+    def body(self) -> nn.Module:
         """The pre-trained convolutions, which learn more slowly than the rest."""
         ...
 

@@ -12,6 +12,7 @@ from torch import nn
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.seeding import named_seed
+from ..catalogue import SOURCES
 from .body import Body
 from .network import Trainable
 
@@ -48,8 +49,13 @@ def build_network(name: str, classes: int, body: Path | None = None, seed: int =
     """A network with drawn weights, its body's read from darknet weights unless that is None.
 
     Raises:
-        RaucaError: unknown name; the packages of ``rauca[detectors]`` are missing; unusable weights.
+        RaucaError: unknown name; the packages of ``rauca[detectors]`` are missing, which our own need; unusable
+            weights.
     """
+    if is_darknet(name):
+        from .darknet_student import DarknetStudent
+
+        return DarknetStudent(SOURCES[name].cfg)
     find_recipe(name)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(named_seed(seed, "weights", name))
@@ -61,6 +67,11 @@ def build_network(name: str, classes: int, body: Path | None = None, seed: int =
         from .transformer import Transformer
 
         return Transformer(start, classes)
+
+
+def is_darknet(name: str) -> bool:
+    """Whether that is a darknet network of the catalogue, which can be hardened, not trained from nothing."""
+    return name in SOURCES and SOURCES[name].family == "darknet"
 
 
 def trainable(network: nn.Module) -> Trainable:

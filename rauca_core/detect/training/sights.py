@@ -53,7 +53,11 @@ class Sights:
 
     def plain(self, index: int, rng: np.random.Generator) -> Sight:
         """The whole frame at its own size in a random plain paint, nothing else changed: to test on."""
-        return Sight(srgb(paint_frame(self.frames.get(index), self._rows(index), rng)), self.truth(index))
+        return Sight(srgb(self.painted(index, rng)), self.truth(index))
+
+    def painted(self, index: int, rng: np.random.Generator) -> Tensor:
+        """The frame in a paint drawn for it: (3, H, W) float32 linear, not clipped."""
+        return paint_frame(self.frames.get(index), self._rows(index), rng)
 
     def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sight:
         """One image of one frame, or of four; see the module."""
@@ -78,7 +82,7 @@ class Sights:
 
     def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sight:
         """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
-        linear = paint_frame(self.frames.get(index), self._rows(index), rng) * 2.0 ** rng.uniform(-0.8, 0.8)
+        linear = self.painted(index, rng) * 2.0 ** rng.uniform(-0.8, 0.8)
         image, truth = srgb(linear), self.truth(index)
         own = image.shape[2]
         if rng.random() < 0.5:

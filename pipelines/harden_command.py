@@ -1,0 +1,105 @@
+"""``rauca harden``: from what the user types to a checked wish, and the table at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from rauca_core.contract import RaucaError
+
+from .console import console
+from .dataset_commands import Blender
+
+if TYPE_CHECKING:
+    from rauca_core.evaluate.hardening import Gains
+
+Held = Annotated[
+    list[str],
+    typer.Option("--held-out", help="camouflage .json, or LABEL=FILE, to judge by; never trained on; repeat for more"),
+]
+Data = Annotated[
+    list[Path], typer.Option("--data", help="data set with light maps to train on, all of one size; repeat for more")
+]
+Views = Annotated[
+    list[Path] | None, typer.Option("--views", help="rendered views to judge on; new ones are rendered without")
+]
+
+
+def harden(
+    detector: Annotated[str, typer.Argument(help="frcnn-synth, detr-synth, yolov3-tiny ..., or hardened weights")],
+    held_out: Held,
+    data: Data,
+    out: Annotated[Path, typer.Option(help="folder for the weights, the report and all on the way")],
+    camouflage: Annotated[list[Path] | None, typer.Option(help="camouflage .json to train on; repeat for more")] = None,
+    rounds: Annotated[int, typer.Option(help="of attack and fine-tuning")] = 3,
+    steps: Annotated[int, typer.Option(help="of fine-tuning in each round")] = 120,
+    attack_steps: Annotated[int, typer.Option(help="of the attack that opens each round; 0 for none")] = 100,
+    attack_lr: Annotated[float, typer.Option(help="of these attacks, on sRGB values")] = 0.03,
+    adaptive_steps: Annotated[int, typer.Option(min=0, help="of the attack on the result; 0 for none")] = 150,
+    share: Annotated[float, typer.Option(help="of training frames that wear a camouflage")] = 0.5,
+    batch: Annotated[int, typer.Option(help="images per step of fine-tuning")] = 8,
+    lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; from the detector's own by default")] = None,
+    map_size: Annotated[int, typer.Option(help="side of the UV maps that frames are composed with, texels")] = 1024,
+    samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
+    precision: Annotated[str, typer.Option(help="of training and attacks: float32 or bfloat16")] = "float32",
+    every: Annotated[int, typer.Option(help="steps between tests and checkpoints")] = 60,
+    views: Views = None,
+    weathers: Annotated[str, typer.Option(help="of new views: seen, unseen, both, or a preset")] = "seen",
+    frames: Annotated[int, typer.Option(min=1, help="new views per weather set")] = 48,
+    resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
+    seed: int = 0,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on where OUT stopped")] = False,
+    blender: Blender = None,
+) -> None:
+    """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
+    from rauca_core.detect.training.harden_settings import make_harden_settings
+    from rauca_core.evaluate.views import HeldOut
+
+    from .harden import Wish, harden_detector
+
+    settings = make_harden_settings(
+        rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,
+        map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
+    )  # fmt: skip
+    names = ["seen", "unseen"] if weathers == "both" else [weathers]
+    _check(views or [], names)
+    wish = Wish(
+        detector, camouflage or [], held_out, data, out, settings, adaptive_steps, views or [], names,
+        replace(HeldOut(), frames=frames), resamples, blender,
+    )  # fmt: skip
+    weights, gains = harden_detector(wish, resume)
+    for one in gains:
+        _print(one)
+    console.print(f"weights: {weights}", highlight=False, soft_wrap=True)
+
+
+def _check(views: Sequence[Path], weathers: Sequence[str]) -> None:
+    """Tell a mistake in what comes last before all that comes first."""
+    from rauca_core.contract import Dataset, find_preset
+    from rauca_core.contract.assets import assets_folder
+
+    from .protocol import PRESETS
+
+    for name in weathers:
+        find_preset(PRESETS.get(name, name), assets_folder() / "weathers")
+    names = [Dataset(folder).folder.resolve().name for folder in views]
+    if len(set(names)) != len(names):
+        raise RaucaError("--views: two folders of one name; results are told apart by it, rename one")
+
+
+def _print(gains: Gains) -> None:
+    from rauca_core.evaluate.hardening_page import HEAD, spoken
+
+    table = Table(*HEAD, title=f"{gains.vehicle}, {gains.weathers}: {gains.frames} held-out views")
+    for gain in (gains.clean, *gains.rows, gains.held_out):
+        share = "–" if gain.recovered is None else spoken(gain.recovered, percent=True)
+        table.add_row(gain.paint, spoken(gain.before), spoken(gain.after), spoken(gain.change, sign=True), share)
+    Console(width=max(Console().width, 100)).print(table)
+    console.print(f"in brackets: 95 % interval by a bootstrap over {gains.draws}")
