@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .core import assets, contract
-from .scene.images import read_image_blender
+from .core import contract
+from .scene.shipped import load_shipped, shipped_names
 
 
 def find_vehicle(name_or_path: str, paint_mask: Path | None, paint_material: str | None) -> contract.Vehicle:
-    """A shipped vehicle by name, or any vehicle file.
+    """A shipped vehicle by name, or any vehicle file, or the folder of one that was saved.
 
     Raises:
         RaucaError: there is none of that name, the file cannot be used, or a shipped one is given a paint option.
     """
-    shipped = assets.assets_folder() / "vehicles"
-    known = sorted(p.parent.name for p in shipped.glob("*/vehicle.json"))
+    known = shipped_names()
     if name_or_path in known:
         if paint_mask or paint_material:
             raise contract.RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
-        return contract.load_vehicle(shipped / name_or_path, read_image_blender)
+        return load_shipped(name_or_path)
     path = Path(name_or_path)
     if not path.exists():
         raise contract.RaucaError(

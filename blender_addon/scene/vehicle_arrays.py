@@ -8,6 +8,35 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .paint import UV_LAYER
+
+PAINT_MARK = "rauca_paint"  # boolean attribute of faces: marked as paint by hand
+
+
+@dataclass
+class Piece:
+    """Where a run of triangles comes from, for writing back what was found out about them.
+
+    Attributes:
+        owner: the object in the scene, or the instancer.
+        instance: the faces are another object's, or another place's, shown by the owner.
+        direct: the triangles are those of the owner's own mesh, unaltered by modifiers, curves or instances.
+        polygon: (f,) polygon of each triangle.
+        loops: (f, 3) mesh loop of each corner.
+        layer: name of the UV layer read, or None.
+        layers: number of UV layers of the mesh.
+        shows_layer: renders show that layer, so the materials' textures belong to it.
+    """
+
+    owner: bpy.types.Object
+    instance: bool
+    direct: bool
+    polygon: NDArray[np.int32]
+    loops: NDArray[np.int32]
+    layer: str | None
+    layers: int
+    shows_layer: bool
+
 
 @dataclass
 class Soup:
@@ -19,7 +48,10 @@ class Soup:
         uvs: (F, 3, 2) float32, NaN where an object has no UVs.
         normals: (F, 3, 3) float32 unit shading normals.
         material: (F,) index into ``names``.
+        marked: (F,) True on faces marked as paint by hand (:data:`PAINT_MARK`).
         names: material names; the empty name stands for faces without one.
+        blocks: the material of each name.
+        pieces: where the triangles come from, in order.
     """
 
     positions: NDArray[np.float64]
@@ -27,14 +59,25 @@ class Soup:
     uvs: NDArray[np.float32]
     normals: NDArray[np.float32]
     material: NDArray[np.int16]
+    marked: NDArray[np.bool_]
     names: list[str] = field(default_factory=list)
+    blocks: dict[str, bpy.types.Material | None] = field(default_factory=dict)
+    pieces: list[Piece] = field(default_factory=list)
+
+    def spans(self) -> list[tuple[Piece, slice]]:
+        """Each piece with its run of triangles."""
+        ends = np.cumsum([len(piece.polygon) for piece in self.pieces]).tolist()
+        return [(p, slice(end - len(p.polygon), end)) for p, end in zip(self.pieces, ends, strict=True)]
 
 
 def read_objects(objects: list[bpy.types.Object]) -> Soup:
-    """Join the evaluated meshes of objects, and of what they instance; objects hidden from renders are left out."""
+    """Join the evaluated meshes of objects, and of what they instance; objects hidden from renders are left out.
+
+    In the order of the objects' names, so that one vehicle has one order of faces in every file and scene.
+    """
     wanted = {o.name_full for o in objects if not o.hide_render}
-    names: list[str] = []
-    pieces: list[Soup] = []
+    blocks: dict[str, bpy.types.Material | None] = {}
+    found: list[tuple[tuple[str, list[int]], Soup]] = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         owner = instance.parent if instance.is_instance else instance.object
         if owner is None or owner.original.name_full not in wanted:
@@ -46,14 +89,45 @@ def read_objects(objects: list[bpy.types.Object]) -> Soup:
             continue
         mesh = item.to_mesh()
         if mesh is not None and len(mesh.polygons):
-            slots = [slot.material.name if slot.material else "" for slot in item.material_slots] or [""]
-            names += [name for name in slots if name not in names]
-            pieces.append(_triangles(mesh, np.array(instance.matrix_world), [names.index(name) for name in slots]))
+            slots = [_name(slot.material, blocks) for slot in item.material_slots] or [_name(None, blocks)]
+            original, to_world = owner.original, np.array(instance.matrix_world)
+            direct = not instance.is_instance and item.type == "MESH" and _same_faces(mesh, original.data)
+            origin = (original, bool(instance.is_instance), direct)
+            place = (original.name_full, list(instance.persistent_id))
+            found.append((place, _triangles(mesh, to_world, slots, origin)))
         item.to_mesh_clear()
-    return _joined(pieces, names)
+    return _joined([soup for _, soup in sorted(found, key=lambda entry: entry[0])], blocks)
 
 
-def _triangles(mesh: bpy.types.Mesh, to_world: NDArray[np.float64], slots: list[int]) -> Soup:
+def read_layer(mesh: bpy.types.Mesh) -> bpy.types.MeshUVLoopLayer | None:
+    """The UV layer of a vehicle's mesh: the camouflage's own if there is one, else the one that renders show."""
+    shown = next((u for u in mesh.uv_layers if u.active_render), mesh.uv_layers.active)
+    return mesh.uv_layers.get(UV_LAYER) or shown
+
+
+def _name(material: bpy.types.Material | None, blocks: dict[str, bpy.types.Material | None]) -> str:
+    """The name under which a material is known; a linked one that shares its name tells its library too."""
+    block = material.original if material is not None else None
+    name = ""
+    if block is not None:
+        name = block.name if bpy.data.materials.get(block.name) == block else block.name_full
+    blocks[name] = block
+    return name
+
+
+def _same_faces(mesh: bpy.types.Mesh, original: bpy.types.Mesh) -> bool:
+    """True when no modifier changed which vertices make up which face."""
+    shape = (len(mesh.vertices), len(mesh.loops), len(mesh.polygons))
+    if shape != (len(original.vertices), len(original.loops), len(original.polygons)):
+        return False
+    one, two = (_get(m.loops, "vertex_index", (shape[1],), np.int32) for m in (mesh, original))
+    return bool((one == two).all())
+
+
+def _triangles(
+    mesh: bpy.types.Mesh, to_world: NDArray[np.float64], slots: list[str], origin: tuple[bpy.types.Object, bool, bool]
+) -> Soup:
+    """One mesh in world space; ``origin`` is the piece's owner, and whether it is an instance, and direct."""
     mesh.calc_loop_triangles()
     count, loops = len(mesh.loop_triangles), len(mesh.loops)
     positions = _get(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32).astype(np.float64)
@@ -61,7 +135,8 @@ def _triangles(mesh: bpy.types.Mesh, to_world: NDArray[np.float64], slots: list[
     vertex = _get(mesh.loops, "vertex_index", (loops,), np.int32)
     normals = _get(mesh.corner_normals, "vector", (loops, 3), np.float32)[corners]
     slot = _get(mesh.loop_triangles, "material_index", (count,), np.int32)
-    layer = next((u for u in mesh.uv_layers if u.active_render), mesh.uv_layers.active)
+    polygon = _get(mesh.loop_triangles, "polygon_index", (count,), np.int32)
+    layer = read_layer(mesh)
     uvs = np.full((loops, 2), np.nan, np.float32)
     if layer is not None:
         uvs = _get(layer.uv, "vector", (loops, 2), np.float32)
@@ -71,8 +146,20 @@ def _triangles(mesh: bpy.types.Mesh, to_world: NDArray[np.float64], slots: list[
         corners, normals = corners[:, ::-1], normals[:, ::-1]
     normals = normals.astype(np.float64) @ np.linalg.pinv(linear)
     triangles = vertex[corners]
-    material = np.array(slots, np.int16)[np.minimum(slot, len(slots) - 1)]
-    return Soup(positions, triangles, uvs[corners], _unit(normals, positions, triangles), material)
+    material = np.minimum(slot, len(slots) - 1).astype(np.int16)
+    shown = layer is not None and (layer.active_render or len(mesh.uv_layers) == 1)
+    piece = Piece(*origin, polygon, corners, layer.name if layer else None, len(mesh.uv_layers), shown)
+    marked = _marks(mesh)[polygon]
+    soup = Soup(positions, triangles, uvs[corners], _unit(normals, positions, triangles), material, marked, slots)
+    soup.pieces.append(piece)
+    return soup
+
+
+def _marks(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
+    mark = mesh.attributes.get(PAINT_MARK)
+    if mark is None or mark.domain != "FACE" or mark.data_type != "BOOLEAN":
+        return np.zeros(len(mesh.polygons), np.bool_)
+    return _get(mark.data, "value", (len(mesh.polygons),), np.bool_)
 
 
 def _unit(
@@ -87,18 +174,23 @@ def _unit(
     return (chosen / np.linalg.norm(chosen, axis=2, keepdims=True)).astype(np.float32)
 
 
-def _joined(pieces: list[Soup], names: list[str]) -> Soup:
-    if not pieces:
-        empty = np.zeros((0, 3, 3), np.float32)
-        return Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int32), empty[..., :2], empty, np.zeros(0, np.int16), names)
-    first = np.cumsum([0] + [len(p.positions) for p in pieces[:-1]])
+def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> Soup:
+    names = list(dict.fromkeys(name for soup in found for name in soup.names))
+    if not found:
+        empty, none = np.zeros((0, 3, 3), np.float32), np.zeros(0, np.int16)
+        faces = np.zeros((0, 3), np.int32)
+        return Soup(np.zeros((0, 3)), faces, empty[..., :2], empty, none, none.astype(np.bool_), names, blocks)
+    first = np.cumsum([0] + [len(p.positions) for p in found[:-1]])
     return Soup(
-        np.concatenate([p.positions for p in pieces]),
-        np.concatenate([p.triangles + start for p, start in zip(pieces, first, strict=True)]).astype(np.int32),
-        np.concatenate([p.uvs for p in pieces]),
-        np.concatenate([p.normals for p in pieces]),
-        np.concatenate([p.material for p in pieces]),
+        np.concatenate([p.positions for p in found]),
+        np.concatenate([p.triangles + start for p, start in zip(found, first, strict=True)]).astype(np.int32),
+        np.concatenate([p.uvs for p in found]),
+        np.concatenate([p.normals for p in found]),
+        np.concatenate([np.array([names.index(n) for n in p.names], np.int16)[p.material] for p in found]),
+        np.concatenate([p.marked for p in found]),
         names,
+        blocks,
+        [piece for p in found for piece in p.pieces],
     )
 
 

@@ -24,8 +24,12 @@ KINDS = [
 ]
 
 
-def choose_paint(names: list[str], wanted: str | None, has_mask: bool, path: Path) -> list[str]:
+def choose_paint(names: list[str], wanted: str | None, has_mask: bool, where: str, remedy: str) -> list[str]:
     """Names of the painted materials: the one asked for, all when a mask decides, or the one whose name says so.
+
+    Args:
+        where: names the vehicle in a message.
+        remedy: how the user can say what is paint.
 
     Raises:
         RaucaError: an unknown name, or nothing to decide by.
@@ -33,7 +37,7 @@ def choose_paint(names: list[str], wanted: str | None, has_mask: bool, path: Pat
     shown = ", ".join(repr(n) if n else "(faces without a material)" for n in names)
     if wanted is not None:
         if wanted not in names:
-            raise contract.RaucaError(f"--paint-material {wanted!r}: {path} has no such material; it has {shown}")
+            raise contract.RaucaError(f"{where}: has no material {wanted!r}; it has {shown}; {remedy}")
         return [wanted]
     if has_mask:
         return names
@@ -42,9 +46,7 @@ def choose_paint(names: list[str], wanted: str | None, has_mask: bool, path: Pat
         found = [n for n in likely if word in n.lower()]
         if len(names) > 1 and len(found) == 1:
             return found
-    raise contract.RaucaError(
-        f"{path}: cannot tell which faces are paint; give --paint-mask PNG or --paint-material, one of {shown}"
-    )
+    raise contract.RaucaError(f"{where}: cannot tell which faces are paint; it has {shown}; {remedy}")
 
 
 def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
@@ -72,14 +74,13 @@ def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     return mask
 
 
-def base_image(material: bpy.types.Material | None, path: Path) -> NDArray[np.uint8] | None:
-    """The texture of a material's base colour, (H, W, 3) sRGB; for an OBJ without one, the PNG of its own name."""
+def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDArray[np.uint8] | None:
+    """The texture of a material's base colour, (H, W, 3) sRGB; without one, the PNG ``beside`` the vehicle's file."""
     image = _linked_image(material)
     if image is not None and image.size[0] and image.size[1]:
         pixels = image_pixels(image)
         return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
-    beside = path.with_suffix(".png")
-    if path.suffix.lower() == ".obj" and beside.is_file():
+    if beside is not None and beside.is_file():
         pixels = read_image_blender(beside)
         return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
     return None

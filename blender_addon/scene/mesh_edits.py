@@ -1,0 +1,135 @@
+"""Writing into the artist's meshes: which may be written to, marks on faces, a UV layer, the selection."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Iterator
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract
+from .paint import UV_LAYER
+from .vehicle_arrays import PAINT_MARK, Piece
+
+
+@contextlib.contextmanager
+def object_mode(context: bpy.types.Context) -> Iterator[None]:
+    """Leave edit, sculpt or paint mode for a while, so that meshes are up to date and may be written to."""
+    active = context.view_layer.objects.active
+    mode = active.mode if active is not None else "OBJECT"
+    if mode == "OBJECT":
+        yield
+        return
+    bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        bpy.ops.object.mode_set(mode=mode)
+
+
+def require_writable(thing: bpy.types.Object) -> None:
+    """Refuse a mesh that is not this object's own.
+
+    Raises:
+        RaucaError: the mesh belongs to a library, or other objects share it.
+    """
+    mesh = thing.data
+    for block in (thing, mesh):
+        if block.library is not None:
+            raise contract.RaucaError(
+                f"{thing.name}: is linked from {block.library.filepath}; Object > Relations > Make Local > All first"
+            )
+    if mesh.users - mesh.use_fake_user > 1:
+        raise contract.RaucaError(
+            f"{thing.name}: other objects share its mesh; Object > Relations > Make Single User > Object & Data first"
+        )
+
+
+def require_own_faces(pieces: Iterable[Piece]) -> None:
+    """Refuse pieces whose faces are not those of a mesh that may be written to.
+
+    Raises:
+        RaucaError: as :func:`require_writable`, or for a curve, an instance, or modifiers that add faces.
+    """
+    for piece in pieces:
+        name = piece.owner.name
+        if piece.owner.type == "EMPTY" or piece.instance:
+            raise contract.RaucaError(f"{name}: its faces are instances; Object > Apply > Make Instances Real first")
+        if piece.owner.type != "MESH":
+            raise contract.RaucaError(f"{name}: is no mesh; Object > Convert > Mesh first")
+        if not piece.direct:
+            shown = ", ".join(m.name for m in piece.owner.modifiers if m.show_viewport)
+            raise contract.RaucaError(
+                f"{name}: its modifiers ({shown}) change its faces; Object > Convert > Mesh applies them"
+            )
+        require_writable(piece.owner)
+
+
+def write_layer(piece: Piece, faces: NDArray[np.bool_], uvs: NDArray[np.float32]) -> None:
+    """Write UVs (f, 3, 2) of a piece's triangles where ``faces`` (f,) is True into the camouflage's layer.
+
+    The layer that renders show stays the one it was.
+
+    Raises:
+        RaucaError: the mesh has no room for another UV layer; nothing was changed.
+    """
+    mesh = piece.owner.data
+    layer = mesh.uv_layers.get(UV_LAYER)
+    if layer is None:
+        layer = mesh.uv_layers.new(name=UV_LAYER, do_init=False)
+        if layer is None:
+            raise contract.RaucaError(f"{piece.owner.name}: has 8 UV layers, Blender's most; remove one")
+    values = np.zeros((len(mesh.loops), 2), np.float32)
+    values[piece.loops[faces].ravel()] = uvs[faces].reshape(-1, 2)
+    layer.uv.foreach_set("vector", values.ravel())
+    mesh.uv_layers.active = layer
+    mesh.update()
+
+
+def marked_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
+    """(polygons,) True where marked as paint; of a mesh in object mode."""
+    values = np.zeros(len(mesh.polygons), np.bool_)
+    if mark := mesh.attributes.get(PAINT_MARK):
+        mark.data.foreach_get("value", values)
+    return values
+
+
+def mark_faces(mesh: bpy.types.Mesh, marked: NDArray[np.bool_]) -> None:
+    """Mark exactly these polygons (polygons,) as paint."""
+    mark = mesh.attributes.get(PAINT_MARK)
+    if mark is not None and (mark.domain, mark.data_type) != ("FACE", "BOOLEAN"):
+        mesh.attributes.remove(mark)
+        mark = None
+    if mark is None:
+        mark = mesh.attributes.new(PAINT_MARK, "BOOLEAN", "FACE")
+    mark.data.foreach_set("value", marked)
+    mesh.update()
+
+
+def selected_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
+    """(polygons,) True where selected; of a mesh in object mode."""
+    values = np.zeros(len(mesh.polygons), np.bool_)
+    mesh.polygons.foreach_get("select", values)
+    return values
+
+
+def select_faces(context: bpy.types.Context, wanted: dict[bpy.types.Object, NDArray[np.bool_]]) -> None:
+    """Enter edit mode on these objects with exactly these polygons selected; from object mode."""
+    for other in context.view_layer.objects:
+        other.select_set(other in wanted)
+    for thing, faces in wanted.items():
+        mesh = thing.data
+        mesh.vertices.foreach_set("select", np.zeros(len(mesh.vertices), np.bool_))
+        mesh.edges.foreach_set("select", np.zeros(len(mesh.edges), np.bool_))
+        mesh.polygons.foreach_set("select", faces)
+        mesh.update()
+    context.view_layer.objects.active = max(wanted, key=lambda thing: int(wanted[thing].sum()))
+    context.tool_settings.mesh_select_mode = (False, False, True)
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def marked_count(mesh: bpy.types.Mesh) -> int:
+    """Polygons marked as paint."""
+    return int(marked_faces(mesh).sum())

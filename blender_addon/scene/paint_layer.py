@@ -1,0 +1,132 @@
+"""Unwrapping the paint of objects in the open scene into a UV layer of its own, and checking what is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract, geometry
+from .mesh_edits import require_own_faces, write_layer
+from .uv_faults import UvFaults, uv_faults
+from .vehicle_arrays import Piece
+from .vehicle_reading import Reading, unwrapped
+
+
+@dataclass(frozen=True)
+class Unwrapped:
+    """What unwrapping gave: triangles of paint, charts, and how it was done if not by xatlas."""
+
+    triangles: int
+    charts: int
+    how: str
+
+
+def unwrap_paint(reading: Reading) -> Unwrapped:
+    """Give the paint of the objects that were read a fresh UV layer; the other layers stay.
+
+    A polygon is never torn: where the atlas cuts one along its diagonal, it becomes a chart of its own.
+
+    Raises:
+        RaucaError: a mesh that cannot be written to, or paint that cannot be unwrapped; nothing was changed.
+    """
+    spans = painted_pieces(reading)
+    require_own_faces(piece for piece, _ in spans)
+    count = int(reading.paint.sum())
+    fresh, how = unwrapped(reading.with_uvs(np.zeros((count, 3, 2), np.float32), keep_textures=False))
+    torn = _torn(fresh.uvs, reading, spans)
+    if torn.any():
+        flat = fresh.uvs[reading.paint].astype(np.float64)
+        fresh = geometry.repack(fresh, _mended(flat, fresh, reading, spans, torn))
+    for piece, span in spans:
+        write_layer(piece, reading.paint[span], fresh.uvs[span])
+    charts = geometry.chart_of_faces(fresh.triangles[reading.paint], fresh.uvs[reading.paint])
+    return Unwrapped(count, int(charts.max()) + 1, how)
+
+
+def check_paint(reading: Reading) -> UvFaults:
+    """Judge the UVs of the paint, (F_paint,) each."""
+    corners = reading.soup.positions[reading.soup.triangles[reading.paint]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return uv_faults(reading.soup.uvs[reading.paint], np.linalg.norm(normal, axis=1) / 2)
+
+
+def polygons_of(reading: Reading, faults: NDArray[np.bool_]) -> dict[bpy.types.Object, NDArray[np.bool_]]:
+    """The faulty polygons (polygons,) of each object that has any, from faulty paint triangles (F_paint,).
+
+    Raises:
+        RaucaError: the faces are not those of a mesh that may be written to.
+    """
+    faulty = np.zeros(len(reading.paint), np.bool_)
+    faulty[reading.paint] = faults
+    spans = [(piece, span) for piece, span in painted_pieces(reading) if faulty[span].any()]
+    require_own_faces(piece for piece, _ in spans)
+    wanted = {}
+    for piece, span in spans:
+        polygons = np.zeros(len(piece.owner.data.polygons), np.bool_)
+        polygons[piece.polygon[faulty[span]]] = True
+        wanted[piece.owner] = polygons
+    return wanted
+
+
+def painted_pieces(reading: Reading) -> list[tuple[Piece, slice]]:
+    """The pieces with paint on them, and the run of triangles that each is."""
+    return [(piece, span) for piece, span in reading.soup.spans() if reading.paint[span].any()]
+
+
+def _polygon_ids(reading: Reading, spans: list[tuple[Piece, slice]]) -> NDArray[np.int64]:
+    """(F_paint,) number of each paint triangle's polygon, counted over all pieces."""
+    ids = np.full(len(reading.paint), -1, np.int64)
+    first = 0
+    for piece, span in spans:
+        ids[span] = piece.polygon + first
+        first += int(piece.polygon.max()) + 1
+    return ids[reading.paint]
+
+
+def _torn(uvs: NDArray[np.float32], reading: Reading, spans: list[tuple[Piece, slice]]) -> NDArray[np.bool_]:
+    """(F_paint,) True on triangles of a polygon whose triangles disagree about the UV of a shared corner."""
+    torn = np.zeros(len(reading.paint), np.bool_)
+    for piece, span in spans:
+        painted = reading.paint[span]
+        loops, values = piece.loops[painted].ravel(), uvs[span][painted].reshape(-1, 2)
+        last = np.zeros((int(piece.loops.max()) + 1, 2), np.float32)
+        last[loops] = values
+        apart = (last[loops] != values).any(axis=1).reshape(-1, 3).any(axis=1)
+        polygons = np.zeros(int(piece.polygon.max()) + 1, np.bool_)
+        polygons[piece.polygon[painted][apart]] = True
+        torn[span] = painted & polygons[piece.polygon]
+    return torn[reading.paint]
+
+
+def _mended(
+    flat: NDArray[np.float64],
+    vehicle: contract.Vehicle,
+    reading: Reading,
+    spans: list[tuple[Piece, slice]],
+    torn: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """``flat`` (F_paint, 3, 2) with each torn polygon laid flat beside the atlas, in its own plane."""
+    polygon, number = np.unique(_polygon_ids(reading, spans)[torn], return_inverse=True)
+    corners = vehicle.positions[vehicle.triangles[reading.paint][torn]].astype(np.float64)
+    normal = np.zeros((len(polygon), 3))
+    np.add.at(normal, number, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    aside = np.eye(3)[np.argmin(np.abs(normal), axis=1)]  # the axis least along the normal
+    right = np.cross(aside, normal)
+    right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-30)
+    axes = np.stack([right, np.cross(normal, right)], axis=1)
+    laid = np.einsum("fcx,fax->fca", corners, axes[number])
+    low = np.full((len(polygon), 2), np.inf)
+    high = np.full((len(polygon), 2), -np.inf)
+    for extreme, ufunc in ((low, np.minimum), (high, np.maximum)):
+        for corner in range(3):
+            ufunc.at(extreme, number, laid[:, corner])
+    side = int(np.ceil(np.sqrt(len(polygon))))
+    step = (high - low).max() * 1.5
+    grid = np.stack([np.arange(len(polygon)) % side, np.arange(len(polygon)) // side], axis=1) * step
+    mended = flat.copy()
+    mended[torn] = laid - low[number][:, None] + grid[number][:, None] + [flat.max() + step, 0.0]
+    return mended

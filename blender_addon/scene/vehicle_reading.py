@@ -1,0 +1,191 @@
+"""Blender objects, of a file or of the open scene, into the contract's vehicle: mesh, paint, UV atlas, orientation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import contract, geometry
+from . import vehicle_paint
+from .orient import orient
+from .shipped import untouched_shipped
+from .smart_project import smart_project
+from .uv_faults import uv_verdict
+from .vehicle_arrays import Soup, read_objects
+from .vehicle_request import VehicleRequest
+
+DEFAULT_ATLAS = 1024
+
+
+def read_vehicle(objects: list[bpy.types.Object], request: VehicleRequest) -> contract.Vehicle:
+    """The vehicle that objects make up; what was assumed about axes, paint and UVs is told in its ``notes``.
+
+    A shipped vehicle in the scene that nobody changed is that vehicle, whatever its place.
+
+    Raises:
+        RaucaError: no faces, NaN vertices, implausible size, or no telling what is paint.
+    """
+    if shipped := untouched_shipped(objects, request):
+        return shipped
+    return Reading.of(objects, request).vehicle()
+
+
+@dataclass
+class Reading:
+    """Objects as triangles in the vehicle's frame, and which of them are paint.
+
+    Attributes:
+        request: what was asked for.
+        soup: the triangles; UVs as they are in the objects.
+        paint: (F,) True on paint.
+        base: the paint's texture, (H, W, 3) sRGB, where it belongs to the UVs that were read.
+        mask: (H, H) the paint mask that was given, or None.
+        to_vehicle: (4, 4) from the world to the vehicle's frame.
+        notes: what was assumed.
+    """
+
+    request: VehicleRequest
+    soup: Soup
+    paint: NDArray[np.bool_]
+    base: NDArray[np.uint8] | None
+    mask: NDArray[np.uint8] | None
+    to_vehicle: NDArray[np.float64]
+    notes: list[str]
+
+    @staticmethod
+    def of(objects: list[bpy.types.Object], request: VehicleRequest) -> Reading:
+        """Read objects of the present scene; raises as :func:`read_vehicle`."""
+        soup = read_objects(objects)
+        if len(soup.triangles) == 0:
+            raise contract.RaucaError(f"{request.where}: has no faces that renders show; unhide or export its geometry")
+        bad = int((~np.isfinite(soup.positions)).any(axis=1).sum())
+        if bad:
+            raise contract.RaucaError(f"{request.where}: {bad} vertices are NaN or infinite; repair the mesh")
+        to_vehicle, notes = orient(soup, request)
+        paint, base, mask = _choose_paint(soup, request, notes)
+        if layers := _chosen_layers(soup, paint):
+            notes.append(f"UVs: layer {layers}, of several")
+        return Reading(request, soup, paint, base, mask, to_vehicle, notes)
+
+    def vehicle(self) -> contract.Vehicle:
+        """The vehicle, its paint unwrapped anew if its UVs cannot be used."""
+        fault, wrapped = uv_verdict(self.soup.uvs[self.paint])
+        if fault and self.mask is not None:
+            text = f"its UVs cannot be used ({fault}); give --paint-material instead"
+            raise contract.RaucaError(f"--paint-mask {self.request.paint_mask}: {text}")
+        vehicle = self.with_uvs(wrapped, keep_textures=not fault)
+        if fault:
+            vehicle, how = unwrapped(vehicle)
+            vehicle = replace(vehicle, notes=[*vehicle.notes, f"UVs: {fault}; unwrapped anew{how}"])
+        vehicle.check(self.request.where)
+        return vehicle
+
+    def with_uvs(self, painted: NDArray[np.float32], keep_textures: bool) -> contract.Vehicle:
+        """The vehicle with UVs (F_paint, 3, 2) on its paint."""
+        soup, base = self.soup, self.base if keep_textures else None
+        uvs = np.nan_to_num(soup.uvs, nan=0.0, posinf=0.0, neginf=0.0)
+        uvs[self.paint] = painted
+        materials, material = self._materials(base)
+        size = len(self.mask) if self.mask is not None else _atlas_size(self.base)
+        return contract.Vehicle(
+            name=self.request.name,
+            positions=soup.positions.astype(np.float32),
+            triangles=soup.triangles,
+            uvs=uvs.astype(np.float32),
+            normals=soup.normals,
+            material=material,
+            materials=materials,
+            paint_mask=self.mask if self.mask is not None else geometry.chart_mask(painted, size),
+            base_texture=base,
+            source=self.request.source,
+            notes=self.notes,
+        )
+
+    def _materials(self, base: NDArray[np.uint8] | None) -> tuple[list[contract.Material], NDArray[np.int16]]:
+        """Contract materials, and the material of each face: a material with both kinds of face appears twice."""
+        soup, paint = self.soup, self.paint
+        materials: list[contract.Material] = []
+        index = np.zeros(len(paint), np.int16)
+        painted_names = {soup.names[i] for i in np.unique(soup.material[paint])}
+        main = soup.blocks[soup.names[soup.material[paint][0]]]
+        for number, name in enumerate(soup.names):
+            block = soup.blocks[name]
+            texture = vehicle_paint.base_image(block, self.request.beside)
+            textured = base is not None and texture is not None and vehicle_paint.same_image(block, main)
+            for is_paint in (True, False):
+                here = (soup.material == number) & (paint == is_paint)
+                if here.any():
+                    index[here] = len(materials)
+                    spec = vehicle_paint.describe(name, block, is_paint, texture)
+                    if not is_paint and name in painted_names:
+                        spec = replace(spec, name=f"{spec.name} (unpainted)")
+                    materials.append(replace(spec, textured=textured))
+        return materials, index
+
+
+def unwrapped(vehicle: contract.Vehicle) -> tuple[contract.Vehicle, str]:
+    """The vehicle with a fresh atlas by xatlas, and ''; without xatlas by Blender, and the words that say so."""
+    try:
+        return geometry.unwrap(vehicle), ""
+    except ImportError:
+        fresh = geometry.repack(vehicle, smart_project(vehicle))
+        return fresh, " by Blender's Smart UV Project, as xatlas is not installed"
+
+
+def _choose_paint(
+    soup: Soup, request: VehicleRequest, notes: list[str]
+) -> tuple[NDArray[np.bool_], NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
+    """Which faces are paint, their base texture, and the mask that was given."""
+    named = request.paint_material is not None or request.paint_mask is not None
+    by_marks = request.by_marks if request.by_marks is not None else not named and bool(soup.marked.any())
+    if by_marks:
+        if not soup.marked.any():
+            raise contract.RaucaError(f"{request.where}: no face is marked as paint; {request.remedy}")
+        notes.append(f"paint: the {int(soup.marked.sum())} triangles marked by hand")
+        return soup.marked.copy(), _base_of(soup, soup.marked, request), None
+    has_mask = request.paint_mask is not None
+    painted = vehicle_paint.choose_paint(soup.names, request.paint_material, has_mask, request.where, request.remedy)
+    paint = np.isin(np.array(soup.names)[soup.material], painted)
+    base = vehicle_paint.base_image(soup.blocks[painted[0]], request.beside)
+    mask = None
+    if request.paint_mask is not None:
+        mask = vehicle_paint.read_mask(request.paint_mask, base)
+        paint &= _under_mask(soup.uvs, mask)
+        if not paint.any():
+            text = f"--paint-mask {request.paint_mask}: is white nowhere on the vehicle's UVs; check them"
+            raise contract.RaucaError(text)
+    elif request.paint_material is None:
+        notes.append(f"paint: material {painted[0]!r}, by its name")
+    return paint, _base_of(soup, paint, request) if mask is None else base, mask
+
+
+def _base_of(soup: Soup, paint: NDArray[np.bool_], request: VehicleRequest) -> NDArray[np.uint8] | None:
+    """The paint's texture, unless the UVs that were read are another layer than the one it is shown with."""
+    for piece, span in soup.spans():
+        if paint[span].any() and piece.layer is not None and not piece.shows_layer:
+            return None
+    return vehicle_paint.base_image(soup.blocks[soup.names[soup.material[paint][0]]], request.beside)
+
+
+def _chosen_layers(soup: Soup, paint: NDArray[np.bool_]) -> str:
+    """The UV layers that were read where there was a choice, for a note."""
+    return ", ".join(sorted({repr(p.layer) for p, span in soup.spans() if p.layers > 1 and paint[span].any()}))
+
+
+def _atlas_size(base: NDArray[np.uint8] | None) -> int:
+    return len(base) if base is not None and base.shape[0] == base.shape[1] else DEFAULT_ATLAS
+
+
+def _under_mask(uvs: NDArray[np.float32], mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(F,) True on faces with a texel centre, or their own middle, on the white of the mask."""
+    size = len(mask)
+    clean = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
+    clean = clean - np.floor(clean.min(axis=1, keepdims=True) + 1e-4)
+    texels, faces = geometry.covered(clean, size, conservative=False)
+    found = np.zeros(len(uvs), np.bool_)
+    found[faces[mask.ravel()[texels] >= 128]] = True
+    column, row = (np.clip(v * size, 0, size - 1).astype(int) for v in (clean.mean(1)[:, 0], 1 - clean.mean(1)[:, 1]))
+    return found | (mask[row, column] >= 128)

@@ -1,0 +1,96 @@
+"""The panel of the first step, and the two inside it: what is paint, and its UV map."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+
+from ..panel import StepPanel, paragraph
+from .state import state
+
+FAULTS = (  # setting, words
+    ("missing", "{count} faces lack UVs"),
+    ("outside", "{count} faces leave the texture"),
+    ("overlapping", "{count} faces overlap"),
+    ("uneven", "{count} faces differ in detail"),
+)
+
+
+class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Choose the vehicle, or add one"""
+
+    bl_idname = "RAUCA_PT_vehicle"
+    bl_label = "Vehicle"
+    number = 1
+    step_state = staticmethod(state)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
+        layout.row().prop(settings, "origin", expand=True)
+        layout.prop(settings, settings.origin.lower())
+        if settings.origin != "FILE":
+            layout.prop(settings, "front")
+        layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
+
+
+class _VehiclePart:
+    """A panel inside the vehicle's."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Rauca"
+    bl_parent_id = "RAUCA_PT_vehicle"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
+    layout: bpy.types.UILayout
+
+
+class RAUCA_PT_vehicle_paint(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Say which faces may be camouflaged"""
+
+    bl_idname = "RAUCA_PT_vehicle_paint"
+    bl_label = "Paint"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = context.scene.rauca.vehicle, self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if settings.origin == "FILE":
+            layout.prop(settings, "file_material")
+            layout.prop(settings, "file_mask")
+            return
+        layout.row().prop(settings, "paint", expand=True)
+        if settings.paint == "MATERIAL":
+            layout.prop(settings, "material")
+            return
+        row = layout.row(align=True)
+        for action in ("ASSIGN", "REMOVE", "SELECT"):
+            row.operator("rauca.mark_paint", text=action.capitalize()).action = action
+        if context.mode != "EDIT_MESH":
+            paragraph(context, layout, iface("Press Tab on the vehicle and select faces first"), "INFO")
+
+
+class RAUCA_PT_vehicle_uvs(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Give the paint a UV map of its own, and check it"""
+
+    bl_idname = "RAUCA_PT_vehicle_uvs"
+    bl_label = "UV map"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.rauca.vehicle.origin != "FILE")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = context.scene.rauca.vehicle, self.layout
+        row = layout.row(align=True)
+        row.operator("rauca.unwrap_paint", icon="UV")
+        row.operator("rauca.check_uvs", icon="CHECKMARK").kind = "ALL"
+        if not settings.checked:
+            return
+        found = [(name, getattr(settings, name), words) for name, words in FAULTS]
+        for name, count, words in found:
+            if count:
+                line = layout.split(factor=0.72)
+                line.label(text=iface(words).format(count=count), icon="ERROR", translate=False)
+                line.operator("rauca.check_uvs", text="Select").kind = name.upper()
+        if not any(count for _, count, _ in found):
+            layout.label(text="No faults found", icon="CHECKMARK")

@@ -1,0 +1,159 @@
+"""The choice of a vehicle, kept in the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...core import contract
+from ...scene.mesh_edits import marked_count, object_mode
+from ...scene.shipped import shipped_names
+from ...scene.vehicle_reading import Reading, read_vehicle
+from ...scene.vehicle_request import VehicleRequest
+from ...vehicles import find_vehicle
+
+SHAPES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY")  # objects that a vehicle can be made of
+REMEDY = "in step 1, Vehicle, choose the paint's material or mark its faces"
+
+
+def _shaped(self: bpy.types.PropertyGroup, thing: bpy.types.Object) -> bool:
+    return thing.type in SHAPES and thing.name in bpy.context.scene.objects
+
+
+def _changed(self: RaucaVehicle, context: bpy.types.Context) -> None:
+    """Another vehicle or other paint: what was found out about the last one no longer holds."""
+    self.forget_check()
+    self.marked = sum(marked_count(thing.data) for thing in self.objects(context) if thing.type == "MESH")
+
+
+class RaucaVehicle(bpy.types.PropertyGroup):
+    """The vehicle that the other steps work on, and what is paint on it."""
+
+    origin: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="From",
+        items=[
+            ("OBJECT", "Object", "An object of this scene, with its children"),
+            ("COLLECTION", "Collection", "All objects of a collection"),
+            ("FILE", "File", "A vehicle's file or folder; the scene is left alone"),
+        ],
+        description="Where the vehicle comes from",
+        update=_changed,
+    )
+    object: bpy.props.PointerProperty(  # type: ignore[valid-type]
+        name="Object",
+        type=bpy.types.Object,
+        poll=_shaped,
+        update=_changed,
+        description="The vehicle, or the parent of its parts",
+    )
+    collection: bpy.props.PointerProperty(  # type: ignore[valid-type]
+        name="Collection", type=bpy.types.Collection, update=_changed, description="The collection of the parts"
+    )
+    file: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="File",
+        default="sedan",
+        subtype="FILE_PATH",
+        update=_changed,
+        description="An .obj, .glb, .gltf or .blend file, a saved vehicle's folder, or the name of one of Rauca's own",
+    )
+    front: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Front",
+        items=[
+            ("AUTO", "Longer side", "Along x if the vehicle is longer there, else towards -y"),
+            ("+X", "+X", "The vehicle looks along x"),
+            ("-X", "-X", "The vehicle looks against x"),
+            ("+Y", "+Y", "The vehicle looks along y"),
+            ("-Y", "-Y", "The vehicle looks against y, as Blender's front view shows it"),
+        ],
+        description="Where the vehicle's front points in the scene; up is always z",
+        update=_changed,
+    )
+    paint: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Paint",
+        items=[
+            ("MATERIAL", "Material", "Paint is where one material is"),
+            ("FACES", "Faces", "Paint is where faces are marked"),
+        ],
+        description="How the faces that may be camouflaged are told from the rest",
+        update=_changed,
+    )
+    material: bpy.props.PointerProperty(  # type: ignore[valid-type]
+        name="Material",
+        type=bpy.types.Material,
+        update=_changed,
+        description="The paint's material; empty: the one whose name says paint, body or car",
+    )
+    file_material: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Material", description="The paint's material in the file; empty: the one whose name says so"
+    )
+    file_mask: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Paint mask", subtype="FILE_PATH", description="A grey image, white where the camouflage may go"
+    )
+    marked: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    checked: bpy.props.BoolProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    missing: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    outside: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    overlapping: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    uneven: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def chosen(self, context: bpy.types.Context) -> contract.Vehicle:
+        """The vehicle as every job and every other step uses it: what the headless import makes of the same objects.
+
+        Reads every mesh: for operators, not for drawing.
+
+        Raises:
+            RaucaError: none is chosen, or it cannot be used; says what to do.
+        """
+        with object_mode(context):
+            if self.origin == "FILE":
+                return self._from_file()
+            return read_vehicle(self.required_objects(context), self.request())
+
+    def reading(self, context: bpy.types.Context) -> Reading:
+        """The chosen objects face by face; in object mode.
+
+        Raises:
+            RaucaError: as :meth:`chosen`.
+        """
+        return Reading.of(self.required_objects(context), self.request())
+
+    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """The objects of the scene that make up the vehicle; none for a file, or while nothing is picked."""
+        if self.origin == "COLLECTION" and self.collection is not None:
+            return [thing for thing in self.collection.all_objects if thing.name in context.scene.objects]
+        if self.origin == "OBJECT" and self.object is not None and self.object.name in context.scene.objects:
+            return [self.object, *self.object.children_recursive]
+        return []
+
+    def required_objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """The objects, at least one; raises :class:`RaucaError` without any."""
+        objects = self.objects(context)
+        if objects:
+            return objects
+        if self.origin == "COLLECTION":
+            raise contract.RaucaError("No vehicle: in step 1, Vehicle, choose a collection that has objects")
+        raise contract.RaucaError("No vehicle: in step 1, Vehicle, pick an object of this scene or add a vehicle")
+
+    def request(self) -> VehicleRequest:
+        """How the chosen objects become a vehicle."""
+        root = self.collection if self.origin == "COLLECTION" else self.object
+        name = root.name if root is not None else ""
+        material = self.material.name if self.paint == "MATERIAL" and self.material is not None else None
+        source = Path(bpy.data.filepath).name
+        by_marks = self.paint == "FACES"
+        return VehicleRequest(
+            name, name, source, front=self.front, paint_material=material, by_marks=by_marks, remedy=REMEDY
+        )
+
+    def forget_check(self) -> None:
+        """What the last check found is out of date."""
+        self.checked = False
+
+    def _from_file(self) -> contract.Vehicle:
+        if not self.file:
+            raise contract.RaucaError("No vehicle: in step 1, Vehicle, choose a file")
+        own = self.file in shipped_names()
+        mask = Path(bpy.path.abspath(self.file_mask)) if self.file_mask and not own else None
+        material = self.file_material or None
+        return find_vehicle(self.file if own else bpy.path.abspath(self.file), mask, None if own else material)
