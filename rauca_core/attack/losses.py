@@ -15,14 +15,16 @@ from ..detect.interface import DensePredictions
 # Eq. 6 has no finite value at a detection score of 1, which a detector's sigmoid does reach in float32. Scores count as
 # this little less: the loss ends at 13.8 and keeps a non-zero slope, and values below 0.99 change by under 1e-4.
 SCORE_SHRINK = 1e-6
+FURTHEST = 1e6  # pixels from the picture that a box's edge counts as: the square of twice that is still finite
 
 
 def box_overlap(boxes: Tensor, truth: Tensor) -> Tensor:
     """Intersection over union of boxes (B, N, 4) with one box per image (B, 4), xyxy -> (B, N) in [0, 1].
 
-    Boxes without area, or turned inside out, overlap nothing.
+    Boxes without area, or turned inside out, overlap nothing; nor do those without end, where a network's exponential
+    overflowed: their gradient is 0, not NaN.
     """
-    truth = truth[:, None]
+    boxes, truth = boxes.clamp(-FURTHEST, FURTHEST), truth[:, None]
     corner = torch.minimum(boxes[..., 2:], truth[..., 2:]) - torch.maximum(boxes[..., :2], truth[..., :2])
     shared = corner.clamp(min=0).prod(-1)
     area = (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)

@@ -37,7 +37,7 @@ class Preview:
         """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
         begin = time.monotonic()
         small = shrunk(uv_map_srgb, SIDE)
-        frame = functional.interpolate(image_srgb[None].float().cpu(), size=small.shape[1:], mode="nearest")[0]
+        frame = functional.interpolate(image_srgb[None].float().cpu(), size=small.shape[1:], mode="bilinear")[0]
         write_bytes(self._folder / UV_MAP, png_bytes(_pixels(small)))
         write_bytes(self._folder / PICTURE, png_bytes(_pixels(torch.cat([small, frame], 2))))
         end = time.monotonic()

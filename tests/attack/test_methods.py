@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import OptimiserSettings, make_settings, objectives, optimise, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.frames import FrameStore, render_batch
@@ -31,7 +32,6 @@ from rauca_core.contract import (
 from rauca_core.detect import DensePredictions
 from rauca_core.images import read_image
 from rauca_core.render import Canvas, undisplay
-from tests.attack.conftest import SmallDetector
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
 

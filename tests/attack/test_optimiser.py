@@ -223,7 +223,7 @@ from pathlib import Path
 from rauca_core.attack import make_settings, optimise
 from rauca_core.contract import Dataset
 from rauca_core.environment.distributed import team
-from tests.attack.conftest import SmallDetector
+from benchmarks.stability.detectors import SmallDetector
 with team() as processes:
     for number, chosen in enumerate({settings}):
         out = Path(sys.argv[2]) / str(number)

@@ -1,0 +1,87 @@
+"""The hard cases through the real loop: all stays finite, and paint moves where, and only where, it is told to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from benchmarks.stability.cases import CASES, SIZE, HardCase
+from benchmarks.stability.detectors import Answering
+from benchmarks.stability.drawn import WEATHERS, draw_frame
+from benchmarks.stability.endure import AZIMUTHS, STEPS, Endured, endure
+from rauca_core.attack.objectives import OBJECTIVES
+from rauca_core.contract import Vehicle
+
+BY_NAME = {case.name: case for case in CASES}
+ASKED_FOR = (
+    "empty mask", "one pixel", "no boxes", "no detection", "certain", "certain, steep", "black night", "fog",
+)  # fmt: skip
+OTHERS = [name for name in BY_NAME if name not in ASKED_FOR]
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Data sets by the name of their case, made by the first test that needs them."""
+    return tmp_path_factory.mktemp("cases")
+
+
+def check(case: HardCase, found: Endured) -> None:
+    assert found.finite
+    assert found.in_range
+    assert found.stray == 0
+    assert found.moved == found.learnt
+    assert (found.learnt > 0.05) == case.learns
+
+
+@pytest.mark.parametrize("name", ASKED_FOR)
+def test_five_hundred_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
+    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, STEPS))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_sixty_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
+    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 60))
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_half_precision(name: str, box_vehicle: Vehicle, folders: Path) -> None:
+    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 25, precision="bfloat16"))
+
+
+@pytest.mark.parametrize(
+    ("objective", "limit"), [*((name, "clamp") for name in OBJECTIVES), ("eq6", "tanh"), ("attention", "tanh")]
+)
+def test_every_objective_and_limit(box_vehicle: Vehicle, folders: Path, objective: str, limit: str) -> None:
+    for case in CASES:
+        found = endure(case, box_vehicle, folders / case.name, 5, objective=objective, limit=limit)
+        assert (found.finite, found.in_range, found.stray) == (True, True, 0), case.name
+
+
+def test_smoothness_moves_what_the_attack_cannot_see(box_vehicle: Vehicle, folders: Path) -> None:
+    found = endure(BY_NAME["black night"], box_vehicle, folders / "black night", 20, beta=1.0)
+    assert found.finite
+    assert found.moved == found.learnt == 1.0
+
+
+def test_cases_are_what_they_are_called(box_vehicle: Vehicle) -> None:
+    """The frames and answers themselves: a case that were not hard would prove nothing."""
+    frames = {}
+    for name, case in BY_NAME.items():
+        camera = case.look.camera(AZIMUTHS[0], SIZE)
+        frames[name] = draw_frame(box_vehicle, camera, "L00-V000-day", 0, WEATHERS[0], case.look)
+    assert frames["empty mask"][1].paint.sum() == 0
+    assert frames["one pixel"][1].paint.sum() == 1
+    assert 1 <= frames["cut off"][0].box_xyxy[2] < 0.35 * SIZE
+    assert frames["black night"][1].image_linear.max() == 0
+    assert frames["fog"][1].A.max() == 0 < frames["fog"][1].paint.sum()
+    assert frames["negative light"][1].A.min() < 0
+    answers = {name: Answering(case.answer).dense(torch.rand(1, 3, SIZE, SIZE)) for name, case in BY_NAME.items()}
+    assert answers["no boxes"].boxes.shape[1] == 0
+    assert answers["no detection"].objectness.max() == 0
+    for name in ("certain", "certain, steep"):
+        assert answers[name].objectness.min() == answers[name].classes.min() == 1
+        assert tuple(answers[name].boxes[0, 0].tolist()) == frames[name][0].box_xyxy
+    assert torch.isinf(answers["endless boxes"].boxes).any()
+    assert (answers["inside out"].boxes[..., 2] < answers["inside out"].boxes[..., 0]).all()
