@@ -12,18 +12,29 @@ SENSOR_MM = 36.0
 
 
 def place(scene: bpy.types.Scene, camera: contract.Camera) -> None:
-    """Make ``camera`` the scene's camera and set the resolution to its size.
+    """Make ``camera`` the scene's camera and set the resolution to its size; raises as :func:`aim`."""
+    if scene.camera is None:
+        scene.camera = new_holder()
+        scene.collection.objects.link(scene.camera)
+    aim(scene.camera, camera)
+    scene.render.resolution_x, scene.render.resolution_y = camera.width, camera.height
+    scene.render.resolution_percentage = 100
+    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
+
+
+def new_holder() -> bpy.types.Object:
+    """A camera object, in no scene yet."""
+    return bpy.data.objects.new("rauca camera", bpy.data.cameras.new("rauca camera"))
+
+
+def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
+    """Give a camera object the place and the lens of a contract camera.
 
     Raises:
         RaucaError: the pixels are not square, which Blender could only imitate.
     """
     if not np.isclose(camera.K[0, 0], camera.K[1, 1], rtol=1e-6) or abs(camera.K[0, 1]) > 1e-9:
         raise contract.RaucaError("camera: pixels must be square and without skew (K[0][0] = K[1][1], K[0][1] = 0)")
-    holder = scene.camera
-    if holder is None:
-        holder = bpy.data.objects.new("rauca camera", bpy.data.cameras.new("rauca camera"))
-        scene.collection.objects.link(holder)
-        scene.camera = holder
     lens = holder.data
     larger = max(camera.width, camera.height)
     lens.sensor_fit = "AUTO"
@@ -38,6 +49,3 @@ def place(scene: bpy.types.Scene, camera: contract.Camera) -> None:
     pose[:3, :3] = camera.R.T @ to_blender
     pose[:3, 3] = camera.position
     holder.matrix_world = Matrix(pose.tolist())
-    scene.render.resolution_x, scene.render.resolution_y = camera.width, camera.height
-    scene.render.resolution_percentage = 100
-    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0

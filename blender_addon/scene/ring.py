@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,20 @@ from numpy.typing import NDArray
 from ..core import contract, seeding
 
 GROUND_CLEARANCE_M = 0.3
+HIGHEST_DEG = 89.0  # straight down there is no telling which way is up
+
+
+class Shots(Protocol):
+    """What of a plan places the cameras."""
+
+    @property
+    def ring(self) -> contract.Ring: ...
+
+    @property
+    def size(self) -> int: ...
+
+    @property
+    def seed(self) -> int: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +39,7 @@ class Viewpoint:
 
 
 def viewpoint(
-    plan: contract.Plan, location: int, view: int, vehicle_to_world: NDArray[np.float64], centre: NDArray[np.float64]
+    plan: Shots, location: int, view: int, vehicle_to_world: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> Viewpoint:
     """The camera of one view.
 
@@ -39,21 +54,29 @@ def viewpoint(
     rng = seeding.named_rng(plan.seed, "ring", location, view)
     azimuth, elevation, distance = ring.nominal(view)
     azimuth += rng.uniform(-1, 1) * ring.jitter_azimuth_deg
-    elevation = min(elevation + rng.uniform(-1, 1) * ring.jitter_elevation_deg, 89.0)
+    elevation = min(elevation + rng.uniform(-1, 1) * ring.jitter_elevation_deg, HIGHEST_DEG)
     distance *= 1 + rng.uniform(-1, 1) * ring.jitter_distance
     aim = centre + rng.uniform(-1, 1, 3) * ring.jitter_aim_m
     roll = rng.uniform(-1, 1) * ring.jitter_roll_deg
 
-    flat = distance * math.cos(math.radians(elevation))
-    offset = np.array(
-        [
-            flat * math.cos(math.radians(azimuth)),
-            flat * math.sin(math.radians(azimuth)),
-            distance * math.sin(math.radians(elevation)),
-        ]
-    )
-    eye = centre + offset
-    eye[2] = max(eye[2], GROUND_CLEARANCE_M)
+    eye = eye_at(azimuth, elevation, distance, centre)
     world = np.stack([eye, aim]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
     camera = contract.Camera.look_at(world[0], world[1], ring.fov_deg, plan.size, plan.size, roll)
     return Viewpoint(camera, azimuth % 360.0, elevation, distance)
+
+
+def eye_at(
+    azimuth_deg: float, elevation_deg: float, distance_m: float, centre: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Where a camera of these polar coordinates stands, (3,) in the vehicle's frame; never in the ground."""
+    flat = distance_m * math.cos(math.radians(elevation_deg))
+    offset = np.array(
+        [
+            flat * math.cos(math.radians(azimuth_deg)),
+            flat * math.sin(math.radians(azimuth_deg)),
+            distance_m * math.sin(math.radians(elevation_deg)),
+        ]
+    )
+    eye: NDArray[np.float64] = centre + offset
+    eye[2] = max(eye[2], GROUND_CLEARANCE_M)
+    return eye

@@ -50,14 +50,14 @@ def show(
         turn_deg: how far the street stands turned from where the data set has it; the sun turns with it.
     """
     turned = contract.Weather(**{**asked.to_json(), "sun_azimuth_angle": asked.sun_azimuth_angle + turn_deg})
-    _add_missing(scene, shown)
-    if scene.world != shown.world:
-        shown.world_before, scene.world = scene.world, shown.world
-    weather.draw_sky(shown.world, turned)
-    _expose_for_eevee(shown.world.node_tree, weather.film_exposure(turned))
-    fog.fill(shown.fog, turned)
-    shown.fog.hide_render = shown.fog.hide_viewport = turned.extinction == 0.0
-    _aim_sun(shown.sun, turned)
+    world, box, sun = _added(scene, shown)
+    if scene.world != world:
+        shown.world_before, scene.world = scene.world, world
+    weather.draw_sky(world, turned)
+    _expose_for_eevee(world.node_tree, weather.film_exposure(turned))
+    fog.fill(box, turned)
+    box.hide_render = box.hide_viewport = turned.extinction == 0.0
+    _aim_sun(sun, turned)
     shown.loans = lend(scene, shown.loans, _settings(turned))
     StreetLamps(lamps).shine(turned.lamps)
     # Both groups serve all scenes; without one, nothing here can get wet or be lit.
@@ -102,8 +102,8 @@ def _settings(asked: contract.Weather) -> dict[str, Setting]:
     }
 
 
-def _add_missing(scene: bpy.types.Scene, shown: Shown) -> None:
-    """Add the world, the fog's box and EEVEE's sun, unless they are there; an artist may have deleted one."""
+def _added(scene: bpy.types.Scene, shown: Shown) -> tuple[bpy.types.World, bpy.types.Object, bpy.types.Object]:
+    """The world, the fog's box and EEVEE's sun; those that are missing are added: an artist may have deleted one."""
     if shown.world is None:
         shown.world = weather.new_world()
     if shown.fog is None:
@@ -118,6 +118,7 @@ def _add_missing(scene: bpy.types.Scene, shown: Shown) -> None:
     for thing in (shown.fog, shown.sun):
         if thing.name not in scene.objects:
             scene.collection.objects.link(thing)
+    return shown.world, shown.fog, shown.sun
 
 
 def _hide_from_cycles(light: bpy.types.Light) -> None:

@@ -1,0 +1,77 @@
+"""How long a data set will take to render, from how long the last one took on this machine."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from dataclasses import dataclass
+from pathlib import Path
+
+from .core import contract, files
+
+# Seconds of one frame on two slow cores at 640 pixels a side (measured): per sample, for denoising, and for the rest
+# whatever the size. Light maps are two renders of the part of the picture that shows the vehicle.
+PER_SAMPLE, DENOISING, REST, LIGHT = 0.75, 4.0, 0.5, 1.4
+FEWEST = 4  # frames that make a measurement
+FILE = "pace.json"
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a frame's time depends on."""
+
+    size: int
+    samples: int
+    denoise: bool
+    light: bool
+
+    def model_seconds(self) -> float:
+        """Seconds of a frame on the machine that the constants were measured on."""
+        per_pixel = (PER_SAMPLE * self.samples + DENOISING * self.denoise) * (self.size / 640.0) ** 2
+        return REST + per_pixel * (LIGHT if self.light else 1.0)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast this machine is.
+
+    Attributes:
+        factor: of the model's seconds.
+        frames: that it was measured on; 0 for a guess.
+    """
+
+    factor: float = 1.0
+    frames: int = 0
+
+    def seconds(self, work: Work, frames: int) -> float:
+        """Seconds that so many frames take."""
+        return self.factor * work.model_seconds() * frames
+
+
+def measure(dataset: Path) -> Pace | None:
+    """The pace of a data set that was rendered here, from its ledger; None when it has too few timed frames.
+
+    Raises:
+        RaucaError: the folder holds no data set that can be read.
+    """
+    plan = contract.read_plan(dataset)
+    times = [entry.seconds for entry in contract.read_ledger(dataset).values() if entry.seconds]
+    if len(times) < FEWEST:
+        return None
+    work = Work(plan.size, plan.quality.samples, plan.quality.denoise, plan.light)
+    return Pace(statistics.median(times) / work.model_seconds(), len(times))
+
+
+def remember(pace: Pace, folder: Path) -> None:
+    """Keep a pace in the extension's own folder."""
+    files.write_json(folder / FILE, {"factor": pace.factor, "frames": pace.frames})
+
+
+def recall(folder: Path) -> Pace:
+    """The pace that was kept; the guess if there is none or it cannot be read."""
+    try:
+        kept = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        pace = Pace(float(kept["factor"]), int(kept["frames"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return Pace()
+    return pace if 0.0 < pace.factor < float("inf") else Pace()

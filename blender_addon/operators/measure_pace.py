@@ -1,0 +1,42 @@
+"""Take the estimate of the render time from a data set that was rendered on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_rpt
+
+from .. import estimate
+from ..core import contract
+from ..own_folder import own_folder
+from ..ui.cameras import timing
+from .operator import RaucaOperator
+
+
+class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Take the time per frame from the dataset in the folder of step 4, if it was rendered on this machine"""
+
+    bl_idname = "rauca.measure_pace"
+    bl_label = "Measure by the last dataset"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.rauca.dataset.folder:
+            cls.poll_message_set("Choose a dataset's folder in step 4 first")
+            return False
+        return True
+
+    def work(self, context: bpy.types.Context) -> str:
+        folder = Path(bpy.path.abspath(context.scene.rauca.dataset.folder))
+        measured = estimate.measure(folder)
+        if measured is None:
+            raise contract.RaucaError(
+                f"{folder}: fewer than {estimate.FEWEST} of its frames are timed; render some more first"
+            )
+        estimate.remember(measured, own_folder())
+        timing.forget()
+        return pgettext_rpt("Measured on {count} frames").format(count=measured.frames)
+
+
+CLASSES = (RAUCA_OT_measure_pace,)

@@ -1,0 +1,38 @@
+"""Build a street of the data set around the vehicle."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..scene import street
+from ..ui.cameras.anchor import anchor
+from .operator import RaucaOperator
+
+
+class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Build a street of the dataset's town around the vehicle, which stays where it is"""
+
+    bl_idname = "rauca.set_up_street"
+    bl_label = "Set up a street"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave edit mode first")
+            return False
+        if context.scene.rauca.weather.street is not None:
+            cls.poll_message_set("This scene has a street: remove it first")
+            return False
+        return True
+
+    def work(self, context: bpy.types.Context) -> None:
+        steps = context.scene.rauca
+        settings = steps.weather
+        seed = getattr(steps.dataset, "seed", 0)
+        built = street.build(context.scene, seed, settings.place - 1, anchor(context).vehicle_to_world)
+        settings.street, settings.street_turn_deg = built
+        settings.refresh()
+
+
+CLASSES = (RAUCA_OT_set_up_street,)

@@ -1,0 +1,36 @@
+"""The estimate of the panel: frames of the data set, and how long they take."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...estimate import Pace, Work, recall
+from ...own_folder import own_folder
+
+_kept: list[Pace] = []  # read once: panels are drawn often
+
+
+def pace() -> Pace:
+    """How fast this machine renders, as far as known."""
+    if not _kept:
+        _kept.append(recall(own_folder()))
+    return _kept[0]
+
+
+def forget() -> None:
+    """Read the pace again when it is next asked for."""
+    _kept.clear()
+
+
+def frame_count(context: bpy.types.Context) -> int:
+    """Frames of the data set that the panels describe."""
+    steps = context.scene.rauca
+    weathers = 1 if steps.weather.used == "ONE" else len(steps.weather.listed())
+    return len(steps.cameras.ring()) * weathers * int(steps.dataset.locations)
+
+
+def estimated_seconds(context: bpy.types.Context) -> float:
+    """Seconds that rendering them takes."""
+    dataset = context.scene.rauca.dataset
+    work = Work(dataset.size, dataset.samples, dataset.denoise, dataset.light)
+    return pace().seconds(work, frame_count(context))
