@@ -27,7 +27,7 @@ def tables(drawn: Sequence[Table], study: Study, write: TableWriter) -> list[str
     for index, table in enumerate(drawn):
         kind = _kind(table)
         last = all(_kind(other) != kind for other in drawn[index + 1 :])
-        body = write(table) + (_published(published[kind], write) if last and kind in published else "")
+        body = write(table) + (published_aside(published[kind], write) if last and kind in published else "")
         sections.append(pages.section(table.title, body, "" if index else _reading(drawn, study)))
     return sections
 
@@ -55,7 +55,7 @@ def _reading(drawn: Sequence[Table], study: Study) -> str:
     return " ".join(notes)
 
 
-def _published(paper: PaperTable, write: TableWriter) -> str:
+def published_aside(paper: PaperTable, write: TableWriter) -> str:
     """The paper's table, marked off from ours."""
     notes = [
         "As printed, not measured here: another simulator, vehicle and places, and other detectors, so compare the "

@@ -1,0 +1,201 @@
+"""What ablations share: training sets, held-out views, optimised camouflages and their renders, each made once.
+
+Folder, run again to resume; names end in a digest of what was asked for, so that nothing is taken for something else::
+
+    sets/<name>-<frames>-<digest>/            training sets; -<n> of them: a part, its frames linked
+    taps/                                     of the neural renderer
+    runs/<variant>-<digest>/                  optimisations, with camouflage.json when finished
+    views/<weathers>-<frames>-<digest>/       held-out views, in the vehicle's reference paint
+    paints/<name>-<digest>.json, .png         camouflages by the content of their UV map
+    renders/<views>/<name>-<digest>/          the views in camouflage
+    detections/<views>/                       what detectors found in any of them
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipelines.blender_process import run_blender
+from pipelines.console import console, progress_bar
+from pipelines.evaluate import render_camouflages
+from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.checkpoint_files import POINTER
+from rauca_core.contract import Dataset, Plan, find_preset, frame_states, load_camouflage, load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.files import atomic_folder, write_bytes
+from rauca_core.detect.weights_file import sha256_of
+from rauca_core.evaluate.ablations.sizes import Sizes
+from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
+from rauca_core.evaluate.contestants import Contestant, VehicleChoice, keep_copy
+from rauca_core.evaluate.views import balanced_frames
+from rauca_core.images import read_image
+
+PRESETS = {"seen": "enhanced", "unseen": "unseen"}
+
+
+@dataclass(frozen=True)
+class HeldOutViews:
+    """Frames to measure on: those of ``folder``'s data set that ``ids`` names."""
+
+    weathers: str
+    folder: Path
+    ids: tuple[str, ...]
+
+    @property
+    def dataset(self) -> Dataset:
+        return Dataset(self.folder)
+
+
+class Workspace:
+    """The shared folder, for one vehicle at one size.
+
+    Attributes:
+        folder: holds everything.
+        vehicle: that all camouflages are for.
+    """
+
+    def __init__(self, folder: Path, vehicle: VehicleChoice, sizes: Sizes, blender: Path | None = None) -> None:
+        self.folder, self.vehicle = folder, vehicle
+        self._sizes, self._blender = sizes, blender
+        self._positions = load_vehicle(vehicle.folder, read_image).positions
+
+    def training(self, name: str, share: float = 1.0) -> Path:
+        """The training set of that name, or a balanced part of it."""
+        wanted = training_set(name)
+        plan = wanted.plan(self.vehicle.name, self.vehicle.atlas_id, self._positions, self._sizes)
+        ids = chosen_frames(plan, self._sizes)
+        folder = self.folder / "sets" / f"{name}-{len(ids)}-{_digest(plan.to_json(), ids)}"
+        title = f"rendering training set, {name}"
+        self._make(folder, plan, ids, wanted.arguments(self.vehicle.folder, plan), title)
+        part = chosen_frames(plan, self._sizes, share)
+        return folder if len(part) == len(ids) else linked_part(folder, part)
+
+    def views(self, weathers: str) -> HeldOutViews:
+        """Held-out views of a weather set, ``seen``, ``unseen`` or a preset's name or file."""
+        preset = PRESETS.get(weathers, weathers)
+        held_out = self._sizes.views.fitted(self._positions)
+        found = find_preset(preset, assets_folder() / "weathers")
+        plan = held_out.plan(self.vehicle.name, self.vehicle.atlas_id, found)
+        ids = tuple(balanced_frames(plan, held_out.frames))
+        name = Path(weathers).stem
+        folder = self.folder / "views" / f"{name}-{len(ids)}-{_digest(plan.to_json(), ids)}"
+        arguments = held_out.arguments(self.vehicle.folder, preset)
+        self._make(folder, plan, ids, arguments, f"rendering held-out views, {name} weathers")
+        return HeldOutViews(name, folder, ids)
+
+    def run(self, name: str, asked: Mapping[str, Any], work: Callable[[Path, bool], object]) -> Path:
+        """An optimisation's camouflage, made unless it is there.
+
+        Args:
+            asked: all that it depends on, as JSON.
+            work: optimises into a folder; told whether to resume there.
+        """
+        folder = self.folder / "runs" / f"{name}-{_digest(asked)}"
+        product = folder / "camouflage.json"
+        with alone(folder):
+            if not product.is_file():
+                work(folder, (folder / CHECKPOINTS / POINTER).is_file())
+        return product
+
+    def renders(self, views: HeldOutViews, camouflages: Mapping[str, Path]) -> dict[str, Path]:
+        """Label -> folder of the views in that camouflage, rendered by Cycles where they are missing."""
+        out = self.folder / "renders" / views.folder.name
+        paints = {label: self._paint(path) for label, path in camouflages.items()}
+        folders = {label: out / path.stem for label, path in paints.items()}
+        frames = [frame.id for frame in views.dataset.frames() if frame.id in set(views.ids)]
+        with alone(out):
+            missing = {
+                paints[label].stem: paints[label]
+                for label, folder in folders.items()
+                if not all((folder / f"{frame}.png").is_file() for frame in frames)
+            }
+            if missing:
+                listed = _list_frames(out / "frames.txt", views.ids)
+                title = f"re-rendering {len(missing)} camouflages, {views.weathers} weathers"
+                options = ["--only", str(listed)]
+                render_camouflages(views.folder, list(missing.values()), out, self._blender, options, title)
+        return folders
+
+    def _paint(self, path: Path) -> Path:
+        """A copy under a name that says which map it is: renders of other maps never lie in its folder."""
+        record, image = load_camouflage(path)
+        label = f"{record.name.replace(' ', '-')}-{sha256_of(image)[:10]}"
+        return keep_copy(Contestant(label, path, record), self.folder / "paints")
+
+    def _make(self, folder: Path, plan: Plan, ids: Sequence[str], arguments: Sequence[str], title: str) -> None:
+        """Render the frames of a plan that are missing; a finished frame is never rendered again."""
+        with alone(folder):
+            states = frame_states(folder) if (folder / "dataset.json").is_file() else {}
+            if all(states.get(frame) in ("done", "occluded") for frame in ids):
+                return
+            listed = _list_frames(folder.with_name(f"{folder.name}.txt"), ids)
+            chosen = [*arguments, "--out", str(folder), "--only", str(listed), "--json-progress"]
+            with progress_bar(title) as move:
+                run_blender("make_dataset", chosen, move, self._blender)
+
+
+def linked_part(dataset: Path, ids: Sequence[str]) -> Path:
+    """Some frames of a finished data set as a data set of their own, beside it; files are linked where the disk can."""
+    folder = dataset.with_name(f"{dataset.name}-{len(ids)}")
+    if folder.is_dir():
+        return folder
+    with atomic_folder(folder) as made:
+        shutil.copytree(dataset / "vehicle", made / "vehicle")
+        shutil.copy2(dataset / "dataset.json", made)
+        for frame in ids:
+            if (dataset / "frames" / frame).is_dir():  # frames that hide the vehicle were left out
+                shutil.copytree(dataset / "frames" / frame, made / "frames" / frame, copy_function=_link)
+    return folder
+
+
+def pour(source: Path, target: Path) -> None:
+    """Add the detections kept in one folder to those in another; both know an image by its content."""
+    for path in sorted(source.glob("*.jsonl")) if source.is_dir() else ():
+        here = target / path.name
+        known = set(here.read_bytes().splitlines()) if here.is_file() else set()
+        lines = [line for line in path.read_bytes().splitlines() if line not in known]
+        if lines:
+            before = here.read_bytes() if here.is_file() else b""
+            write_bytes(here, before + b"".join(line + b"\n" for line in lines))
+
+
+@contextlib.contextmanager
+def alone(product: Path) -> Iterator[None]:
+    """Hold a lock on a product while it is made: two ablations that share a folder make each thing once."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: one ablation at a time
+        yield
+        return
+    product.parent.mkdir(parents=True, exist_ok=True)
+    with (product.parent / f".{product.name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            console.print(f"{product.name}: another process makes it, waiting", highlight=False)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _list_frames(path: Path, ids: Sequence[str]) -> Path:
+    write_bytes(path, ("\n".join(ids) + "\n").encode())
+    return path
+
+
+def _link(source: str, target: str) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def _digest(*asked: Any) -> str:
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:10]

@@ -1,0 +1,208 @@
+"""The ablations, one declaration each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+from ...contract import RaucaError
+from .experiment import OURS, PAPER, Claim, Experiment, Variant
+
+# What "the rendered picture" smoothing and two subsamples per pixel stand for: Neural Renderer, as published.
+_NEURAL_RENDERER = {"samples": 2, "pixel_filter": "box"}
+_FACETS = {**_NEURAL_RENDERER, "paint": "facets", "smooth": "picture", "beta": 0.01}
+
+
+def _chain(*best_to_worst: str, by: str = PAPER) -> tuple[Claim, ...]:
+    """A claim for each neighbouring pair."""
+    return tuple(Claim((a,), (b,), by) for a, b in pairwise(best_to_worst))
+
+
+def _rival(name: str, training: str, row: str, quick: bool = True) -> Variant:
+    return Variant(name, row, method=name, training=training, paper_row=row, quick=quick)
+
+
+BASELINES = Experiment(
+    "baselines",
+    "Methods of the literature",
+    "Which method hides the vehicle best, each trained on the weathers its authors would use?",
+    (
+        _rival("das", "single", "DAS", quick=False),
+        _rival("fca", "single", "FCA"),
+        _rival("dta", "single", "DTA", quick=False),
+        _rival("active", "single", "ACTIVE", quick=False),
+        _rival("rauca-base", "base", "RAUCA-base", quick=False),
+        _rival("rauca-final", "enhanced", "RAUCA-final"),
+    ),
+    (
+        *_chain("rauca-final", "rauca-base", "active", "dta", "fca", "das", "normal"),
+        Claim(("rauca-final",), ("random",)),
+    ),
+    "detectors",
+    notes=("What each paper leaves open, and was assumed here, stands in docs/methods.md.",),
+)
+
+RENDERER = Experiment(
+    "renderer",
+    "Neural renderers",
+    "What does it bring to light the paint like the frame, to optimise the UV map itself, and to filter it exactly?",
+    (
+        Variant("nr-direct", "NR-direct", {**_FACETS, "light": "none"}, paper_row="NR-direct"),
+        Variant("nrp", "NRP", _FACETS, paper_row="NRP"),
+        Variant(
+            "e2e-algorithm-1", "E2E, Algorithm 1", {**_NEURAL_RENDERER, "sampler": "tensor-traversal"}, quick=False
+        ),
+        Variant(
+            "e2e-algorithm-2",
+            "E2E-NRP, Algorithm 2",
+            {**_NEURAL_RENDERER, "sampler": "uv-traversal"},
+            paper_row="E2E-NRP",
+        ),
+        Variant("e2e-taps", "E2E, our taps"),
+    ),
+    (
+        *_chain("e2e-algorithm-2", "nrp", "nr-direct"),
+        Claim(("e2e-algorithm-2",), ("e2e-algorithm-1",)),
+        Claim(("e2e-taps",), ("e2e-algorithm-2",), OURS),
+        Claim(("e2e-taps",), ("nrp",), OURS),
+    ),
+    "ablation-renderer",
+    notes=(
+        "Exact light stands for the environment feature extractor in all but NR-direct.",
+        "As in the paper, NR and NRP are smoothed on the rendered picture, since they have no UV map.",
+    ),
+)
+
+DATASET = Experiment(
+    "dataset",
+    "Training data",
+    "What do more weathers and more cameras bring?",
+    (
+        Variant("single", "Single weather", training="single", paper_row="Single-weather Dataset"),
+        Variant("base", "Base multi-weather", training="base", paper_row="Base multi-weather Dataset"),
+        Variant("enhanced", "Enhanced multi-weather", training="enhanced", paper_row="Enhanced multi-weather Dataset"),
+    ),
+    _chain("enhanced", "base", "single"),
+    "ablation-dataset",
+    seeds=2,
+    notes=("All three have as many frames: single and base see them from fixed cameras in clearcoat paint.",),
+)
+
+
+def _beta(value: str, quick: bool = False) -> Variant:
+    return Variant(f"beta-{value}", f"β = {value}", {"beta": float(value)}, paper_row=f"β={value}", quick=quick)
+
+
+_BETAS = (
+    _beta("100", True),
+    _beta("10"),
+    _beta("1"),
+    _beta("0.1"),
+    _beta("0.01", True),
+    _beta("0.001"),
+    _beta("0", True),
+)
+BETA = Experiment(
+    "beta",
+    "Smoothness",
+    "How much weight should the smoothness loss of Eq. 7 have?",
+    _BETAS,
+    (
+        Claim(tuple(v.key for v in _BETAS[:-1]), ("beta-0",)),
+        Claim(("beta-0.01",), ("beta-0",)),
+        Claim(("beta-0.1", "beta-0.01", "beta-0.001"), ("beta-100",)),
+    ),
+    "ablation-beta",
+)
+
+AUGMENTATION = Experiment(
+    "augmentation",
+    "Random output augmentation",
+    "Does moving, scaling and relighting the rendered picture help on views that were not trained on?",
+    (
+        Variant("without-roa", "Without ROA", {"roa": False}, paper_row="Without ROA"),
+        Variant("with-roa", "With ROA", paper_row="With ROA"),
+    ),
+    _chain("with-roa", "without-roa"),
+    "ablation-augmentation",
+    seeds=3,
+)
+
+ENVIRONMENT = Experiment(
+    "environment",
+    "Light of the environment",
+    "How much does it matter where the light on the paint comes from?",
+    (
+        Variant("none", "None", {"light": "none"}),
+        Variant("transfer", "Affine colour transfer", {"light": "transfer"}, quick=False),
+        Variant("published", "Published EFE", {"light": "published"}),
+        Variant("ours", "Our extractor", {"light": "ours"}, quick=False),
+        Variant("exact", "Exact maps"),
+    ),
+    (
+        *_chain("published", "none"),
+        Claim(("ours",), ("none",), OURS),
+        Claim(("ours",), ("transfer",), OURS),
+        Claim(("exact",), ("published",), OURS),
+        Claim(("exact",), ("ours",), OURS),
+    ),
+    notes=(
+        "The paper compares NR with NRP instead, where the renderer changes along with the light; see `renderer`.",
+        "The published extractor is trained on the same frames, narrower and for a shorter time than in the paper.",
+    ),
+)
+
+_SHARES = ((1 / 16, False), (1 / 8, True), (1 / 4, False), (1 / 2, False), (1.0, True))
+VIEWS = Experiment(
+    "views",
+    "Number of views",
+    "At as many steps, how many views (places, cameras and weathers) does a camouflage need?",
+    tuple(
+        Variant(f"share-{round(1 / share):02d}th", f"1/{round(1 / share)} of the views", share=share, quick=quick)
+        if share < 1
+        else Variant("all", "All views", quick=quick)
+        for share, quick in _SHARES
+    ),
+    (
+        *_chain("all", "share-02th", "share-04th", "share-08th", "share-16th", by=OURS),
+        Claim(("all",), ("share-16th",), OURS),
+    ),
+)
+
+
+def _limit(name: str, lr: float, quick: bool) -> Variant:
+    return Variant(f"{name}-{lr:g}", f"{name}, rate {lr:g}", {"limit": name, "lr": lr}, quick=quick)
+
+
+LIMIT = Experiment(
+    "limit",
+    "Keeping texels in range",
+    "Which parametrisation of the UV map, at which learning rate?",
+    tuple(_limit(name, lr, quick=lr == 0.03) for name in ("project", "clamp", "tanh") for lr in (0.01, 0.03, 0.1)),
+    (Claim(("project-0.03",), ("clamp-0.03",), OURS), Claim(("project-0.03",), ("tanh-0.03",), OURS)),
+    notes=("The paper clamps, and names no learning rate.",),
+)
+
+SAMPLING = Experiment(
+    "sampling",
+    "Resting frames",
+    "Does it help to leave out, for some epochs, frames in which the vehicle is no longer found?",
+    (
+        Variant("rest-0", "All frames in every epoch"),
+        Variant("rest-3", "Quiet frames rest 3 epochs", {"rest": 3}),
+    ),
+    (Claim(("rest-3",), ("rest-0",), OURS),),
+    seeds=3,
+)
+
+EXPERIMENTS: Mapping[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (BASELINES, RENDERER, DATASET, BETA, AUGMENTATION, ENVIRONMENT, VIEWS, LIMIT, SAMPLING)
+}
+
+
+def experiment_named(name: str) -> Experiment:
+    """The experiment of that name; raises :class:`RaucaError` listing all when there is none."""
+    if name not in EXPERIMENTS:
+        raise RaucaError(f"ablation: no {name!r}; choose one of {', '.join(EXPERIMENTS)}")
+    return EXPERIMENTS[name]
