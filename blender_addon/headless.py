@@ -45,6 +45,14 @@ def work_on_dataset(arguments: Sequence[str]) -> int:
     return _guarded(_work_on_dataset, worker_parser().parse_args(arguments))
 
 
+def unwrap_vehicle(arguments: Sequence[str]) -> int:
+    """Entry of the process that the unwrap button starts: a vehicle folder in, one out; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="unwrap_vehicle", allow_abbrev=False)
+    parser.add_argument("vehicle", type=Path)
+    parser.add_argument("out", type=Path)
+    return _guarded(_unwrap_vehicle, parser.parse_args(arguments))
+
+
 def main() -> int:
     """Entry of a child process: the first argument names the job."""
     jobs = {
@@ -52,6 +60,7 @@ def main() -> int:
         "dataset_worker": work_on_dataset,
         "render_camouflages": render_camouflages,
         "apply_camouflage": apply_camouflage,
+        "unwrap_vehicle": unwrap_vehicle,
     }
     job, *arguments = blender_arguments()
     return jobs[job](arguments)
@@ -109,6 +118,13 @@ def _apply_camouflage(options: argparse.Namespace) -> None:
     save_blend(
         find_vehicle(options.vehicle, options.paint_mask, options.paint_material), options.camouflage, options.out
     )
+
+
+def _unwrap_vehicle(options: argparse.Namespace) -> None:
+    from .scene.vehicle_reading import unwrapped
+
+    fresh, how = unwrapped(contract.load_vehicle(options.vehicle, read_image_blender))
+    replace(fresh, notes=[how]).save(options.out)
 
 
 def _guarded(job: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> int:

@@ -32,7 +32,7 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.rauca.vehicle.objects(context):
+        if context.scene.rauca.vehicle.picked(context) is None:
             cls.poll_message_set("Pick the vehicle's object or collection first")
             return False
         return True

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import bpy
 
+from ..background.unwrap_child import UnwrapChild
 from ..core import contract
 from ..scene.mesh_edits import object_mode
-from ..scene.paint_layer import unwrap_paint
+from ..scene.paint_layer import to_unwrap, write_unwrapped
 from ..scene.shipped import untouched_shipped
+from ..scene.vehicle_reading import Reading, unwrapped
 from .operator import RaucaOperator
+
+INTERVAL_S = 0.1
+
+_child: UnwrapChild | None = None
+
+
+def unwrapping() -> bool:
+    """Whether a vehicle is being unwrapped beside the window."""
+    return _child is not None
 
 
 class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -20,23 +31,76 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.rauca.vehicle.objects(context):
+        if unwrapping():
+            cls.poll_message_set("The paint is being unwrapped; Esc stops it")
+            return False
+        if context.scene.rauca.vehicle.picked(context) is None:
             cls.poll_message_set("Pick the vehicle's object or collection first")
             return False
         return True
 
-    def work(self, context: bpy.types.Context) -> str:
-        settings = context.scene.rauca.vehicle
+    def work(self, context: bpy.types.Context) -> None:
+        """Without a window: unwrap here and now."""
         with object_mode(context):
-            if shipped := untouched_shipped(settings.objects(context), settings.request()):
-                raise contract.RaucaError(f"{shipped.name}: has the UV map that its camouflages fit; no need to unwrap")
-            done = unwrap_paint(settings.reading(context))
-        settings.forget_check()
-        text = f"Paint unwrapped into {done.charts} charts"
-        if done.how:
-            self.report({"WARNING"}, text + done.how)
-            return ""
-        return text
+            reading = _reading(context)
+            fresh, how = unwrapped(to_unwrap(reading))
+            self._write(context, reading, fresh, how)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        global _child
+        try:
+            with object_mode(context):
+                _child = UnwrapChild(to_unwrap(_reading(context)))
+        except contract.RaucaError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self._timer = context.window_manager.event_timer_add(INTERVAL_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" or _child is None:
+            self.cancel(context)
+            self.report({"INFO"}, "Unwrapping stopped")
+            return {"CANCELLED"}
+        if event.type != "TIMER" or not _child.ended():
+            return {"PASS_THROUGH"}
+        try:
+            fresh = _child.result()
+            with object_mode(context):
+                self._write(context, _reading(context), fresh, fresh.notes[-1])
+        except contract.RaucaError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        finally:
+            self.cancel(context)
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Also called by Blender, when another file is loaded."""
+        unregister()
+        context.window_manager.event_timer_remove(self._timer)
+
+    def _write(self, context: bpy.types.Context, reading: Reading, fresh: contract.Vehicle, how: str) -> None:
+        charts = write_unwrapped(reading, fresh)
+        context.scene.rauca.vehicle.forget_check()
+        self.report({"WARNING" if how else "INFO"}, f"Paint unwrapped into {charts} charts{how}")
+
+
+def _reading(context: bpy.types.Context) -> Reading:
+    """The chosen vehicle; raises :class:`RaucaError` for one that needs no unwrapping too."""
+    settings = context.scene.rauca.vehicle
+    if shipped := untouched_shipped(settings.required_objects(context), settings.request()):
+        raise contract.RaucaError(f"{shipped.name}: has the UV map that its camouflages fit; no need to unwrap")
+    return settings.reading(context)
+
+
+def unregister() -> None:
+    """End what still runs."""
+    global _child
+    if _child is not None:
+        _child.close()
+    _child = None
 
 
 CLASSES = (RAUCA_OT_unwrap_paint,)

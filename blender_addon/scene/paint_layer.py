@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +10,38 @@ from ..core import contract, geometry
 from .mesh_edits import require_own_faces, write_layer
 from .uv_faults import UvFaults, uv_faults
 from .vehicle_arrays import Piece
-from .vehicle_reading import Reading, unwrapped
+from .vehicle_reading import Reading
 
 
-@dataclass(frozen=True)
-class Unwrapped:
-    """What unwrapping gave: triangles of paint, charts, and how it was done if not by xatlas."""
-
-    triangles: int
-    charts: int
-    how: str
-
-
-def unwrap_paint(reading: Reading) -> Unwrapped:
-    """Give the paint of the objects that were read a fresh UV layer; the other layers stay.
-
-    A polygon is never torn: where the atlas cuts one along its diagonal, it becomes a chart of its own.
+def to_unwrap(reading: Reading) -> contract.Vehicle:
+    """The vehicle of the objects that were read, without UVs on its paint.
 
     Raises:
-        RaucaError: a mesh that cannot be written to, or paint that cannot be unwrapped; nothing was changed.
+        RaucaError: the paint lies on a mesh that cannot be written to.
+    """
+    require_own_faces(piece for piece, _ in painted_pieces(reading))
+    return reading.with_uvs(np.zeros((int(reading.paint.sum()), 3, 2), np.float32), keep_textures=False)
+
+
+def write_unwrapped(reading: Reading, fresh: contract.Vehicle) -> int:
+    """Write the atlas of ``fresh``, the unwrapped :func:`to_unwrap`, into a UV layer of the objects that were read.
+
+    The other layers stay. A polygon is never torn: where the atlas cuts one along its diagonal, it becomes a chart of
+    its own.
+
+    Returns:
+        The number of charts.
+
+    Raises:
+        RaucaError: the objects are not those that were unwrapped, or cannot be written to; nothing was changed.
     """
     spans = painted_pieces(reading)
     require_own_faces(piece for piece, _ in spans)
-    count = int(reading.paint.sum())
-    fresh, how = unwrapped(reading.with_uvs(np.zeros((count, 3, 2), np.float32), keep_textures=False))
+    same = np.array_equal(fresh.positions, reading.soup.positions.astype(np.float32))
+    if not (same and np.array_equal(fresh.triangles, reading.soup.triangles)):
+        raise contract.RaucaError(f"{reading.request.where}: changed while it was unwrapped; unwrap it again")
+    if not np.array_equal(fresh.paint_faces(), reading.paint):
+        raise contract.RaucaError(f"{reading.request.where}: its paint changed while it was unwrapped; unwrap it again")
     torn = _torn(fresh.uvs, reading, spans)
     if torn.any():
         flat = fresh.uvs[reading.paint].astype(np.float64)
@@ -43,7 +49,7 @@ def unwrap_paint(reading: Reading) -> Unwrapped:
     for piece, span in spans:
         write_layer(piece, reading.paint[span], fresh.uvs[span])
     charts = geometry.chart_of_faces(fresh.triangles[reading.paint], fresh.uvs[reading.paint])
-    return Unwrapped(count, int(charts.max()) + 1, how)
+    return int(charts.max()) + 1
 
 
 def check_paint(reading: Reading) -> UvFaults:

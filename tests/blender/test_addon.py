@@ -23,6 +23,7 @@ def addon(bpy_module):
 
     bpy_module.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()
+    bpy_module.context.scene.rauca.vehicle.origin = "FILE"
     yield bpy_module
     blender_addon.unregister()
     assert not hasattr(bpy_module.types.Scene, "rauca")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from ...operators.unwrap_paint import unwrapping
 from ..panel import StepPanel, paragraph
 from .state import state
 
@@ -81,6 +82,8 @@ class RAUCA_PT_vehicle_uvs(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blend
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.rauca.vehicle, self.layout
+        if unwrapping():
+            layout.label(text="Unwrapping; Esc stops it", icon="TIME")
         row = layout.row(align=True)
         row.operator("rauca.unwrap_paint", icon="UV")
         row.operator("rauca.check_uvs", icon="CHECKMARK").kind = "ALL"

@@ -118,13 +118,20 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         """
         return Reading.of(self.required_objects(context), self.request())
 
+    def picked(self, context: bpy.types.Context) -> bpy.types.ID | None:
+        """The object or collection that is picked and still there; quick enough for drawing."""
+        if self.origin == "OBJECT" and self.object is not None and self.object.name in context.scene.objects:
+            return self.object
+        return self.collection if self.origin == "COLLECTION" else None
+
     def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         """The objects of the scene that make up the vehicle; none for a file, or while nothing is picked."""
-        if self.origin == "COLLECTION" and self.collection is not None:
-            return [thing for thing in self.collection.all_objects if thing.name in context.scene.objects]
-        if self.origin == "OBJECT" and self.object is not None and self.object.name in context.scene.objects:
-            return [self.object, *self.object.children_recursive]
-        return []
+        root = self.picked(context)
+        if root is None:
+            return []
+        shown = set(context.scene.objects)
+        parts = root.all_objects if self.origin == "COLLECTION" else [root, *root.children_recursive]
+        return [thing for thing in parts if thing in shown]
 
     def required_objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         """The objects, at least one; raises :class:`RaucaError` without any."""

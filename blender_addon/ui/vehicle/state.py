@@ -7,12 +7,15 @@ from pathlib import Path
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from ...operators.unwrap_paint import unwrapping
 from ..state import State
 
 
 def state(context: bpy.types.Context) -> State:
     """Quick: looks at the settings only."""
     settings = context.scene.rauca.vehicle
+    if unwrapping():
+        return State("running", iface("The paint is being unwrapped"))
     if settings.origin == "FILE":
         if not settings.file:
             return State("missing", iface("Choose a vehicle's file"))
