@@ -12,6 +12,8 @@ from torch import Tensor
 from ..contract import RaucaError
 from .frames import FrameStore, ReadyFrame
 from .losses import SmoothLoss, log_loss
+from .naturalness.lab import delta_e, lab
+from .naturalness.texture import NaturalColours
 from .settings import OptimiserSettings
 from .texture import PaintedPanels, Texture
 
@@ -63,6 +65,18 @@ def near_seed(colours: Tensor, seed: Tensor, edges: Tensor) -> Tensor:
     return ((colours - seed).square().sum(1) * weight).sum()
 
 
+class NearReference:
+    """Mean CIE 1976 distance of the paint from a reference, over the vehicle's surface, in hundreds."""
+
+    def __init__(self, reference_srgb: Tensor, areas: Tensor) -> None:
+        """``reference_srgb`` (P, 3) in [0, 1]; ``areas`` (P,) of the texels."""
+        self._reference, self._share = lab(reference_srgb), areas / areas.sum() / 100
+
+    def __call__(self, texels: Tensor) -> Tensor:
+        """Texels (P, 3) sRGB -> scalar."""
+        return (delta_e(lab(texels), self._reference.to(texels)) * self._share.to(texels)).sum()
+
+
 def smooth_paint(store: FrameStore, settings: OptimiserSettings) -> PaintLoss | None:
     """The smoothness loss on the paint; None where it is taken on the picture."""
     if settings.smooth == "picture":
@@ -82,7 +96,7 @@ def prior(texture: Texture, settings: OptimiserSettings, palette: Callable[[], A
         palette: makes the background's colours (K, 3) sRGB, where they are asked for.
 
     Raises:
-        RaucaError: the seed picture's prior for a texture without one.
+        RaucaError: the prior of a seed picture, or of a reference, for a texture without one.
     """
     if settings.prior == "background":
         colours = torch.from_numpy(palette())
@@ -90,7 +104,18 @@ def prior(texture: Texture, settings: OptimiserSettings, palette: Callable[[], A
     if settings.prior == "seed":
         _require(isinstance(texture, PaintedPanels), "prior: seed", "cover: panels")
         return lambda texture: near_seed(texture.free(), texture.seed, texture.edges)  # type: ignore[attr-defined]
+    if settings.prior == "reference":
+        near = _near_reference(texture)
+        _require(near is not None, "prior: reference", "a --reference")
+        return lambda texture: near(texture.texels())  # type: ignore[misc]
     return None
+
+
+def _near_reference(texture: Texture) -> NearReference | None:
+    if not isinstance(texture, NaturalColours) or texture.constraints.reference is None:
+        return None
+    reference, areas = texture.constraints.reference / 255.0, texture.constraints.points.areas
+    return NearReference(torch.from_numpy(reference).float(), torch.from_numpy(areas).float())
 
 
 def _require(fits: bool, what: str, needed: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from torch import Tensor
 
@@ -11,6 +12,7 @@ from ..contract.colour import to_bytes
 from ..contract.files import png_bytes
 from ..render import Pyramid, display, undisplay
 from .journal import read_history
+from .naturalness.finish import finish
 from .settings import OptimiserSettings
 
 AVERAGED_STEPS = 50
@@ -28,14 +30,19 @@ def write_result(
     """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history."""
     last = read_history(out)[-AVERAGED_STEPS:]
     losses = {name: sum(r[name] for r in last) / len(last) for name in ("loss", "attack", "smooth", "prior", "score")}
-    made = {
+    made: dict[str, Any] = {
         "detector": detector,
         "steps": settings.steps,
         "seed": settings.seed,
         "final_losses": losses,
         "settings": settings.identity(),
     }
+    if settings.natural is None:
+        png = map_png(pyramid, texels_srgb)
+    else:
+        uv_map, made["natural"] = finish(vehicle, pyramid, texels_srgb, settings.natural, settings.seed)
+        png = png_bytes(uv_map)
     camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, settings.method, made)
     path = out / "camouflage.json"
-    save_camouflage(path, camouflage, map_png(pyramid, texels_srgb))
+    save_camouflage(path, camouflage, png)
     return path

@@ -13,6 +13,7 @@ from ..render.sampling.sampler import TEXTURE_SIZE
 from .augmentation import AugmentationName
 from .lights import LightName
 from .limits import LimitName
+from .naturalness.choice import Naturalness
 from .objectives import ObjectiveName
 
 
@@ -56,6 +57,7 @@ class OptimiserSettings(BaseModel):
         prior, gamma: a second loss on the paint and its weight, see `priors`.
         palette: dominant colours of the background in ``prior`` "background".
         augmentation: whose ranges ``roa`` draws from, see `augmentation`.
+        natural: what the paint has to look like, see `naturalness`; None leaves it free.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -94,14 +96,17 @@ class OptimiserSettings(BaseModel):
     cover: Literal["all", "panels"] = "all"
     objective: ObjectiveName = "eq6"
     smooth: Literal["map", "picture", "pattern"] = "map"
-    prior: Literal["none", "background", "seed"] = "none"
+    prior: Literal["none", "background", "seed", "reference"] = "none"
     gamma: float = Field(0.0, ge=0)
     palette: int = Field(4, ge=1, le=64)
     augmentation: AugmentationName = "rauca"
+    natural: Naturalness | None = None
 
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped."""
         free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
+        if self.natural is None:
+            free.add("natural")  # runs that began before it was known may go on
         return self.model_dump(mode="json", exclude=free)
 
 

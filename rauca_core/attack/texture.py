@@ -12,6 +12,7 @@ from ..contract import RaucaError
 from ..contract.seeding import named_seed
 from .limits import LIMITS
 from .media import Medium
+from .naturalness.texture import natural_colours
 from .seed_paint import seed_paint
 from .settings import OptimiserSettings
 
@@ -96,6 +97,8 @@ class PaintedPanels:
 
 def make_texture(store: FrameStore, settings: OptimiserSettings) -> Texture:
     """The texture of a run; raises :class:`RaucaError` for settings that do not fit together."""
+    if settings.natural is not None:
+        return natural_colours(store.vehicle, store.pyramid, settings, lambda count: first_colours(count, settings))
     if settings.cover == "panels":
         if settings.paint != "facets":
             raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")

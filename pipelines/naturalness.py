@@ -1,0 +1,76 @@
+"""Options that ask for a natural camouflage, as `rauca optimize` and `rauca tradeoff` take them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+
+from rauca_core.attack.naturalness import Naturalness
+from rauca_core.contract import RaucaError
+
+PaletteOption = Annotated[
+    str | None,
+    typer.Option("--palette", help="only these colours: #rrggbb,#rrggbb,..., a text file of them, or a photograph"),
+]
+PaletteColours = Annotated[int, typer.Option("--palette-colours", help="to take from a photograph given as palette")]
+FeatureSize = Annotated[
+    float | None, typer.Option("--feature-size", help="smallest patch of one colour on the vehicle, centimetres")
+]
+Reference = Annotated[
+    str | None,
+    typer.Option("--reference", help="what to look like: a photograph, a camouflage's .json, or a colour #rrggbb"),
+]
+ReferenceWidth = Annotated[
+    float, typer.Option("--reference-width", help="of a photograph on the vehicle, metres; 0: the image is a UV map")
+]
+ReferenceWeight = Annotated[
+    float, typer.Option("--reference-weight", help="of the mean CIELAB distance from the reference in the loss")
+]
+MaxDeltaE = Annotated[
+    float | None, typer.Option("--max-delta-e", help="nowhere farther from the reference than this, in CIELAB")
+]
+OPTIONS = {"feature_cm": "--feature-size", "max_delta_e": "--max-delta-e", "reference_width_m": "--reference-width"}
+
+
+def make_naturalness(
+    palette: str | None = None,
+    palette_colours: int = 4,
+    feature_size: float | None = None,
+    reference: str | None = None,
+    reference_width: float = 2.0,
+    max_delta_e: float | None = None,
+) -> Naturalness | None:
+    """What the options ask for, None where they ask for nothing; raises :class:`RaucaError` naming a bad one."""
+    from rauca_core.attack.naturalness.palette import read_palette
+    from rauca_core.attack.naturalness.reference import fingerprint
+
+    try:
+        wanted = Naturalness(
+            palette=read_palette(palette, palette_colours) if palette else (),
+            feature_cm=feature_size,
+            reference=reference,
+            reference_sha256=fingerprint(reference) if reference else None,
+            reference_width_m=reference_width or None,
+            max_delta_e=max_delta_e,
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0]) if first["loc"] else ""
+        raise RaucaError(f"{OPTIONS.get(name, name)} {first.get('input')}: {first['msg'].lower()}") from None
+    return None if wanted.empty else wanted
+
+
+def natural_settings(context: typer.Context) -> dict[str, Any]:
+    """The optimiser's settings that the command's options of this module amount to."""
+    given = context.params
+    names = ("palette_colours", "feature_size", "reference", "reference_width", "max_delta_e")
+    wanted = make_naturalness(given["palette_of"], **{name: given[name] for name in names})
+    weight = given["reference_weight"]
+    if weight < 0 or (weight and given["reference"] is None):
+        raise RaucaError(f"--reference-weight {weight:g}: give 0 or more, and a --reference")
+    if weight and given["method"] in ("das", "active"):
+        raise RaucaError(f"--reference-weight: {given['method']} has a prior of its own; use another --method")
+    chosen: dict[str, Any] = {} if wanted is None else {"natural": wanted}
+    return chosen | ({"prior": "reference", "gamma": weight} if weight else {})

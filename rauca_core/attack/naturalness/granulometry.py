@@ -1,0 +1,136 @@
+"""How small the smallest patch of a finished map is on the vehicle: measured on the map and the mesh alone.
+
+Nothing here knows how a camouflage was made. Points are thrown on the surface and sorted into small cubes; a cube that
+holds two colours is on a patch's edge. The largest disc inside a patch reaches from its innermost cube to the nearest
+edge, and its diameter is the patch's size; where paint ends there is no edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ...contract import Vehicle
+from ...contract.seeding import named_rng
+
+Array = NDArray[np.float64]
+PER_CUBE = 12  # points thrown for every face of a cube of surface
+
+
+@dataclass(frozen=True)
+class Granulometry:
+    """Sizes of patches on the vehicle, metres.
+
+    Attributes:
+        smallest: diameter of the disc that the smallest patch holds; infinite with one colour on every part.
+        median: of patches, each counted by its area.
+        patches: how many were found.
+        cube: side of the cubes; sizes are good to about that much.
+        edges: share of the surface in cubes of several colours; near 1 where patches are no larger than cubes.
+    """
+
+    smallest: float
+    median: float
+    patches: int
+    cube: float
+    edges: float
+
+
+def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int = 0) -> Granulometry:
+    """Measure a UV map (size, size, 3), 8-bit; ``cube_m``: a tenth of the size that is expected, or less."""
+    points, colours = scatter_points(vehicle, uv_map, cube_m, seed)
+    cubes, steps = _cubes(points, cube_m)
+    colours = np.unique(colours, return_inverse=True)[1].ravel()
+    # What is sorted into parts is a colour in a cube: a patch's thin corner hangs on to it through cubes of its edge.
+    shade = int(colours.max()) + 1
+    keys, first, counts = np.unique(cubes * shade + colours, return_index=True, return_counts=True)
+    number = np.bincount(np.unique(keys // shade, return_inverse=True)[1])
+    mixed = np.repeat(number, number) > 1
+    part = _parts(keys, steps * shade)
+    radius = np.where(mixed, 0.0, np.inf)
+    if mixed.any():
+        radius[~mixed] = _nearest(points[first[~mixed]], points[first[mixed]])
+    found, place = np.unique(part, return_inverse=True)
+    size, area = np.zeros(len(found)), np.bincount(place, counts)
+    np.maximum.at(size, place, 2 * radius)
+    resolved = area >= PER_CUBE  # crumbs smaller than a cube's face are where texels straddle an edge, or below sight
+    size, area, found = size[resolved], area[resolved], found[resolved]
+    if not len(found):
+        return Granulometry(0.0, 0.0, 0, cube_m, 1.0)
+    rank = np.argsort(size)
+    middle = rank[np.searchsorted(np.cumsum(area[rank]), area.sum() / 2)]
+    edges = float(counts[mixed].sum() / counts.sum())
+    return Granulometry(float(size.min()), float(size[middle]), len(found), cube_m, edges)
+
+
+def _cubes(points: Array, side: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The number of each point's cube (N,), and what to add to it for itself and its 26 neighbours (27,)."""
+    cells = np.floor(points / side).astype(np.int64)
+    cells -= cells.min(0) - 1
+    spread = cells.max(0) + 2
+    around = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    place = np.array([spread[1] * spread[2], spread[2], 1])
+    return cells @ place, around @ place
+
+
+def scatter_points(
+    vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int
+) -> tuple[Array, NDArray[np.int64]]:
+    """Points (N, 3) thrown evenly on the paint, metres, and the map's colour there as one number (N,)."""
+    paint = vehicle.paint_faces()
+    corners = vehicle.positions[vehicle.triangles[paint]].astype(np.float64)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    rng = named_rng("granulometry", seed)
+    count = int(np.clip(PER_CUBE * areas.sum() / cube_m**2, 1000, 5_000_000))
+    face = rng.choice(len(areas), count, p=areas / areas.sum())
+    one, two = rng.random((2, count))
+    flip = one + two > 1
+    one, two = np.where(flip, 1 - one, one), np.where(flip, 1 - two, two)
+    shares = np.stack([1 - one - two, one, two], 1)
+    points = np.einsum("nk,nkc->nc", shares, corners[face])
+    uv = np.einsum("nk,nkc->nc", shares, vehicle.uvs[paint][face].astype(np.float64))
+    rows, columns = _texel(uv, len(uv_map))
+    painted = vehicle.paint_mask[_texel(uv, len(vehicle.paint_mask))] >= 128
+    colour = uv_map[rows, columns].astype(np.int64) @ np.array([65536, 256, 1])
+    return points[painted], colour[painted]
+
+
+def _texel(uv: Array, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    column, row = (np.clip((x * size).astype(np.int64), 0, size - 1) for x in (uv[:, 0], 1 - uv[:, 1]))
+    return row, column
+
+
+@njit(cache=True, nogil=True)
+def _parts(keys: Any, steps: Any) -> Any:
+    """(N,) what touches shares a number; ``keys`` ascend, neighbours are a step apart."""
+    parent = np.arange(keys.shape[0])
+    for i in range(keys.shape[0]):
+        for step in steps:
+            j = np.searchsorted(keys, keys[i] + step)
+            if j < keys.shape[0] and keys[j] == keys[i] + step:
+                a, b = i, j
+                while parent[a] != a:
+                    a = parent[a]
+                while parent[b] != b:
+                    b = parent[b]
+                parent[max(a, b)] = min(a, b)
+    for i in range(keys.shape[0]):  # a parent's number is smaller, and its own parent known
+        parent[i] = parent[parent[i]]
+    return parent
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _nearest(points: Any, edges: Any) -> Any:
+    """(N,) distance from each point to the nearest edge, all compared."""
+    result = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        best = np.inf
+        for j in range(edges.shape[0]):
+            x, y, z = points[i, 0] - edges[j, 0], points[i, 1] - edges[j, 1], points[i, 2] - edges[j, 2]
+            best = min(best, x * x + y * y + z * z)
+        result[i] = np.sqrt(best)
+    return result

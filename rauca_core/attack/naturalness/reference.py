@@ -1,0 +1,80 @@
+"""What the paint should look like: a UV map, a photograph laid on the vehicle, or one colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from PIL import Image
+from torch import Tensor
+
+from ...contract import RaucaError, Vehicle, load_camouflage
+from ...contract.checksums import file_digest
+from ...contract.colour import to_bytes
+from ...images import read_image
+from ...render import Pyramid, display, pattern_pyramid, project_pattern, undisplay
+from .choice import Naturalness, is_colour, parse_colour
+
+PHOTO = 512  # texels across a photograph
+
+
+def fingerprint(reference: str) -> str | None:
+    """SHA-256 of what a reference names, None for a colour; raises :class:`RaucaError` where there is no such file."""
+    if is_colour(reference):
+        parse_colour(reference, "--reference")
+        return None
+    image = _image_of(Path(reference))
+    if not image.is_file():
+        raise RaucaError(f"--reference {reference}: not found; give an image, a camouflage's .json or a colour #rrggbb")
+    return file_digest(image)
+
+
+def reference_texels(vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness) -> NDArray[np.uint8]:
+    """The reference on the paintable texels of the atlas, (P, 3) 8-bit sRGB.
+
+    A photograph is cut to a square, mirrored so that it repeats without an edge, and projected along the vehicle's
+    axes.
+
+    Raises:
+        RaucaError: a missing or damaged file, another picture than the run began with, a camouflage of another atlas.
+    """
+    given = wanted.reference
+    assert given is not None
+    if is_colour(given):
+        colour = np.array(parse_colour(given, "--reference"), np.uint8)
+        return np.broadcast_to(colour, (len(atlas.texels), 3)).copy()
+    if wanted.reference_sha256 not in (None, fingerprint(given)):
+        raise RaucaError(f"--reference {given}: changed since the run began; bring the picture back, or start anew")
+    path = Path(given)
+    if path.suffix.lower() == ".json":
+        load_camouflage(path)[0].check_fits(vehicle.atlas_id, str(path))
+    image = read_image(_image_of(path))
+    colour_image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+    if path.suffix.lower() == ".json" or wanted.reference_width_m is None:
+        return _of_map(colour_image, atlas, given)
+    tiles = pattern_pyramid(2 * PHOTO)
+    projection = project_pattern(vehicle, atlas, tiles, 2 * wanted.reference_width_m)
+    return to_bytes(display(projection(tiles(undisplay(_tile(colour_image))))).numpy())
+
+
+def _image_of(path: Path) -> Path:
+    return load_camouflage(path)[1] if path.suffix.lower() == ".json" else path
+
+
+def _of_map(image: NDArray[np.uint8], atlas: Pyramid, given: str) -> NDArray[np.uint8]:
+    if image.shape[0] != image.shape[1]:
+        raise RaucaError(f"--reference {given}: a UV map is square, this is {image.shape[1]}x{image.shape[0]}")
+    resized = Image.fromarray(image).resize((atlas.size, atlas.size), Image.Resampling.BOX)
+    return np.asarray(resized).reshape(-1, 3)[atlas.texels]
+
+
+def _tile(image: NDArray[np.uint8]) -> Tensor:
+    """The square middle of an image and its mirror images, (4 * PHOTO^2, 3) sRGB."""
+    side = min(image.shape[:2])
+    top, left = (image.shape[0] - side) // 2, (image.shape[1] - side) // 2
+    square = Image.fromarray(image).crop((left, top, left + side, top + side))
+    small = np.asarray(square.resize((PHOTO, PHOTO), Image.Resampling.BOX), np.float32) / 255
+    wide = np.concatenate([small, small[:, ::-1]], 1)
+    return torch.from_numpy(np.concatenate([wide, wide[::-1]]).reshape(-1, 3))

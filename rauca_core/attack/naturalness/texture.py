@@ -1,0 +1,141 @@
+"""The texture of an optimisation whose camouflage has to look natural."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ...contract import RaucaError, Vehicle
+from ...contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
+from ...render import Pyramid, SparseOperator, saturate
+from .bound import distances, draw_back
+from .choice import Naturalness
+from .palette import Palette
+from .patches import Patches, make_patches
+from .reference import reference_texels
+from .surface import TexelPoints, link
+
+if TYPE_CHECKING:
+    from ..settings import OptimiserSettings
+
+
+class Constraints:
+    """What a camouflage has to keep to, worked out for one vehicle at one size of map.
+
+    Attributes:
+        points: of the texels on the vehicle; None where no patch and no mean over its surface needs them.
+        patches: None where every texel is free.
+        reference: (P, 3) 8-bit sRGB at the texels, or None.
+        home: (M, 3) 8-bit sRGB, the reference of each patch: the mean of its light.
+        palette: or None.
+        allowed: (M, K) which palette colours the bound leaves to each patch; None where there is none or no bound.
+    """
+
+    def __init__(self, vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness, seed: int) -> None:
+        """Raises :class:`RaucaError` for a reference that does not fit, or a palette too far from it."""
+        self.wanted, self.atlas = wanted, atlas
+        self.points = TexelPoints.of(vehicle, atlas)
+        self.patches: Patches | None = None
+        if wanted.feature_cm is not None:
+            links = link(self.points, atlas.texels, atlas.size)
+            self.patches = make_patches(self.points, links, wanted.feature_cm / 100, seed)
+        self.palette = Palette(wanted.palette) if wanted.palette else None
+        self.reference = None if wanted.reference is None else reference_texels(vehicle, atlas, wanted)
+        self.home = None if self.reference is None else self._of_patches(self.reference)
+        self.allowed = self._allowed()
+
+    @property
+    def count(self) -> int:
+        """M, how many colours are free: one a patch, or one a texel."""
+        return len(self.atlas.texels) if self.patches is None else self.patches.count
+
+    def settle(self, free: Tensor) -> None:
+        """Bring free colours (M, 3) sRGB back to where they may be, in place."""
+        with torch.no_grad():
+            free.clamp_(0.0, 1.0)
+            # With a palette the bound is on the colours chosen, see `allowed`: the way from one to another stays open.
+            if self.wanted.max_delta_e is not None and self.palette is None and self.home is not None:
+                draw_back(free.numpy(), self.home.astype(np.float32) / 255, self.wanted.max_delta_e)
+
+    def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        if self.patches is None:
+            return texels
+        light = linear_from_srgb(texels / 255.0) * self.points.areas[:, None]
+        weight = np.bincount(self.patches.of_texel, self.points.areas, self.count)
+        sums = [np.bincount(self.patches.of_texel, column, self.count) for column in light.T]
+        return to_bytes(srgb_from_linear(np.stack(sums, 1) / np.maximum(weight, 1e-30)[:, None]))
+
+    def _allowed(self) -> Tensor | None:
+        bound = self.wanted.max_delta_e
+        if bound is None or self.palette is None or self.home is None:
+            return None
+        home = self.home / 255.0
+        colours = self.palette.colours.double().numpy()
+        every = [distances(np.broadcast_to(colour, home.shape), home) for colour in colours]
+        near = np.stack(every, 1) <= bound
+        if not near.any(1).all():
+            lost, best = 1 - near.any(1).mean(), np.stack(every, 1).min(1).max()
+            raise RaucaError(
+                f"--max-delta-e {bound:g}: on {lost:.0%} of the paint no colour of the palette is that near the "
+                f"reference; allow {best:.1f} or give more --palette colours"
+            )
+        return torch.from_numpy(near)
+
+
+class NaturalColours:
+    """One colour per patch, or per texel; seen as the nearest of the palette, never too far from the reference.
+
+    Attributes:
+        parameter: (M, 3) sRGB.
+        constraints: what it keeps to.
+    """
+
+    def __init__(self, constraints: Constraints, first: Tensor) -> None:
+        """``first`` (M, 3) sRGB: where to begin; it is brought to where it may be."""
+        self.constraints = constraints
+        start = first.clone()
+        constraints.settle(start)
+        self.parameter = start.requires_grad_()
+        patches, self._spread = constraints.patches, None
+        if patches is not None:
+            ones = np.ones(len(patches.of_texel), np.float32)
+            indptr = np.arange(len(ones) + 1, dtype=np.int64)
+            self._spread = SparseOperator(indptr, patches.of_texel, ones, patches.count)
+
+    def colours(self) -> Tensor:
+        free, palette = saturate(self.parameter), self.constraints.palette
+        seen = free if palette is None else palette.hard(free, self.constraints.allowed)
+        return seen if self._spread is None else self._spread(seen)
+
+    def texels(self) -> Tensor:
+        return self.colours()
+
+    def settle(self) -> None:
+        self.constraints.settle(self.parameter)
+
+
+def natural_colours(
+    vehicle: Vehicle, atlas: Pyramid, settings: OptimiserSettings, first: Callable[[int], Tensor]
+) -> NaturalColours:
+    """The texture of a run.
+
+    Args:
+        first: ``count -> (count, 3)`` sRGB, where an optimisation begins.
+
+    Raises:
+        RaucaError: settings that naturalness does not go with.
+    """
+    wanted = settings.natural
+    assert wanted is not None
+    for name, value, needed in (("paint", settings.paint, "texels"), ("cover", settings.cover, "all")):
+        if value != needed:
+            raise RaucaError(f"{name}: a natural camouflage is made of {needed}, not {value}; drop one of the two")
+    if settings.limit != "project":
+        raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
+    constraints = Constraints(vehicle, atlas, wanted, settings.seed)
+    return NaturalColours(constraints, first(constraints.count))
