@@ -1,4 +1,4 @@
-"""Build the Blender extension: the add-on with the rooms it needs inside, packed and checked by Blender's own tool.
+"""Build the Blender extension: the add-on with rooms and wheels it needs inside, packed and checked by Blender's tool.
 
 ``python pipelines/build_extension.py [FOLDER]`` or ``make extension``; needs the bpy wheel for the tool.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 CARRIED = ("__init__.py", "contract", "geometry")  # of rauca_core; the rest needs torch
+UNUSED = ("detectors", "environment", "ablations", "paper")  # assets of the rooms that are not carried
 
 
 def build_extension(out: Path) -> Path:
@@ -23,6 +24,7 @@ def build_extension(out: Path) -> Path:
     """
     import bpy
 
+    from pipelines.extension_wheels import extension_wheels
     from rauca_core.contract import RaucaError
 
     scripts = Path(bpy.utils.system_resource("SCRIPTS"))
@@ -31,6 +33,7 @@ def build_extension(out: Path) -> Path:
     with tempfile.TemporaryDirectory(prefix="rauca-extension-") as temporary:
         source = Path(temporary) / "rauca"
         gather(source)
+        carry_wheels(source, extension_wheels())
         command = [sys.executable, str(tool), "build", "--source-dir", str(source), "--output-dir", str(out)]
         built = subprocess.run(command, capture_output=True, text=True, check=False)
     if built.returncode:
@@ -40,7 +43,7 @@ def build_extension(out: Path) -> Path:
 
 def gather(source: Path) -> None:
     """Lay out the extension's folder: the add-on, the contract and geometry rooms, the assets."""
-    skip = shutil.ignore_patterns("__pycache__", "*.pyc", "detectors")
+    skip = shutil.ignore_patterns("__pycache__", "*.pyc", *UNUSED)
     shutil.copytree(ROOT / "blender_addon", source, ignore=skip)
     shutil.copytree(ROOT / "assets", source / "assets", ignore=skip)
     for name in CARRIED:
@@ -53,5 +56,20 @@ def gather(source: Path) -> None:
     shutil.copy(ROOT / "LICENSE", source / "LICENSE")
 
 
+def carry_wheels(source: Path, wheels: list[Path]) -> None:
+    """Copy wheels into the extension's folder and name them in its manifest.
+
+    The manifest in the repository names none: a checkout has xatlas in its own Python.
+    """
+    (source / "wheels").mkdir()
+    for wheel in wheels:
+        shutil.copy(wheel, source / "wheels")
+    manifest = source / "blender_manifest.toml"
+    names = "".join(f'  "./wheels/{wheel.name}",\n' for wheel in wheels)
+    head, table, tail = manifest.read_text(encoding="utf-8").partition("[permissions]")
+    manifest.write_text(f"{head}wheels = [\n{names}]\n\n{table}{tail}", encoding="utf-8")
+
+
 if __name__ == "__main__":
-    print(build_extension(Path(sys.argv[1] if len(sys.argv) > 1 else "dist")))
+    built = build_extension(Path(sys.argv[1] if len(sys.argv) > 1 else "dist"))
+    print(f"{built}: {built.stat().st_size / 2**20:.1f} MiB")
