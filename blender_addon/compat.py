@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 import bpy
 
 
@@ -25,10 +27,15 @@ def has_denoiser(scene: bpy.types.Scene) -> bool:
 def denoiser_is_built_in() -> bool:
     """What :func:`has_denoiser` finds, for panels: nothing may be written to a scene while one is drawn."""
     try:
-        import _cycles
+        cycles = importlib.import_module("_cycles")
     except ImportError:
         return False
-    return bool(getattr(_cycles, "with_openimagedenoise", False))
+    return bool(getattr(cycles, "with_openimagedenoise", False))
+
+
+def path_options() -> set[str]:
+    """Options of a property that keeps a path: ``//`` stands for the .blend's folder; from 4.5 that must be said."""
+    return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
 def march_volumes(scene: bpy.types.Scene, march: bool) -> None:

@@ -32,7 +32,7 @@ def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:
     level = (points - low) / (high - low) if high > low else np.full(len(points), 0.5)
     columns = np.arange(side)
     heights = np.interp((columns - MARGIN) / (inner - 1), np.linspace(0, 1, len(points)), level)
-    rows = MARGIN + (1 - heights) * (inner - 1)
+    rows = np.asarray(MARGIN + (1 - heights) * (inner - 1), np.float64)
     inside = (columns >= MARGIN) & (columns < side - MARGIN)
     _fill(picture, rows, inside)
     _stroke(picture, rows, inside)

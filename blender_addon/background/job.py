@@ -79,6 +79,7 @@ class Job:
             RaucaError: the program cannot be started.
         """
         self.task = task
+        self.phase: Phase = "starting"
         self.done = self.total = 0
         self.left_s: float | None = None
         self.notes: list[str] = []
@@ -146,8 +147,7 @@ class Job:
         except OSError as error:
             self.task.clean()
             raise contract.RaucaError(f"{command[0]}: cannot be started ({error.strerror}); choose another") from None
-        self.phase: Phase = "starting"
-        self.left_s = None
+        self.phase, self.left_s = "starting", None
 
     def _take(self, told: Told) -> None:
         if told.note and told.note not in self.notes:

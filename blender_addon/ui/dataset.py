@@ -20,7 +20,10 @@ class RaucaDataset(bpy.types.PropertyGroup):
     """Settings of the data set."""
 
     folder: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder", subtype="DIR_PATH", description="The data set is written here and nowhere else"
+        name="Folder",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="The data set is written here and nowhere else",
     )
     locations: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
+from .. import compat
 from ..background import pictures, watch
 from ..operators.optimise_camouflage import JOB
 from ..preferences import CHECK, draw_python, preferences
@@ -17,10 +18,16 @@ class RaucaOptimise(bpy.types.PropertyGroup):
     """Settings of the optimisation."""
 
     dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Data Set", subtype="DIR_PATH", description="Folder of the data set; step 4's if left empty"
+        name="Data Set",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="Folder of the data set; step 4's if left empty",
     )
     folder: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder", subtype="DIR_PATH", description="The camouflage is written here and nowhere else"
+        name="Folder",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="The camouflage is written here and nowhere else",
     )
     title: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Name", default="rauca", description="The camouflage's name, in tables and pictures"

@@ -40,3 +40,18 @@ def session(bpy_module, box_vehicle):
     built.enter(0)
     built.set_weather(built.plan.weathers[0])
     return built
+
+
+@pytest.fixture
+def addon(bpy_module):
+    """Blender with the add-on enabled, in an empty scene; yields ``bpy``."""
+    import blender_addon
+
+    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+    blender_addon.register()
+    enabled = bpy_module.context.preferences.addons.new()
+    enabled.module = blender_addon.__name__
+    yield bpy_module
+    bpy_module.context.preferences.addons.remove(enabled)
+    blender_addon.unregister()
+    assert not hasattr(bpy_module.types.Scene, "rauca")
