@@ -60,7 +60,6 @@ def odd_averages(table: Table) -> list[str]:
         for row in block.rows:
             *values, printed = (cell.ap for cell in row.cells if cell is not None)
             if abs(mean(values) - printed) > ROUNDING:
-                odd.append(
-                    f"{row.name}, {block.title.lower()}: {shown(printed)} printed, {shown(mean(values))} computed"
-                )
+                where = ", ".join(filter(None, (row.name, block.title.lower())))
+                odd.append(f"{where}: {shown(printed)} printed, {shown(mean(values))} computed")
     return odd
