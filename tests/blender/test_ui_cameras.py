@@ -1,0 +1,257 @@
+"""Step 3: the ring as the job renders it, drawn, looked through and timed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import LedgerEntry, Plan, Quality, RaucaError, Ring, Weather, append_entry
+from rauca_core.contract.files import write_json
+
+JITTERY = Ring((0.0, 90.0, 200.0), (10.0, 85.0), (6.0, 9.0), 12.0, 8.0, 0.1, 0.2, 5.0, 70.0)
+POSE = np.array([[0.0, -1, 0, 3], [1, 0, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
+CENTRE = np.array([0.1, 0.0, 0.7])
+
+
+@pytest.fixture
+def addon(bpy_module):
+    import blender_addon
+
+    bpy_module.ops.wm.read_factory_settings(use_empty=False)
+    blender_addon.register()
+    yield bpy_module
+    blender_addon.unregister()
+
+
+@pytest.fixture
+def cameras(addon):
+    return addon.context.scene.rauca.cameras
+
+
+def a_plan(**changes: object) -> Plan:
+    settings = {
+        "name": "set", "vehicle_name": "box", "atlas_id": "0" * 16, "size": 320, "quality": Quality(8), "light": True,
+        "weathers": (Weather("day", 45.0),), "ring": JITTERY, "locations": 2, "reference_srgb": (140, 140, 140),
+        "min_visible": 0.5, "seed": 3, "blender": "test",
+    }  # fmt: skip
+    return Plan(**(settings | changes))
+
+
+def lines(shots, chosen: int = 0):
+    from blender_addon.scene.ring_lines import ring_lines
+
+    return ring_lines(shots, 1, chosen, POSE, CENTRE)
+
+
+def polar(points):
+    """Azimuth, elevation (degrees) and distance (metres) of world points, seen from the vehicle's middle."""
+    local = (np.asarray(points, float) - POSE[:3, 3]) @ POSE[:3, :3] - CENTRE
+    distance = np.linalg.norm(local, axis=-1)
+    azimuth = np.degrees(np.arctan2(local[..., 1], local[..., 0]))
+    return azimuth, np.degrees(np.arcsin(local[..., 2] / distance)), distance
+
+
+def test_cameras_are_drawn_where_the_job_puts_them(bpy_module):
+    """A drawn camera's apex is the job's eye, its far corners lie on the rays of the picture's corners."""
+    from blender_addon.scene.ring import viewpoint
+
+    plan = a_plan()
+    views = [view for view in range(len(plan.ring)) if view != 4]
+    drawn = lines(plan, chosen=4).cameras.reshape(len(views), 11, 2, 3)
+    for view, frustum in zip(views, drawn, strict=True):
+        camera = viewpoint(plan, 1, view, POSE, CENTRE).camera
+        np.testing.assert_allclose(frustum[:4, 0], np.tile(camera.position, (4, 1)), atol=1e-5)
+        seen = (camera.K @ (camera.R @ frustum[:4, 1].astype(float).T + camera.t[:, None])).T
+        corners = np.array([[0, 0], [320, 0], [320, 320], [0, 320]])
+        np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], corners, atol=0.05)
+
+
+def test_the_chosen_view_looks_at_the_vehicle(bpy_module):
+    drawn = lines(a_plan(ring=Ring((30.0,), (20.0,), (7.0,)))).chosen
+    assert drawn.shape == (12, 2, 3)
+    eye, target = drawn[-1]
+    assert np.linalg.norm(eye - target) == pytest.approx(7.0, abs=1e-4)
+    np.testing.assert_allclose(target, POSE[:3, :3] @ CENTRE + POSE[:3, 3], atol=1e-5)
+
+
+def test_circles_lie_at_every_height_and_distance(bpy_module):
+    plan = a_plan()
+    _, elevation, distance = polar(lines(plan).circles.reshape(-1, 3))
+    found = {(round(e), round(d)) for e, d in zip(elevation.tolist(), distance.tolist(), strict=True)}
+    assert found == {(10, 6), (10, 9), (85, 6), (85, 9)}
+
+
+def test_every_camera_is_inside_the_range_that_is_drawn_for_it(bpy_module):
+    from blender_addon.scene.ring import viewpoint
+
+    ring = Ring((40.0,), (20.0,), (7.0,), 12.0, 8.0, 0.1)
+    plan = a_plan(ring=ring)
+    azimuth, elevation, distance = polar(lines(plan).ranges.reshape(-1, 3))
+    # Azimuths against the vehicle's own axes.
+    assert (azimuth.min(), azimuth.max()) == pytest.approx((28.0, 52.0), abs=1e-3)
+    assert (elevation.min(), elevation.max()) == pytest.approx((12.0, 28.0), abs=1e-3)
+    assert (distance.min(), distance.max()) == pytest.approx((6.3, 7.7), abs=1e-4)
+    for seed in range(20):
+        view = viewpoint(a_plan(ring=ring, seed=seed), 1, 0, POSE, CENTRE)
+        assert azimuth.min() <= view.azimuth_deg <= azimuth.max()
+        assert elevation.min() <= view.elevation_deg <= elevation.max()
+        assert distance.min() <= view.distance_m <= distance.max()
+
+
+def test_no_jitter_draws_no_range_and_nothing_goes_underground(bpy_module):
+    drawn = lines(a_plan(ring=Ring((0.0, 180.0), (-10.0,), (20.0,))))
+    assert drawn.ranges.shape == (0, 2, 3)
+    assert drawn.circles[..., 2].min() == pytest.approx(POSE[2, 3] + 0.3)
+    straight_up = lines(a_plan(ring=Ring((0.0,), (89.0,), (20.0,), jitter_elevation_deg=20.0)))
+    _, elevation, _ = polar(straight_up.ranges.reshape(-1, 3))
+    assert elevation.max() <= 89.0 + 1e-3
+
+
+def test_large_rings_stay_drawable(bpy_module):
+    many = Ring(tuple(float(i) for i in range(360)), (5.0, 15.0, 25.0), (6.0, 8.0, 10.0), 2.0)
+    drawn = lines(a_plan(ring=many), chosen=17)
+    assert 0 < len(drawn.cameras) <= 400 * 11
+    assert len(drawn.ranges) == 2 * 0 + 6  # only the chosen view's: one edge of six pieces
+
+
+def test_the_ring_is_what_the_panel_says(addon, cameras):
+    assert cameras.ring(addon.context) == Ring(
+        tuple(i * 45.0 for i in range(8)), (10.0, 25.0), (6.0, 10.0), fov_deg=60.0
+    )
+    cameras.azimuths, cameras.elevations, cameras.distances = 3, 3, 1
+    cameras.jitter_distance, cameras.jitter_roll = 12.0, math.radians(4)
+    assert cameras.ring(addon.context) == Ring(
+        (0.0, 120.0, 240.0), (10.0, 17.5, 25.0), (8.0,), jitter_distance=0.12, jitter_roll_deg=4.0
+    )
+
+
+def test_the_job_takes_the_panels_ring(addon, cameras):
+    from blender_addon.arguments import dataset_parser
+    from blender_addon.background.dataset_arguments import ring_arguments
+
+    cameras.azimuths, cameras.jitter_azimuth, cameras.jitter_distance = 7, math.radians(11), 15.0
+    ring = cameras.ring(addon.context)
+    read = dataset_parser().parse_args(["--out", "x", *ring_arguments(ring)])
+    assert (read.azimuths, read.elevations, read.distances) == (
+        ring.azimuths_deg, ring.elevations_deg, ring.distances_m,
+    )  # fmt: skip
+    assert (read.jitter_azimuth, read.jitter_distance, read.fov) == (11.0, 0.15, 60.0)
+
+
+def test_looking_through_and_leaving_gives_everything_back(addon, cameras):
+    scene = addon.context.scene
+    own, size, objects = scene.camera, scene.render.resolution_x, len(addon.data.objects)
+    assert addon.ops.rauca.look_through(step=1) == {"FINISHED"}
+    assert cameras.view == 2
+    assert scene.camera not in (None, own)
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (320, 320)
+    matrix = np.array(scene.camera.matrix_world)
+    np.testing.assert_allclose(matrix[:3, 3], cameras.viewpoint(addon.context).camera.position, atol=1e-5)
+    cameras.distance_near = 12.0  # the view follows
+    assert np.linalg.norm(np.array(scene.camera.matrix_world)[:3, 3] - [0, 0, 0.75]) == pytest.approx(12.0, abs=1e-4)
+    assert addon.ops.rauca.leave_view() == {"FINISHED"}
+    assert (scene.camera, scene.render.resolution_x, len(addon.data.objects)) == (own, size, objects)
+    with pytest.raises(RuntimeError, match="No view is being looked through"):
+        addon.ops.rauca.leave_view()
+
+
+def test_views_go_round(addon, cameras):
+    cameras.view = 999
+    assert cameras.chosen() == 31
+    addon.ops.rauca.look_through(step=1)
+    assert cameras.view == 1
+    addon.ops.rauca.look_through(step=-1)
+    assert cameras.view == 32
+
+
+def test_the_view_survives_saving_and_undo(addon, cameras, tmp_path):
+    addon.ops.ed.undo_push(message="before")
+    own = addon.context.scene.camera.name
+    addon.ops.rauca.look_through()
+    addon.ops.ed.undo_push(message="looking")
+    addon.ops.ed.undo()
+    assert addon.context.scene.camera.name == own
+    addon.ops.ed.redo()
+    addon.ops.wm.save_as_mainfile(filepath=str(tmp_path / "view.blend"))
+    addon.ops.wm.open_mainfile(filepath=str(tmp_path / "view.blend"))
+    assert addon.context.scene.rauca.cameras.looking
+    addon.ops.rauca.leave_view()
+    assert addon.context.scene.camera.name == own
+
+
+def test_the_anchor_is_the_jobs_vehicle(addon):
+    """A shipped vehicle, moved and turned: the cameras' frame and middle are those of the job's vehicle."""
+    from blender_addon.scene.vehicle import SceneVehicle
+    from blender_addon.ui.cameras.anchor import anchor
+
+    assert not anchor(addon.context).found
+    assert addon.ops.rauca.add_vehicle(vehicle="hatchback") == {"FINISHED"}
+    chosen = addon.context.scene.rauca.vehicle
+    thing = chosen.object
+    thing.matrix_world = thing.matrix_world.Rotation(0.7, 4, "Z")
+    thing.location = (4.0, -3.0, 0.2)
+    addon.context.view_layer.update()
+    job = SceneVehicle(addon.data.scenes.new("job"), chosen.chosen(addon.context))
+    found = anchor(addon.context)
+    assert found.found
+    np.testing.assert_allclose(found.centre, job.centre, atol=1e-5)
+    np.testing.assert_allclose(found.vehicle_to_world, np.array(thing.matrix_world), atol=1e-6)
+
+
+@pytest.mark.parametrize("front", ["AUTO", "+X", "-X", "+Y", "-Y"])
+def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
+    from blender_addon.scene.anchor import find_anchor
+    from blender_addon.scene.orient import orient
+    from blender_addon.scene.vehicle_arrays import read_objects
+    from blender_addon.scene.vehicle_request import VehicleRequest
+
+    cube = addon.data.objects["Cube"]
+    cube.scale, cube.location, cube.rotation_euler = (0.9, 2.1, 0.7), (5.0, 1.0, 0.7), (0.0, 0.0, 0.1)
+    addon.context.view_layer.update()
+    soup = read_objects([cube])
+    to_vehicle, _ = orient(soup, VehicleRequest("cube", "cube", front=front))
+    found = find_anchor([cube], front)
+    np.testing.assert_allclose(found.vehicle_to_world @ to_vehicle, np.eye(4), atol=1e-5)
+    middle = (soup.positions.min(axis=0) + soup.positions.max(axis=0)) / 2
+    np.testing.assert_allclose(found.centre, middle, atol=1e-5)
+
+
+def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_path):
+    from blender_addon.ui.cameras import timing
+
+    steps = addon.context.scene.rauca
+    steps.dataset.locations = 3
+    timing.forget()
+    assert timing.frame_count(addon.context) == 8 * 2 * 2 * 3 * 3
+    with pytest.raises(RuntimeError, match="Choose a dataset's folder"):
+        addon.ops.rauca.measure_pace()
+    steps.dataset.folder = str(tmp_path)
+    with pytest.raises(RuntimeError, match="dataset"):
+        addon.ops.rauca.measure_pace()
+    write_json(tmp_path / "dataset.json", a_plan().to_json())
+    append_entry(tmp_path, LedgerEntry("a", "done", 2.0))
+    with pytest.raises(RuntimeError, match="fewer than 4"):
+        addon.ops.rauca.measure_pace()
+    for name, seconds in zip("bcde", (2.0, 2.5, 2.0, 90.0), strict=True):
+        append_entry(tmp_path, LedgerEntry(name, "done", seconds))
+    assert addon.ops.rauca.measure_pace() == {"FINISHED"}
+    assert timing.pace().frames == 5
+    assert timing.estimated_seconds(addon.context) == pytest.approx(2.0 * timing.frame_count(addon.context))
+    steps.dataset.samples = 64
+    assert timing.estimated_seconds(addon.context) > 6.0 * timing.frame_count(addon.context)
+
+
+def test_a_damaged_pace_is_a_guess(tmp_path):
+    from blender_addon.estimate import Pace, measure, recall, remember
+
+    assert recall(tmp_path) == Pace()
+    remember(Pace(0.5, 40), tmp_path)
+    assert recall(tmp_path) == Pace(0.5, 40)
+    for text in ("{", json.dumps({"factor": "x"}), json.dumps({"factor": -1.0, "frames": 3}), "[]"):
+        (tmp_path / "pace.json").write_text(text)
+        assert recall(tmp_path) == Pace()
+    with pytest.raises(RaucaError):
+        measure(tmp_path)
