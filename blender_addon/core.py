@@ -14,11 +14,26 @@ try:
         files,
         instances,
         recolour,
+        schema,
         seeding,
         semantics,
     )
+    from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import assets, colour, files, instances, recolour, seeding, semantics
+    from rauca_core.contract import assets, colour, files, instances, recolour, schema, seeding, semantics
+    from rauca_core.geometry import bake
 
-__all__ = ["assets", "colour", "contract", "files", "geometry", "instances", "recolour", "seeding", "semantics"]
+__all__ = [
+    "assets",
+    "bake",
+    "colour",
+    "contract",
+    "files",
+    "geometry",
+    "instances",
+    "recolour",
+    "schema",
+    "seeding",
+    "semantics",
+]

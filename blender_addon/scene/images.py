@@ -41,3 +41,11 @@ def image_pixels(image: bpy.types.Image) -> NDArray[np.uint8]:
     rgb = (pixels.reshape(height, width, 4)[::-1, :, :3] * 255 + 0.5).astype(np.uint8)
     is_grey = image.depth in (8, 16) or image.channels == 1
     return np.ascontiguousarray(rgb[..., 0] if is_grey else rgb)
+
+
+def image_linear(image: bpy.types.Image) -> NDArray[np.float32]:
+    """The values of an image data block as they are stored, (H, W, 3), row 0 at the top: for images in linear light."""
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    return np.ascontiguousarray(pixels.reshape(height, width, image.channels)[::-1, :, :3])

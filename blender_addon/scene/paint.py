@@ -23,10 +23,10 @@ class Paint:
 
     def __init__(self, vehicle: contract.Vehicle) -> None:
         mask = np.repeat(vehicle.paint_mask[:, :, None], 3, axis=2) / np.float32(255)
-        self._mask = _float_image("rauca paint mask", mask)
+        self._mask = float_image("rauca paint mask", mask)
         self._base: bpy.types.Image | None = None
         if vehicle.base_texture is not None:
-            self._base = _float_image("rauca base", colour.linear_from_srgb(vehicle.base_texture / np.float32(255)))
+            self._base = float_image("rauca base", colour.linear_from_srgb(vehicle.base_texture / np.float32(255)))
         self._map: bpy.types.Image | None = None
         self._trees: list[bpy.types.NodeTree] = []
 
@@ -43,7 +43,7 @@ class Paint:
         stale pixels when an image is edited in place: each map is a new image.
         """
         previous = self._map
-        self._map = _float_image("rauca camouflage", colour.linear_from_srgb(uv_map_srgb / np.float32(255)))
+        self._map = float_image("rauca camouflage", colour.linear_from_srgb(uv_map_srgb / np.float32(255)))
         for tree in self._trees:
             tree.nodes["paint map"].image = self._map
             tree.nodes["paint source"].outputs[0].default_value = 1.0
@@ -107,7 +107,8 @@ def paint_material(spec: contract.Material, paint: Paint, finish: str = "own") -
     return material
 
 
-def _float_image(name: str, linear: NDArray[np.float32]) -> bpy.types.Image:
+def float_image(name: str, linear: NDArray[np.float32]) -> bpy.types.Image:
+    """A new image of (H, W, 3) linear values, row 0 at the top, which Blender interpolates as they are."""
     height, width = linear.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
     pixels = np.ones((height, width, 4), np.float32)

@@ -1,0 +1,1 @@
+"""What an evaluation found, for showing it in Blender; no bpy in here."""

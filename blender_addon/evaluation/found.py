@@ -1,0 +1,145 @@
+"""Detections of an evaluated study, by view, weather and paint.
+
+Reads the results and the detections beside them that `rauca evaluate` and `rauca demo` write; which fields they have is
+told in `rauca_core/evaluate`, which Blender cannot import: it needs torch.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..core import contract, schema
+
+STUDY, RESULTS = "study.json", "results.json"
+NORMAL = "normal"  # the paint of a vehicle without camouflage
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A box in pixels of the evaluated image, left, top, right, bottom; what it is taken for; the score in [0, 1]."""
+
+    box: tuple[float, float, float, float]
+    name: str
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """An evaluated frame.
+
+    Attributes:
+        frame: its id.
+        weather: its name.
+        camera: in the vehicle's own frame.
+        images: paint -> sha256 of the image that detectors saw.
+        evaluation: the one it belongs to.
+    """
+
+    frame: str
+    weather: str
+    camera: contract.Camera
+    images: dict[str, str]
+    evaluation: Evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """One set of views and weathers that detectors looked at.
+
+    Attributes:
+        vehicle, category: whose frames these are, and the class that a right detection names.
+        detectors: in table order.
+        paints: what the vehicle wore.
+        found: ``found[detector][image sha256]``, best first.
+    """
+
+    vehicle: str
+    category: str
+    detectors: tuple[str, ...]
+    paints: tuple[str, ...]
+    found: dict[str, dict[str, tuple[Detection, ...]]]
+
+    def of(self, sight: Sight, paint: str, detector: str) -> tuple[Detection, ...]:
+        """What a detector found of the evaluated class, best first."""
+        detections = self.found.get(detector, {}).get(sight.images.get(paint, ""), ())
+        return tuple(d for d in detections if d.name == self.category)
+
+
+def find_evaluation(near: Path) -> Path | None:
+    """The folder of the evaluation that a camouflage's file lies in, at most three folders up; None if there is none."""
+    parents = list(Path(near).resolve().parents)[:4]
+    for name in (STUDY, RESULTS):
+        for folder in parents:
+            if (folder / name).is_file():
+                return folder
+    return None
+
+
+def read_sights(folder: Path) -> list[Sight]:
+    """All evaluated frames below a study's or a demo's folder, defences left out.
+
+    Raises:
+        RaucaError: no evaluation there, or a damaged one.
+    """
+    folder = Path(folder)
+    if (folder / STUDY).is_file():
+        fields = schema.read_json(folder / STUDY)
+        fields.format("rauca-study", 1)
+        rows = [schema.Fields(row, f"{folder / STUDY}: entries[{i}]") for i, row in enumerate(fields.items("entries"))]
+        paths = [folder / row.text("results") for row in rows if row.text("defence") == "none"]
+    elif (folder / RESULTS).is_file():
+        paths = [folder / RESULTS]
+    else:
+        raise contract.RaucaError(f"{folder}: holds no evaluation; run `rauca evaluate` and choose the folder it wrote")
+    return [sight for path in paths for sight in _read_results(path)]
+
+
+def _read_results(path: Path) -> list[Sight]:
+    fields = schema.read_json(path)
+    fields.format("rauca-results", 2)
+    frames = [schema.Fields(row, f"{path}: frames[{i}]") for i, row in enumerate(fields.items("frames"))]
+    images = fields.nested("images")
+    paints = tuple(fields.raw("images"))
+    rows = {paint: [schema.Fields(row, f"{path}: images") for row in images.items(paint)] for paint in paints}
+    if any(len(row) != len(frames) for row in rows.values()):
+        raise contract.RaucaError(f"{path}: images and frames do not fit together; evaluate again")
+    detectors = tuple(fields.raw("detectors"))
+    evaluation = Evaluation(
+        vehicle=fields.text("vehicle") if fields.has("vehicle") else "",
+        category=fields.nested("settings").text("category"),
+        detectors=detectors,
+        paints=paints,
+        found={name: _read_detections(path.parent / "detections", name) for name in detectors},
+    )
+    sights = []
+    for i, row in enumerate(frames):
+        # The image of the uncamouflaged vehicle is the data set's own and lies in the frame's folder.
+        place = path.parent / rows[NORMAL][i].text("path") if NORMAL in rows else None
+        if place is None or not (place.parent / "frame.json").is_file():
+            raise contract.RaucaError(f"{path}: the views of {row.text('id')} are gone; evaluate again")
+        frame = contract.load_frame(place.parent)
+        camera = frame.camera.relative_to(frame.vehicle_to_world)
+        hashes = {paint: rows[paint][i].text("sha256") for paint in paints}
+        sights.append(Sight(row.text("id"), row.text("weather"), camera, hashes, evaluation))
+    return sights
+
+
+def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, ...]]:
+    """What one detector found, by image; lines that a killed run left unreadable are passed over."""
+    found: dict[str, tuple[Detection, ...]] = {}
+    for path in sorted(folder.glob(f"{detector}-*.jsonl")):
+        if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
+            continue
+        for line in path.read_bytes().splitlines():
+            try:
+                entry = json.loads(line)
+                rows = zip(entry["boxes"], entry["names"], entry["scores"], strict=True)
+                found[entry["image"]] = tuple(
+                    Detection((float(a), float(b), float(c), float(d)), str(name), float(score))
+                    for (a, b, c, d), name, score in rows
+                )
+            except (ValueError, KeyError, TypeError):
+                continue
+    return found

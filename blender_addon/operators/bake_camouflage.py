@@ -1,0 +1,194 @@
+"""Carry the camouflage to another UV layer: beside the window, which stays alive."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_rpt as rpt
+
+from ..background.folders import chosen_folder
+from ..core import contract
+from ..scene.bake import Baked, Task, finish_bake, other_layers, prepare_bake, run_bake
+from ..scene.mesh_edits import object_mode
+from .on_vehicle import coat_shown, painted_surface
+
+TICK_S = 0.1
+
+
+class BakeRun(threading.Thread):
+    """A bake under way. It works on arrays alone: nothing of Blender is touched from its thread."""
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(daemon=True)
+        self.task = task
+        self.done = 0.0
+        self.result: Baked | None = None
+        self.error = ""
+        self._stop_asked = threading.Event()
+
+    def run(self) -> None:
+        try:
+            self.result = run_bake(self.task, self._step)
+        except _StoppedError:
+            pass
+        except MemoryError:
+            self.error = "The bake needs more memory than there is; choose a smaller size"
+        except Exception as error:  # noqa: BLE001 - the operator reports it; a thread's would vanish
+            self.error = f"The bake failed ({error}); please report this"
+
+    def stop(self) -> None:
+        """Give up at the next opportunity, well within a second."""
+        self._stop_asked.set()
+
+    def _step(self, done: float) -> None:
+        self.done = done
+        if self._stop_asked.is_set():
+            raise _StoppedError
+
+
+class _StoppedError(Exception):
+    pass
+
+
+running: BakeRun | None = None
+
+
+class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Carry the camouflage to another UV layer of the vehicle, as a PNG and inside this .blend; Esc stops it"""
+
+    bl_idname = "rauca.bake"
+    bl_label = "Bake"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if coat_shown(context) is None:
+            cls.poll_message_set("Apply a camouflage first")
+            return False
+        if running is not None:
+            cls.poll_message_set("A bake is running; press Esc in the viewport to stop it")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """At once: for scripts, and in background mode."""
+        try:
+            task, path = self._prepare(context)
+            self._finish(context, task, run_bake(task, lambda done: None), path)
+        except contract.RaucaError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        global running
+        try:
+            self._task, self._path = self._prepare(context)
+        except contract.RaucaError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        running = BakeRun(self._task)
+        running.start()
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(TICK_S, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if running is None or event.type == "ESC":
+            self._end(context)
+            self.report({"INFO"}, rpt("Bake stopped; nothing was written"))
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        _redraw(context)
+        if running.is_alive():
+            return {"PASS_THROUGH"}
+        result, error = running.result, running.error
+        self._end(context)
+        if result is None:
+            self.report({"ERROR"}, error)
+            return {"CANCELLED"}
+        try:
+            self._finish(context, self._task, result, self._path)
+        except contract.RaucaError as mistake:
+            self.report({"ERROR"}, str(mistake))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends the operator itself: another file is loaded, or the window closes."""
+        self._end(context)
+
+    def _prepare(self, context: bpy.types.Context) -> tuple[Task, Path]:
+        settings = context.scene.rauca.bake
+        with object_mode(context):
+            surface, coat = painted_surface(context)
+            layer = _layer(settings.layer, other_layers(surface))
+            task = prepare_bake(surface, coat, layer, int(settings.size), settings.allow_overlaps)
+        settings.layer = layer
+        folder = chosen_folder(settings.folder, "the baked image")
+        name = bpy.path.clean_name(f"{surface.vehicle.name}-{coat.tree['rauca_camouflage']}-{layer}")
+        return task, folder / f"{name}.png"
+
+    def _finish(self, context: bpy.types.Context, task: Task, baked: Baked, path: Path) -> None:
+        settings = context.scene.rauca.bake
+        with object_mode(context):
+            surface, coat = painted_surface(context)
+            if surface.vehicle.uvs[surface.paint].shape != task.source_uvs.shape:
+                raise contract.RaucaError(f"{surface.vehicle.name}: changed while it was baked; bake again")
+            finish_bake(surface, coat, settings.layer, task, baked, path)
+        settings.psnr_db, settings.baked_layer, settings.file = baked.psnr_db, settings.layer, str(path)
+        text = rpt("Baked to {file}: {decibels:.1f} dB against the camouflage on the surface")
+        self.report({"INFO"}, text.format(file=path.name, decibels=baked.psnr_db))
+
+    def _end(self, context: bpy.types.Context) -> None:
+        global running
+        if running is not None:
+            running.stop()
+        running = None
+        if getattr(self, "_timer", None) is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        _redraw(context)
+
+
+def _layer(wanted: str, layers: list[str]) -> str:
+    """The UV layer to bake into: the one chosen, or the only other one.
+
+    Raises:
+        RaucaError: there is none, or several and none is chosen.
+    """
+    if wanted and wanted in layers:
+        return wanted
+    shown = ", ".join(repr(name) for name in layers)
+    if wanted:
+        others = f"it has {shown}" if layers else "it has no other than the camouflage's own"
+        raise contract.RaucaError(f"UV layer {wanted!r}: the vehicle's paint does not have it; {others}")
+    if not layers:
+        raise contract.RaucaError(
+            "The vehicle has no UV layer beside the camouflage's own; press New UV layer, or add one yourself"
+        )
+    if len(layers) > 1:
+        raise contract.RaucaError(f"The vehicle has several UV layers: {shown}; choose the one to bake into")
+    return layers[0]
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def unregister() -> None:
+    """The add-on is disabled while a bake runs: it ends without a result."""
+    global running
+    if running is not None:
+        running.stop()
+    running = None
+
+
+CLASSES = (RAUCA_OT_bake,)

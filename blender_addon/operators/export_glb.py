@@ -1,0 +1,49 @@
+"""Save the vehicle with its baked camouflage as a GLB."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..core import contract
+from ..scene.baked_export import export_glb
+from ..scene.mesh_edits import object_mode
+from .on_vehicle import coat_shown, painted_surface
+from .operator import RaucaOperator
+
+
+class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Save the vehicle with the baked camouflage as a GLB, for game engines, simulators and viewers"""
+
+    bl_idname = "rauca.export_glb"
+    bl_label = "Export GLB"
+    bl_options = {"REGISTER"}  # noqa: RUF012 - Blender reads it as a class attribute
+    filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.glb", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        coat = coat_shown(context)
+        if coat is None or coat.image("baked") is None:
+            cls.poll_message_set("Bake the camouflage first")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.filepath:
+            self.filepath = str(Path(context.scene.rauca.bake.file).with_suffix(".glb"))
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def work(self, context: bpy.types.Context) -> str:
+        if not self.filepath:
+            raise contract.RaucaError("No file: choose where to save the GLB")
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".glb")
+        with object_mode(context):
+            surface, coat = painted_surface(context)
+            export_glb(context, surface, coat, context.scene.rauca.bake.baked_layer, path)
+        return f"{path.name} saved"
+
+
+CLASSES = (RAUCA_OT_export_glb,)

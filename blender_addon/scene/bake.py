@@ -1,0 +1,203 @@
+"""The camouflage of a vehicle in the open scene, in another UV layer of its meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import bake, colour, contract, files, geometry
+from .coating import Coat, set_baked_layer
+from .images import image_linear
+from .mesh_edits import require_own_faces
+from .surface import Surface
+from .vehicle_arrays import Piece
+
+CHECK_SIZE = 1024
+OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and a texel would have to be two colours
+BEYOND = 1e-3  # of the image's side; less is rounding
+HOMELESS_LIMIT = 0.005  # of the paint's area; slivers may have no area in a layout
+POINTS = 200_000  # on the surface, where the baked picture is held against the camouflage
+IMAGE_NAME = "rauca baked"
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """All that a bake needs, as arrays: it may run in a thread, which must not touch Blender.
+
+    Attributes:
+        source_uvs, target_uvs: (F, 3, 2) of the paint, in [0, 1].
+        wraps: the target's UVs lie in several tiles.
+        material: (F,) row of ``bases``.
+        bases: (M, 3) linear colour below the camouflage, used where the base texture is not.
+        textured: (M,) True where the base texture gives that colour.
+        camouflage, mask, base: linear pictures in the source's layout; ``base`` may be None.
+        size: of the result, texels.
+    """
+
+    source_uvs: NDArray[np.float64]
+    target_uvs: NDArray[np.float64]
+    wraps: bool
+    material: NDArray[np.int16]
+    bases: NDArray[np.float32]
+    textured: NDArray[np.bool_]
+    camouflage: NDArray[np.float32]
+    mask: NDArray[np.float32]
+    base: NDArray[np.float32] | None
+    size: int
+
+    def colour_at(self, face: NDArray[np.int64], uv: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The paint's linear base colour (N, 3) at source UVs (N, 2), as the scene's materials mix it."""
+        below = self.bases[self.material[face]]
+        if self.base is not None:
+            textured = self.textured[self.material[face]]
+            below[textured] = bake.bilinear(self.base, uv[textured])
+        share = bake.bilinear(self.mask, uv)
+        return below + share * (bake.bilinear(self.camouflage, uv) - below)
+
+
+@dataclass(frozen=True, eq=False)
+class Baked:
+    """The result: ``srgb`` (N, N, 3) 8-bit, ``psnr_db`` of its sRGB values against the camouflage on the surface."""
+
+    srgb: NDArray[np.uint8]
+    psnr_db: float
+
+
+def other_layers(surface: Surface) -> list[str]:
+    """UV layers that all painted meshes have, but the one of the camouflage."""
+    pieces = surface.painted_pieces()
+    names = [{layer.name for layer in piece.owner.data.uv_layers} for piece, _ in pieces]
+    own = {piece.layer for piece, _ in pieces}
+    return [layer.name for layer in pieces[0][0].owner.data.uv_layers if layer.name in set.intersection(*names) - own]
+
+
+def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_overlaps: bool) -> Task:
+    """Gather what a bake into the UV layer ``layer`` needs.
+
+    Raises:
+        RaucaError: the layer is missing, or cannot hold the camouflage; says what would be lost and what to do.
+    """
+    pieces = surface.painted_pieces()
+    require_own_faces(piece for piece, _ in pieces)
+    target = np.concatenate([_layer_uvs(surface, piece, span, layer) for piece, span in pieces])
+    paint = np.concatenate([np.flatnonzero(surface.paint[span]) + span.start for _, span in pieces])
+    moved, wraps = _within(target, layer)
+    _require_room(surface, paint, moved, layer)
+    if not allow_overlaps:
+        _require_apart(moved, layer)
+    vehicle = surface.vehicle
+    camouflage, mask = coat.image("camouflage"), coat.image("mask")
+    if camouflage is None or mask is None:
+        raise contract.RaucaError("The camouflage's image is gone from this file; apply the camouflage again (step 6)")
+    base = vehicle.base_texture
+    return Task(
+        source_uvs=vehicle.uvs[paint].astype(np.float64),
+        target_uvs=moved,
+        wraps=wraps,
+        material=vehicle.material[paint],
+        bases=np.array([m.base_color for m in vehicle.materials], np.float32),
+        textured=np.array([m.textured for m in vehicle.materials]),
+        camouflage=image_linear(camouflage),
+        mask=image_linear(mask)[..., :1],
+        base=None if base is None else colour.linear_from_srgb(base / np.float32(255)),
+        size=size,
+    )
+
+
+def run_bake(task: Task, progress: Callable[[float], None]) -> Baked:
+    """Carry the camouflage over; touches no Blender data, so it may run in a thread."""
+    carried = bake.carry(task.source_uvs, task.target_uvs, task.size, task.colour_at, len(task.camouflage), progress)
+    srgb = colour.to_bytes(colour.srgb_from_linear(carried.linear))
+    return Baked(srgb, _surface_psnr(task, srgb))
+
+
+def finish_bake(surface: Surface, coat: Coat, layer: str, task: Task, baked: Baked, path: Path) -> bpy.types.Image:
+    """Write the PNG, pack it into the .blend, and let the coat show it.
+
+    Raises:
+        RaucaError: the folder cannot be written to; neither disk nor scene was changed.
+    """
+    files.write_bytes(path, files.png_bytes(baked.srgb))
+    image = bpy.data.images.load(str(path), check_existing=False)
+    image.name = IMAGE_NAME
+    image.pack()
+    previous = coat.image("baked")
+    coat.set_baked(image, task.wraps)
+    if previous is not None and previous.users == 0:
+        bpy.data.images.remove(previous)
+    for _, span in surface.painted_pieces():
+        for material in surface.materials(span):
+            set_baked_layer(material, layer)
+    coat.show("BAKED")
+    return image
+
+
+def _layer_uvs(surface: Surface, piece: Piece, span: slice, layer: str) -> NDArray[np.float64]:
+    mesh = piece.owner.data
+    found = mesh.uv_layers.get(layer)
+    if found is None:
+        raise contract.RaucaError(f"{piece.owner.name}: has no UV layer {layer!r}; all painted parts need it")
+    values = np.empty(2 * len(mesh.loops), np.float32)
+    found.uv.foreach_get("vector", values)
+    return values.reshape(-1, 2)[piece.loops[surface.paint[span]]].astype(np.float64)
+
+
+def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], bool]:
+    """The UVs moved by whole tiles into [0, 1], and whether any had to be."""
+    if not np.isfinite(uvs).all():
+        raise contract.RaucaError(f"UV layer {layer!r}: some of its UVs are not numbers; unwrap it again")
+    tile = np.floor(uvs.min(axis=1, keepdims=True) + BEYOND)
+    moved = uvs - tile
+    crossing = moved.max(axis=(1, 2)) > 1 + BEYOND
+    if crossing.any():
+        raise contract.RaucaError(
+            f"UV layer {layer!r}: {int(crossing.sum())} of {len(uvs)} painted triangles reach beyond the image; "
+            "scale or move their islands into it in the UV editor (UV > Pack Islands)"
+        )
+    return np.clip(moved, 0.0, 1.0), bool((tile != 0).any())
+
+
+def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.float64], layer: str) -> None:
+    """Refuse a layout in which parts of the paint have no area."""
+    corners = surface.soup.positions[surface.soup.triangles[paint]]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    homeless = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) < 1e-12
+    lost = area[homeless].sum() / max(area.sum(), 1e-30)
+    if lost > HOMELESS_LIMIT:
+        raise contract.RaucaError(
+            f"UV layer {layer!r}: {lost:.0%} of the paint has no place in it; unwrap these faces in that layer"
+        )
+
+
+def _require_apart(uvs: NDArray[np.float64], layer: str) -> None:
+    """Refuse a layout in which two places on the vehicle share texels."""
+    texels, _ = geometry.covered(uvs, CHECK_SIZE, conservative=False)
+    hits = np.bincount(texels, minlength=1)
+    shared = (hits > 1).sum() / max((hits > 0).sum(), 1)
+    if shared > OVERLAP_LIMIT:
+        raise contract.RaucaError(
+            f"UV layer {layer!r}: {shared:.0%} of its texels lie on two parts at once, which would both lose their own "
+            "camouflage; unwrap it without mirrored or stacked islands, or switch on Allow overlaps"
+        )
+
+
+def _surface_psnr(task: Task, srgb: NDArray[np.uint8]) -> float:
+    """PSNR in dB of the sRGB values at points spread over the source's layout."""
+    one, two = task.source_uvs[:, 1] - task.source_uvs[:, 0], task.source_uvs[:, 2] - task.source_uvs[:, 0]
+    area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(area), POINTS, p=area / area.sum())
+    a, b = rng.random((2, POINTS))
+    a, b = np.where(a + b > 1, (1 - a, 1 - b), (a, b))
+    weights = np.stack([1 - a - b, a, b], axis=1)[..., None]
+    wanted = task.colour_at(face, (weights * task.source_uvs[face]).sum(axis=1))
+    linear = colour.linear_from_srgb(srgb / np.float32(255))
+    found = bake.bilinear(linear, (weights * task.target_uvs[face]).sum(axis=1))
+    error = colour.srgb_from_linear(found) - colour.srgb_from_linear(wanted)
+    return float(-10 * np.log10(max(float(np.mean(error.astype(np.float64) ** 2)), 1e-10)))
