@@ -121,9 +121,15 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
     with asked.clock.time(f"training set, {variant.training}"):
         training = workspace.training(variant.training, variant.share)
     settings = _settings(asked, repeat)
-    usual = OptimiserSettings().identity()  # left out: a setting that comes to be later changes no older run
+    if settings.light == "published":
+        with asked.clock.time("the published extractor"):
+            weights = workspace.published_extractor(training)
+        settings = settings.model_copy(update={"extractor": weights})
+    usual = make_settings().identity()  # left out: a setting that comes to be later changes no older run
     key = {
-        "settings": {name: value for name, value in settings.identity().items() if value != usual[name]},
+        "settings": {
+            name: value for name, value in settings.identity().items() if value != usual[name] and name != "extractor"
+        },
         "steps": settings.steps,
         "training": training.name,
         "detectors": [detector.fingerprint for detector in asked.attacked],

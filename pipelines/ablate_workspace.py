@@ -4,6 +4,7 @@ Folder, run again to resume; names end in a digest of what was asked for, so tha
 
     sets/<name>-<frames>-<digest>/            training sets; -<n> of them: a part, its frames linked
     taps/                                     of the neural renderer
+    efe/<training set>-<digest>/              the published extractor, trained on it
     runs/<variant>-<digest>/                  optimisations, with camouflage.json when finished
     views/<weathers>-<frames>-<digest>/       held-out views, in the vehicle's reference paint
     paints/<name>-<digest>.json, .png         camouflages by the content of their UV map
@@ -28,10 +29,11 @@ from pipelines.console import console, progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack.optimiser import CHECKPOINTS
 from rauca_core.checkpoint_files import POINTER
-from rauca_core.contract import Dataset, Plan, find_preset, frame_states, load_camouflage, load_vehicle
+from rauca_core.contract import Dataset, Plan, Progress, find_preset, frame_states, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import atomic_folder, write_bytes
 from rauca_core.detect.weights_file import sha256_of
+from rauca_core.environment.published_fit import fit_published
 from rauca_core.evaluate.ablations.sizes import Sizes
 from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
 from rauca_core.evaluate.contestants import Contestant, VehicleChoice, keep_copy
@@ -104,6 +106,18 @@ class Workspace:
             if not product.is_file():
                 work(folder, (folder / CHECKPOINTS / POINTER).is_file())
         return product
+
+    def published_extractor(self, training: Path) -> Path:
+        """Weights of the published extractor, trained on a training set unless they are there."""
+        sizes = self._sizes
+        folder = self.folder / "efe" / f"{training.name}-{_digest(sizes.extractor_epochs)}"
+        with alone(folder), progress_bar("training the published extractor") as move:
+            return fit_published(
+                training,
+                folder,
+                sizes.extractor_epochs,
+                on_epoch=lambda told: move(Progress(told.epoch, told.epochs, f"error {told.error:.4f}")),
+            )
 
     def renders(self, views: HeldOutViews, camouflages: Mapping[str, Path]) -> dict[str, Path]:
         """Label -> folder of the views in that camouflage, rendered by Cycles where they are missing."""

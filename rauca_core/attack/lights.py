@@ -14,15 +14,18 @@ from typing import Literal
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from ..contract import Dataset, Frame, Vehicle
+from ..contract import Dataset, Frame, RaucaError, Vehicle
 from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
 from ..environment import Light, estimate, load_exact, load_extractor
 from ..environment.affine_transfer import transfer_light
 from ..environment.frames import read_picture
-from ..environment.shading import plain_shading
+from ..environment.published import PublishedEfe
+from ..environment.published_weights import load_published
+from ..environment.shading import PlainShading, plain_shading
 
-LightName = Literal["exact", "ours", "transfer", "none"]
+LightName = Literal["exact", "ours", "published", "transfer", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +58,12 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
     """The source of that name.
 
     Args:
-        name: ``exact`` maps; ``ours``, the extractor's estimate; ``transfer`` of colour without training; ``none``,
-            Neural Renderer's own shading.
-        extractor: weights of ours; the shipped ones if None.
+        name: ``exact`` maps; ``ours``, the extractor's estimate; ``published``, that of the paper's; ``transfer`` of
+            colour without training; ``none``, Neural Renderer's own shading.
+        extractor: weights of ours, the shipped ones if None; or of the published one, which must be given.
+
+    Raises:
+        RaucaError: no usable weights.
     """
     size, reference = dataset.plan.size, linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
 
@@ -84,6 +90,35 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
         A = plain.paint[0][..., None].expand(-1, -1, 3)
         return Lit(Light(A.numpy().copy(), (plain.rest.permute(1, 2, 0) + behind).numpy()), image)
 
+    def published(frame: Frame) -> Lit:
+        image, plain = image_of(frame), plain_shading(vehicle, frame.camera_in_vehicle)
+        whole = read_picture(dataset.frame_folder(frame.id) / "vehicle.png", size, grey=True)
+        return Lit(published_light(teacher, image, whole.float() / 255, plain), image)
+
     if name == "ours":
         net, _ = load_extractor(extractor)
-    return LightSource(name != "none", {"exact": exact, "ours": ours, "transfer": transfer, "none": none}[name])
+    if name == "published":
+        if extractor is None:
+            raise RaucaError("light: published needs weights of its own; `rauca ablate environment` trains them")
+        teacher = load_published(extractor)
+    sources = {"exact": exact, "ours": ours, "published": published, "transfer": transfer, "none": none}
+    return LightSource(name not in ("none", "published"), sources[name])
+
+
+def published_light(net: PublishedEfe, image: NDArray[np.uint8], vehicle: Tensor, plain: PlainShading) -> Light:
+    """``clamp(x_nr * A + B)`` of the published extractor as maps of the paint's sRGB values.
+
+    The network is taught images with a black background, so its own are dark by coverage already, and the frame shines
+    through where the vehicle covers a pixel in part.
+
+    Args:
+        image: (H, W, 3) sRGB, in the reference paint.
+        vehicle: (1, H, W) coverage.
+    """
+    seen = torch.from_numpy(image / np.float32(255)).permute(2, 0, 1)
+    with torch.no_grad():
+        A, B = (m[0] for m in net((seen * vehicle)[None]))
+    inside = vehicle > 0
+    paint = A * plain.paint * inside
+    rest = (A * plain.rest + B) * inside + seen * (1 - vehicle)
+    return Light(paint.permute(1, 2, 0).numpy().copy(), rest.permute(1, 2, 0).numpy().copy())

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,12 @@ import torch
 
 from rauca_core.attack import make_settings
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
-from rauca_core.contract import Dataset
+from rauca_core.attack.lights import published_light
+from rauca_core.contract import Dataset, RaucaError
 from rauca_core.environment.frames import LightFrames
-from rauca_core.environment.methods import plain_render, transfer_render
+from rauca_core.environment.methods import plain_render, published_render, transfer_render
+from rauca_core.environment.published import PublishedEfe
+from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
 from rauca_core.images import read_image
 from rauca_core.render import Canvas, display
 
@@ -45,9 +49,39 @@ def test_the_extractor_gives_the_reference_back(dataset: Dataset) -> None:
     assert np.abs(found.permute(1, 2, 0).numpy() - image).mean() < 0.01
 
 
-@pytest.mark.parametrize("light", ["exact", "ours", "transfer", "none"])
-def test_every_light_lets_gradients_through(dataset: Dataset, light: str) -> None:
-    store = FrameStore(dataset, make_settings(light=light, **SMALL))
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """Of a small published network, drawn and never trained."""
+    torch.manual_seed(0)
+    path = tmp_path / "published.safetensors"
+    save_published(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
+    return path
+
+
+def test_the_published_extractor_lights_as_in_the_comparison(dataset: Dataset, weights: Path) -> None:
+    """A colour per pixel, and edges, too: all that the texture reaches is on one raster here."""
+    frames = LightFrames([dataset.folder])
+    frame, plain, net = frames.get(0), frames.plain(0), load_published(weights)
+    light = published_light(net, frame.image.permute(1, 2, 0).numpy(), frame.vehicle.float() / 255, plain)
+    albedo = torch.rand(3, *frame.image.shape[1:], generator=torch.Generator().manual_seed(1))
+    A, B = (torch.from_numpy(m).permute(2, 0, 1) for m in (light.A, light.B))
+    found = (A * display(albedo) + B).clamp(0, 1)
+    torch.testing.assert_close(found, published_render(net, frame, plain)(albedo[None])[0], atol=1e-6, rtol=0)
+
+
+def test_the_published_extractor_needs_weights_of_its_own(dataset: Dataset, weights: Path, tmp_path: Path) -> None:
+    for extractor, told in ((None, "needs weights"), (tmp_path / "none", "no such weights")):
+        with pytest.raises(RaucaError, match=told):
+            FrameStore(dataset, make_settings(light="published", extractor=extractor, **SMALL))
+    weights.write_bytes(weights.read_bytes()[:-1] + b"x")
+    with pytest.raises(RaucaError, match="is not the file that its card describes"):
+        load_published(weights)
+
+
+@pytest.mark.parametrize("light", ["exact", "ours", "published", "transfer", "none"])
+def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weights: Path) -> None:
+    extractor = weights if light == "published" else None
+    store = FrameStore(dataset, make_settings(light=light, extractor=extractor, **SMALL))
     texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
     batch = [store.ready(i) for i in range(3)]
     images = render_batch(batch, Canvas(store.pyramid, texels))

@@ -33,7 +33,7 @@ class Sizes:
     samples: int = 8
     detectors: tuple[str, ...] | None = None
     seeds: int | None = None
-    extractor_epochs: int = 12
+    extractor_epochs: int = 20
 
     @property
     def views(self) -> HeldOut:
