@@ -1,0 +1,94 @@
+"""A darknet network that learns: its losses, what it keeps, and the detector that comes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from rauca_core.detect import load_detector
+from rauca_core.detect.network import DarknetNetwork
+from rauca_core.detect.training.card import save_weights
+from rauca_core.detect.training.darknet_student import DarknetStudent, cross_entropy
+from rauca_core.detect.training.network import Truth
+from rauca_core.detect.training.origin import origin_of
+from rauca_core.detect.weights_file import read_weights
+
+torch.set_num_threads(1)
+
+SIZE = 64
+
+
+@pytest.fixture
+def student(cfg: Path, weights: Path) -> DarknetStudent:
+    """Of the small network with every layer type; two classes, of which 1 is the car."""
+    made, before = DarknetStudent(cfg), DarknetNetwork(cfg)
+    for network in (made.network, before):
+        read_weights(weights, network)
+    made.remember(before)
+    return made
+
+
+def car() -> Truth:
+    return Truth(torch.tensor([[12.0, 20.0, 44.0, 40.0]]), torch.tensor([1]))
+
+
+def nothing() -> Truth:
+    return Truth(torch.zeros(0, 4), torch.zeros(0, dtype=torch.int64))
+
+
+def test_without_vehicles_there_is_nothing_to_learn(student: DarknetStudent) -> None:
+    losses = student.losses(torch.rand(2, 3, SIZE, SIZE), [nothing(), nothing()])
+    assert all(abs(float(loss.detach())) < 1e-5 for loss in losses.values())
+    torch.stack(list(losses.values())).sum().backward()
+    assert all(p.grad is None or p.grad.abs().max() < 1e-6 for p in student.parameters())
+
+
+def test_it_learns_the_car_and_keeps_the_rest(student: DarknetStudent) -> None:
+    torch.manual_seed(0)
+    images = torch.rand(2, 3, SIZE, SIZE)
+    before = student.dense(images)
+    adam = torch.optim.Adam(student.parameters(), lr=5e-3)
+    history = []
+    for _ in range(60):
+        losses = student.losses(images, [car(), nothing()])
+        total = torch.stack(list(losses.values())).sum()
+        adam.zero_grad()
+        total.backward()
+        adam.step()
+        history.append({name: float(loss.detach()) for name, loss in losses.items()})
+    first, last = history[0], history[-1]
+    for name, share in (("present", 0.9), ("class", 0.9), ("box", 0.5)):
+        assert last[name] < share * first[name], name
+    after = student.dense(images)
+    assert (after.objectness[1] - before.objectness[1]).abs().mean() < 0.15  # the image without a car
+    assert all(torch.isfinite(p).all() for p in student.parameters())
+
+
+def test_cross_entropy_is_zero_where_both_agree_and_finite_at_the_ends() -> None:
+    p = torch.tensor([0.0, 1e-9, 0.3, 1.0], requires_grad=True)
+    assert cross_entropy(p, p.detach()).abs().max() < 1e-5
+    ends = cross_entropy(p, torch.tensor([1.0, 1.0, 0.3, 0.0]))
+    ends.sum().backward()
+    assert torch.isfinite(ends).all()
+    assert torch.isfinite(p.grad).all()
+
+
+def test_published_weights_come_back_as_the_same_detector(tiny_weights: dict[str, Path], tmp_path: Path) -> None:
+    assert tiny_weights["yolov3-tiny"].is_file()
+    origin = origin_of("yolov3-tiny")
+    network, card = origin.network()
+    path = tmp_path / "mine.safetensors"
+    save_weights(path, network, card)
+    first, again = origin.detector(), load_detector(str(path))
+    assert (again.name, again.class_names) == ("yolov3-tiny", first.class_names)
+    image = torch.rand(1, 3, 96, 96)
+    one, other = first.dense(image), again.dense(image)
+    assert one.boxes.shape == other.boxes.shape
+    assert (one.objectness * one.classes.amax(-1) - other.objectness * other.classes.amax(-1)).abs().max() < 0.01
+    onward, _ = origin.network(path)  # a later round: its own weights, and the first ones to keep to
+    assert isinstance(onward, DarknetStudent)
+    losses = onward.losses(torch.rand(1, 3, 96, 96), [car()])
+    assert all(torch.isfinite(loss) for loss in losses.values())
+    assert origin_of(str(path)).card.name == "yolov3-tiny"

@@ -1,0 +1,116 @@
+"""Before and after: the numbers against their formula, and the page that shows them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from benchmarks.stability.drawn import make_dataset
+from rauca_core.contract import Dataset, Vehicle
+from rauca_core.contract.files import png_bytes, write_bytes
+from rauca_core.detect import DensePredictions, Detections
+from rauca_core.evaluate import evaluate
+from rauca_core.evaluate.hardening import gains_of
+from rauca_core.evaluate.hardening_page import HardeningNotes, write_hardening
+from rauca_core.evaluate.study import Entry
+
+SIZE = 64
+RED, BLUE, GREEN = (220, 20, 20), (20, 20, 220), (20, 220, 20)
+
+
+class FindsColours:
+    """A detector that takes what has one of its colours for a car."""
+
+    class_names = ("car",)
+
+    def __init__(self, name: str, *colours: tuple[int, int, int]) -> None:
+        self.name, self.colours, self.fingerprint = name, colours, f"f00d{len(colours)}"
+
+    def to(self, device: torch.device | str) -> FindsColours:
+        return self
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        raise NotImplementedError
+
+    def detect(self, images: Tensor, score_threshold: float = 0.0, iou_threshold: float = 0.45) -> list[Detections]:
+        return [self._detect(image) for image in images]
+
+    def _detect(self, image: Tensor) -> Detections:
+        known = [(image - torch.tensor(c)[:, None, None] / 255).abs().amax(0) < 0.02 for c in self.colours]
+        rows, columns = torch.stack(known).any(0).nonzero().unbind(1)
+        if not len(rows):
+            return Detections(torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, dtype=torch.int64))
+        box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]).float()
+        return Detections(box[None], torch.tensor([0.9]), torch.tensor([0]))
+
+
+@pytest.fixture
+def entry(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
+    """Twelve frames; in ``noise`` the vehicle turns blue in six of them and green in three."""
+    dataset = make_dataset(tmp_path / "data", box_vehicle, SIZE, (0.0, 60.0, 120.0, 180.0, 240.0, 300.0))
+    paint(dataset, tmp_path / "normal", [RED] * 12)
+    paint(dataset, tmp_path / "noise", [RED, BLUE, GREEN, BLUE] * 3)
+    paints = {name: tmp_path / name for name in ("normal", "noise")}
+    detectors = [FindsColours("before", RED), FindsColours("after", RED, BLUE)]
+    results = evaluate(dataset, paints, detectors, tmp_path / "study", resamples=200)
+    return Entry("seen", "none", "box", "car", results, tmp_path / "study")
+
+
+def paint(dataset: Dataset, folder: Path, colours: list[tuple[int, int, int]]) -> None:
+    for frame, colour in zip(dataset.frames(), colours, strict=True):
+        pixels = np.zeros((SIZE, SIZE, 3), np.uint8)
+        left, top, right, bottom = (int(v) for v in frame.box_xyxy)
+        pixels[top:bottom, left:right] = colour
+        write_bytes(folder / f"{frame.id}.png", png_bytes(pixels))
+
+
+def test_gains_follow_their_formula(entry: Entry) -> None:
+    table, gains = entry.results.table, gains_of(entry, "before", "after", ["noise"])
+    (noise,) = gains.rows
+    assert (noise.paint, gains.frames, gains.draws) == ("noise", 12, "6 views")
+    for gain, name in ((gains.clean, "normal"), (noise, "noise")):
+        assert gain.before == table[name]["before"]  # value and interval: the same resamples as the evaluation's
+        assert gain.after == table[name]["after"]
+        assert gain.change.ap == pytest.approx(gain.after.ap - gain.before.ap)
+        assert gain.change.low <= gain.change.ap <= gain.change.high
+    assert (gains.clean.before.ap, gains.clean.after.ap) == (1, 1)
+    assert noise.before.ap == pytest.approx(0.25, abs=0.01)  # 3 of 12 on COCO's 101 points
+    assert noise.after.ap == pytest.approx(0.75, abs=0.01)
+    assert noise.recovered is not None
+    assert noise.recovered.ap == pytest.approx(noise.change.ap / (1 - noise.before.ap))
+    assert noise.recovered.low <= noise.recovered.ap <= noise.recovered.high
+    assert gains.clean.recovered is None  # nothing was lost there
+    assert gains.held_out.recovered == noise.recovered
+
+
+def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
+    recovered = gains_of(entry, "before", "before", ["noise"]).rows[0].recovered
+    assert recovered is not None
+    assert (recovered.ap, recovered.low, recovered.high) == (0, 0, 0)
+
+
+def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:
+    gains = gains_of(entry, "before", "after", ["noise"])
+    notes = HardeningNotes(
+        "before", "after", {"noise": "<b>drawn</b>"}, {"rounds": 2}, "rauca harden <x>", ("One <car>.",)
+    )
+    page, table, numbers = write_hardening([gains], [entry], tmp_path / "report.html", notes)
+    text = page.read_text()
+    assert "&lt;b&gt;drawn" in text
+    assert "<b>drawn" not in text
+    assert text.count("<img") == 2 * 2 * 5  # paints, before and after, places
+    assert f"{gains.rows[0].after.ap:.3f}" in text
+    assert "http" not in text.replace("http://www.w3.org", "")
+    rows = list(csv.DictReader(table.open()))
+    assert [row["paint"] for row in rows] == ["normal", "noise", "held-out, mean"]
+    assert rows[0]["recovered_ap"] == ""
+    assert np.isclose(float(rows[1]["after_ap"]), gains.rows[0].after.ap)
+    found = json.loads(numbers.read_text())
+    assert found["gains"][0]["rows"][0]["recovered"]["ap"] == gains.rows[0].recovered.ap
+    assert found["before"] == "before"
