@@ -35,6 +35,7 @@ from .naturalness import (
     ReferenceWidth,
     natural_settings,
 )
+from .tradeoff_command import tradeoff
 
 app = typer.Typer(
     name="rauca",
@@ -49,6 +50,7 @@ app.add_typer(detectors_app, name="detectors")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
 app.command()(evaluate)
+app.command()(tradeoff)
 app.command()(ablate)
 app.command()(harden)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .lab import FROM_ROOTS, KNEE, OFFSET, SLOPE, TO_WHITE
 
-CLOSE, TURNS = 0.995, 24
+CLOSE, TURNS = 0.995, 36
 LEVELS = 255
 
 
@@ -77,7 +77,7 @@ def _share(colour: Any, home: Any, there: Any, bound: float, to_white: Any, from
         return 1.0
     low, high = 0.0, 1.0
     share = bound / found  # distance grows about evenly along the way: this is close, and each turn closer
-    for _ in range(TURNS):
+    for turn in range(TURNS):
         for c in range(3):
             way[c] = home[c] + share * (colour[c] - home[c])
         found = _apart(way, there, to_white, from_roots)
@@ -88,7 +88,7 @@ def _share(colour: Any, home: Any, there: Any, bound: float, to_white: Any, from
         else:
             high = share
         guess = share * bound * (0.5 + 0.5 * CLOSE) / max(found, 1e-12)
-        share = guess if low < guess < high else 0.5 * (low + high)
+        share = guess if low < guess < high and turn % 3 < 2 else 0.5 * (low + high)
     return low
 
 

@@ -26,11 +26,11 @@ class Naturalness(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     palette: tuple[str, ...] = ()
-    feature_cm: float | None = Field(None, gt=0, le=100_000)
+    feature_cm: float | None = Field(default=None, gt=0, le=100_000)
     reference: str | None = None
     reference_sha256: str | None = None
-    reference_width_m: float | None = Field(2.0, gt=0, le=1000)
-    max_delta_e: float | None = Field(None, ge=0, le=1000)
+    reference_width_m: float | None = Field(default=2.0, gt=0, le=1000)
+    max_delta_e: float | None = Field(default=None, ge=0, le=1000)
 
     @model_validator(mode="after")
     def _check(self) -> Naturalness:

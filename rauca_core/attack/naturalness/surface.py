@@ -20,8 +20,8 @@ from ...render.onto_atlas import read_on_atlas
 from ...render.sampling.surface import Surface
 
 Array = NDArray[np.float64]
-REACH, GAP_M = 2.0, 0.02  # texel sides, metres: charts closer than the larger are joined, and panels beside a gap
-STEP = 3.0  # texel sides: neighbours on the map that are farther apart on the vehicle are of two charts
+REACH, GAP_M = 2.0, 0.02  # steps of the map, metres: charts closer than the larger are joined, and panels beside a gap
+STEP = 2.0  # steps of the map: neighbours there that are farther apart on the vehicle are of two charts
 FACING = -0.5  # cosine: surfaces that look away from each other, as the two sides of a sheet, are not joined
 OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -33,12 +33,14 @@ class TexelPoints:
     Attributes:
         positions: (P, 3) centre of the paint under each texel, metres.
         normals: (P, 3) unit.
-        sides: (P,) side of a texel on the surface, metres.
+        steps: (P, 2) metres on the surface for a step down and one to the right on the map.
+        sides: (P,) side of a square as large as the texel, metres.
         areas: (P,) paint under each texel, square metres.
     """
 
     positions: Array
     normals: Array
+    steps: Array
     sides: Array
     areas: Array
 
@@ -63,18 +65,23 @@ class TexelPoints:
         triangles = vehicle.positions[vehicle.triangles].astype(np.float64)
         normals = carried(vehicle.normals.astype(np.float64))
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        sides = carried(np.repeat(_texel_sides(vehicle, atlas.size), 3))[:, 0]
-        areas = atlas.coverage[0].ravel()[atlas.texels] * sides**2
-        return TexelPoints(carried(triangles), normals, sides, areas)
+        measures = np.concatenate(_texel_measures(vehicle, atlas.size), 1)
+        down, right, side = carried(np.repeat(measures, 3, 0)).T
+        areas = atlas.coverage[0].ravel()[atlas.texels] * side**2
+        return TexelPoints(carried(triangles), normals, np.stack([down, right], 1), side, areas)
 
 
-def _texel_sides(vehicle: Vehicle, size: int) -> Array:
-    """(F,) side of a texel on each face: the root of its area in metres over its area in texels."""
+def _texel_measures(vehicle: Vehicle, size: int) -> tuple[Array, Array]:
+    """Of every face: metres per texel down and to the right (F, 2), and the root of metres^2 per texel (F, 1)."""
     one, two, three = vehicle.positions[vehicle.triangles].astype(np.float64).transpose(1, 0, 2)
-    metres = np.linalg.norm(np.cross(two - one, three - one), axis=1)
-    (u, v) = np.moveaxis(vehicle.uvs[:, 1:] - vehicle.uvs[:, :1], 1, 0).astype(np.float64) * size
-    texels = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    return np.asarray(np.sqrt(metres / np.maximum(texels, 1e-12)))
+    edges = np.stack([two - one, three - one], 1)
+    (u1, v1), (u2, v2) = ((vehicle.uvs[:, k] - vehicle.uvs[:, 0]).astype(np.float64).T * size for k in (1, 2))
+    texels = u1 * v2 - u2 * v1
+    inverse = np.stack([np.stack([v2, -v1], 1), np.stack([-u2, u1], 1)], 1)  # times texels: edges to u and v
+    texels = np.where(np.abs(texels) > 1e-12, texels, np.inf)  # a face without area on the map has no texel
+    along = np.linalg.norm(np.einsum("fak,fkc->fac", inverse, edges), axis=2) / np.abs(texels)[:, None]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return along[:, ::-1], np.sqrt(area / np.abs(texels))[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +113,8 @@ def link(points: TexelPoints, texels: NDArray[np.int64], size: int) -> Links:
         here = np.flatnonzero(other >= 0)
         there = other[here]
         apart = np.linalg.norm(points.positions[here] - points.positions[there], axis=1)
-        near = apart <= STEP * np.maximum(points.sides[here], points.sides[there])
+        step = points.steps @ (down, abs(right))
+        near = apart <= STEP * np.maximum(step[here], step[there])
         pairs.append(np.stack([here[near], there[near]], 1))
     degree = np.bincount(np.concatenate(pairs).ravel(), minlength=len(texels))
     edge = np.flatnonzero(degree < 2 * len(OFFSETS))
@@ -118,7 +126,7 @@ def _across_seams(points: TexelPoints, edge: NDArray[np.int64]) -> NDArray[np.in
     """Pairs (N, 2) of chart edge texels that lie close together on the vehicle."""
     if not len(edge):
         return np.empty((0, 2), np.int64)
-    reach = max(REACH * float(np.median(points.sides[edge])), GAP_M)
+    reach = max(REACH * float(np.median(points.steps[edge].max(1))), GAP_M)
     cells = np.floor(points.positions[edge] / reach).astype(np.int64)
     cells -= cells.min(0) - 1
     spread = cells.max(0) + 2

@@ -1,0 +1,108 @@
+"""``rauca tradeoff``: what naturalness costs, from what the user types to a checked request."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rauca_core.contract import Dataset, RaucaError
+
+from .console import console
+from .dataset_commands import Blender
+from .naturalness import PaletteColours, PaletteOption, Reference, ReferenceWidth, make_naturalness
+
+BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
+QUICK_BOUNDS, QUICK_FEATURES = "0,20", "40"
+
+
+def tradeoff(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
+    out: Annotated[Path, typer.Option(help="folder of the curve and all behind it; run again to resume")],
+    reference: Reference = None,
+    reference_width: ReferenceWidth = 2.0,
+    bounds: Annotated[
+        str | None,
+        typer.Option("--max-delta-e", help=f"bounds on the distance in CIELAB, comma separated; {BOUNDS} by default"),
+    ] = None,
+    features: Annotated[
+        str | None,
+        typer.Option("--feature-size", help=f"smallest patches, cm; {FEATURES} by default; none to leave them out"),
+    ] = None,
+    palette_of: PaletteOption = None,
+    palette_colours: PaletteColours = 4,
+    detector: Annotated[list[str] | None, typer.Option(help="to attack; repeat for several")] = None,
+    detectors: Annotated[
+        str | None, typer.Option(help="to measure with, comma separated; all published ones that are ready by default")
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="of each optimisation; 400 by default")] = None,
+    batch: Annotated[int, typer.Option(min=1, help="frames per step")] = 4,
+    map_size: Annotated[int | None, typer.Option(help="side of the UV maps, texels; 512 by default")] = None,
+    weathers: Annotated[str, typer.Option(help="of the held-out views: seen, unseen, both or a preset")] = "seen",
+    frames: Annotated[int | None, typer.Option(min=1, help="held-out views per weather set; 64 by default")] = None,
+    seed: int = 0,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="three points and few views: minutes, not an hour")] = False,
+    blender: Blender = None,
+) -> None:
+    """AP@0.5 against how natural a camouflage is: bounds on its distance from a reference, sizes of its patches."""
+    from .evaluate_command import _weather_sets
+    from .tradeoff import QUICK, Sizes, TradeOff, points, run_tradeoff
+
+    opened = Dataset(dataset)
+    base = make_naturalness(palette_of, palette_colours, None, reference, reference_width)
+    if reference is None and bounds:
+        raise RaucaError("--max-delta-e: a distance to what? give a --reference")
+    wanted_bounds = _numbers("--max-delta-e", bounds or (QUICK_BOUNDS if quick else BOUNDS)) if reference else ()
+    given = features or (QUICK_FEATURES if quick else FEATURES)
+    wanted_features = () if given == "none" else _numbers("--feature-size", given)
+    sizes = QUICK if quick else Sizes()
+    attacked = detector or ["yolov3-tiny"]
+    curve = run_tradeoff(
+        TradeOff(
+            command=shlex.join(["rauca", *sys.argv[1:]]),
+            dataset=opened,
+            out=out,
+            points=points(base, wanted_bounds, wanted_features),
+            attacked=tuple(attacked),
+            measured=_measured(detectors, attacked, quick),
+            weathers=tuple(_weather_sets([weathers], has_datasets=False)),
+            sizes=sizes.but(steps=steps, frames=frames, map_size=map_size, batch=batch),
+            seed=seed,
+            threads=threads,
+            blender=blender,
+        )
+    )
+    console.print(f"curve: {curve}", highlight=False, soft_wrap=True)
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        found = tuple(dict.fromkeys(float(part) for part in text.split(",") if part.strip()))
+    except ValueError:
+        found = ()
+    if not found or not all(0 <= value < 100_000 for value in found):
+        raise RaucaError(f"{option} {text}: not a comma separated list of numbers of 0 or more")
+    if option == "--feature-size" and 0 in found:
+        raise RaucaError(f"{option} {text}: a patch of 0 cm is none; the free camouflage is always among the points")
+    return tuple(sorted(found))
+
+
+def _measured(given: str | None, attacked: list[str], quick: bool) -> tuple[str, ...]:
+    """Names of the detectors that judge, the attacked ones first."""
+    from rauca_core.detect.listing import ready_names
+    from rauca_core.evaluate.tables.families import is_own
+
+    if given is None and quick:
+        others = [name for name in ("yolov4-tiny",) if name in ready_names()]
+    elif given is None or given == "all":
+        others = [name for name in ready_names() if not is_own(name)]
+    else:
+        others = [name for name in given.split(",") if name]
+    names = tuple(dict.fromkeys([*attacked, *others]))
+    if len(names) == len(attacked):
+        raise RaucaError("--detectors: none but the attacked; name others, or get weights with `rauca weights fetch`")
+    return names
