@@ -68,7 +68,7 @@ class Evaluation:
 
 
 def find_evaluation(near: Path) -> Path | None:
-    """The folder of the evaluation that a camouflage's file lies in, at most three folders up; None if there is none."""
+    """The folder of the evaluation that a camouflage's file lies in, at most three folders up; or None."""
     parents = list(Path(near).resolve().parents)[:4]
     for name in (STUDY, RESULTS):
         for folder in parents:

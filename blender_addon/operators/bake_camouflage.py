@@ -35,7 +35,7 @@ class BakeRun(threading.Thread):
             pass
         except MemoryError:
             self.error = "The bake needs more memory than there is; choose a smaller size"
-        except Exception as error:  # noqa: BLE001 - the operator reports it; a thread's would vanish
+        except Exception as error:  # the operator reports it; a thread's would vanish
             self.error = f"The bake failed ({error}); please report this"
 
     def stop(self) -> None:

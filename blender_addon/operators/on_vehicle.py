@@ -25,7 +25,7 @@ def vehicle_for(context: bpy.types.Context, camouflage: Path) -> contract.Vehicl
     made_for = contract.load_camouflage(camouflage)[0].vehicle_name
     if settings.origin != "FILE" and not settings.objects(context) and made_for in shipped_names():
         return load_shipped(made_for)
-    return settings.chosen(context)  # type: ignore[no-any-return]
+    return settings.chosen(context)
 
 
 def objects_of(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bpy.types.Object]:

@@ -105,7 +105,7 @@ def put_on(material: bpy.types.Material, coat: Coat, atlas_layer: str) -> None:
     """Put a coat on a material, instead of any other; its UVs are in ``atlas_layer``."""
     take_off(material)
     tree = material.node_tree
-    for number, shader in enumerate(_shaders(material)):
+    for shader in _shaders(material):
         group = nodes.add(tree, "ShaderNodeGroup")
         group.node_tree, group.name, group.label = coat.tree, NODE, "Camouflage"
         group.location = (shader.location.x - 200, shader.location.y + 40)

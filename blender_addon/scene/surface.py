@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -44,7 +45,7 @@ class Surface:
     def painted_pieces(self) -> list[tuple[Piece, slice]]:
         """The pieces with paint on them, and the run of triangles that each is."""
         starts = np.cumsum([0] + [len(piece.polygon) for piece in self.soup.pieces])
-        spans = [slice(int(i), int(j)) for i, j in zip(starts[:-1], starts[1:], strict=True)]
+        spans = [slice(int(i), int(j)) for i, j in pairwise(starts)]
         return [(p, span) for p, span in zip(self.soup.pieces, spans, strict=True) if self.paint[span].any()]
 
     def materials(self, span: slice) -> list[bpy.types.Material | None]:

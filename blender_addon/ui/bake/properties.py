@@ -24,7 +24,7 @@ class RaucaBake(bpy.types.PropertyGroup):
     )
     allow_overlaps: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Allow overlaps",
-        description="Bake although parts of the vehicle share texels, such as mirrored sides: they get a mixture of both",
+        description="Bake although parts share texels, such as mirrored sides: they get a mixture of both",
     )
     baked_layer: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
     file: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]

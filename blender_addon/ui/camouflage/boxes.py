@@ -117,7 +117,9 @@ def _label(
     width, _ = blf.dimensions(FONT, text)
     pad, height = 4 * scale, (TEXT_PX + 7) * scale
     x, y = place[0] - LINE_PX * scale / 2, place[1]
-    while any(x < r and x + width + 2 * pad > l and y < t and y + height > b for l, b, r, t in taken):
+    while any(
+        x < right and x + width + 2 * pad > left and y < top and y + height > low for left, low, right, top in taken
+    ):
         y += height
     taken.append((x, y, x + width + 2 * pad, y + height))
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")

@@ -6,6 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...evaluation.found import NORMAL, Sight
+from ...evaluation.views import Views
 from ...scene.coating import Coat
 from ..panel import StepPanel, paragraph
 from .sights import ask, paint_of, same_view
@@ -58,7 +59,7 @@ class RAUCA_PT_detections(bpy.types.Panel):  # noqa: N801 - Blender wants this f
             paragraph(context, layout, words, "INFO")
             return
         views = ask(settings.study)
-        sights = same_view(context.scene, views)
+        sights = same_view(context.scene, views) if isinstance(views, Views) else []
         row = layout.row(align=True)
         row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
         row.operator("rauca.evaluated_view", text="Nearest view", icon="CAMERA_DATA").step = "NEAREST"

@@ -112,7 +112,7 @@ def _load(key: tuple[str, float]) -> None:
         _read[key] = Views(read_sights(Path(key[0])))
     except contract.RaucaError as error:
         _read[key] = str(error)
-    except Exception as error:  # noqa: BLE001 - the panel tells it; a thread's would vanish
+    except Exception as error:  # the panel tells it; a thread's would vanish
         _read[key] = f"{key[0]}: cannot be read ({error})"
     finally:
         _reading.discard(key)
