@@ -282,3 +282,14 @@ def test_the_panels_words(addon, weather, tmp_path):
     (tmp_path / "broken.json").write_text("{")
     weather.file = str(tmp_path / "broken.json")
     assert state(addon.context).words == "The file of weathers cannot be read; choose another"
+
+
+def test_rain_in_the_viewport_is_the_frames_rain(bpy_module):
+    from blender_addon.scene.rain_picture import rain_picture
+    from rauca_core.contract import rain
+
+    assert rain_picture(Weather("dry", 40.0), 1.5) is None
+    drizzle, heavy = (rain_picture(Weather("w", 40.0, precipitation=amount), 1.5) for amount in (20.0, 90.0))
+    assert heavy.shape == (360, 540, 4)
+    assert 0.0 < drizzle[..., 3].mean() < heavy[..., 3].mean() < 0.5
+    np.testing.assert_array_equal(heavy[0, 0, :3], rain.drop_radiance(Weather("w", 40.0)))

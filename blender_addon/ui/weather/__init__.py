@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from . import pictures, rain
 from .panel import RAUCA_PT_weather, state
-from .pictures import register, unregister
 from .properties import RaucaShownWeather, RaucaWeather
 
 CLASSES = (RaucaShownWeather, RaucaWeather, RAUCA_PT_weather)
+
+
+def register() -> None:
+    pictures.register()
+    rain.register()
+
+
+def unregister() -> None:
+    rain.unregister()
+    pictures.unregister()
+
 
 __all__ = ["CLASSES", "RaucaWeather", "register", "state", "unregister"]

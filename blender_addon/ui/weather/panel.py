@@ -41,10 +41,10 @@ class RAUCA_PT_weather(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
         layout.prop(settings, "preset")
         if settings.preset == lists.OWN:
             layout.prop(settings, "file")
+        layout.row().prop(settings, "used", expand=True)
         _draw_gallery(settings, layout)
         _draw_viewport(context, settings, layout)
         _draw_sliders(settings, layout)
-        layout.row().prop(settings, "used", expand=True)
 
 
 def _draw_gallery(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
@@ -82,6 +82,7 @@ def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bp
     kind = shading.type if shading is not None else "RENDERED"
     cycles = context.scene.render.engine == "CYCLES"
     box = layout.box().column()
+    box.use_property_split = False
     if kind in {"SOLID", "WIREFRAME"}:
         paragraph(context, box, iface("This view shows no weather."), icon="INFO")
         box.prop_enum(shading, "type", "RENDERED", text="Rendered view")

@@ -82,10 +82,10 @@ class RaucaWeather(bpy.types.PropertyGroup):
     """One weather in sliders, the list it was picked from, and which weathers the data set gets."""
 
     used: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="For the dataset",
+        name="Dataset gets",
         items=[
             ("LIST", "Whole list", "Every view is rendered in each weather of the list"),
-            ("ONE", "Only this one", "Every view is rendered in the weather of the sliders"),
+            ("ONE", "This one", "Every view is rendered in the weather of the sliders"),
         ],
         description="The weathers in which every view is rendered",
     )
