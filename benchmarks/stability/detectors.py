@@ -26,7 +26,7 @@ class SmallDetector:
 
     name = "small"
     fingerprint = "0123"
-    class_names = ("boat", "car")
+    class_names: tuple[str, ...] = ("boat", "car")
 
     def __init__(self) -> None:
         generator = torch.Generator().manual_seed(0)

@@ -51,8 +51,7 @@ class Journal:
         if self._path.is_file():
             write_bytes(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
         self._pending: list[str] = []
-        purge = step + 1 if step else None
-        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=purge, flush_secs=FLUSH_S)
+        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1, flush_secs=FLUSH_S)
 
     def add(self, report: StepReport) -> None:
         self._pending.append(json.dumps(asdict(report)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..checkpoint_files import POINTER
 from ..contract import Dataset, RaucaError
+from ..contract.files import sweep_partials
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
 from ..environment.distributed import ALONE, Team
@@ -106,6 +107,8 @@ class _Keeper:
 
     def __init__(self, run: Run, out: Path) -> None:
         self._run, self._out, self._saved = run, out, run.step
+        if run.team.leads:
+            sweep_partials(out)  # of a run that was killed in the middle of a file
         self._journal = Journal(out, run.step) if run.team.leads else None
         self._preview = Preview(out)
 

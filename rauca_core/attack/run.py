@@ -73,7 +73,7 @@ class Run:
                 seen, boxes = self._augment(images, boxes_of(batch))
         # Backward passes are cut at the images: the detectors' share can be timed, and a bad frame named.
         with watch.time("detector"):
-            found = self.panel.attack(seen, boxes)
+            found = self._attack(seen, boxes, batch)
         self._check(found, batch)
         with threads(1):
             smooth, extra = self._descend(images, seen, found, batch, watch)
@@ -173,6 +173,18 @@ class Run:
                 images, size=(side, side), mode="bilinear", antialias=True, align_corners=False
             )
         return images, boxes
+
+    def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:
+        try:
+            return self.panel.attack(seen, boxes)
+        except RaucaError as error:  # a detector counts places in the batch, which nobody knows
+            for frame, image in zip(batch, seen, strict=True):
+                if not torch.isfinite(image).all():
+                    raise RaucaError(
+                        f"step {self.step + 1}: the picture of frame {frame.frame.id} is not finite; "
+                        "look at its light maps, then render the frame again or remove it"
+                    ) from error
+            raise
 
     def _descend(
         self, images: Tensor, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch

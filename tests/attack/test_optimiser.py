@@ -237,22 +237,20 @@ EVERY_TERM = {
 }  # fmt: skip
 
 
-def test_two_processes_end_where_one_does(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+def test_two_processes_of_torchrun_end_where_one_does(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
     runs = [settings(batch=3, beta=3.0, **more) for more in ({}, EVERY_TERM)]  # three frames for two: shares differ
-    script = ONE_OF_TWO.replace("{settings}", repr([chosen.model_dump(mode="json") for chosen in runs]))
-    common = {**os.environ, "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", script, str(dataset.folder), str(tmp_path / "pair")],
-            env={**common, "RANK": str(rank), "LOCAL_RANK": str(rank)},
-            cwd=Path(__file__).parents[2],
-        )
-        for rank in range(2)
-    ]
-    assert [process.wait(timeout=180) for process in processes] == [0, 0]
+    script = tmp_path / "one_of_two.py"
+    script.write_text(ONE_OF_TWO.replace("{settings}", repr([chosen.model_dump(mode="json") for chosen in runs])))
+    launcher = ["-m", "torch.distributed.run", "--nproc-per-node", "2", "--master-addr", "127.0.0.1"]
+    subprocess.run(
+        [sys.executable, *launcher, "--master-port", port, str(script), str(dataset.folder), str(tmp_path / "pair")],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "OMP_NUM_THREADS": "1"},
+        timeout=600,
+        check=True,
+    )
     for number, chosen in enumerate(runs):
         pair, alone = tmp_path / "pair" / str(number), tmp_path / "alone" / str(number)
         optimise(dataset, [small_detector], chosen, alone)
