@@ -33,11 +33,16 @@ FREE = "free"
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much work: ``steps`` of ``batch`` frames per camouflage; ``frames`` of ``size`` pixels per weather set."""
+    """How much work: ``steps`` of ``batch`` frames per camouflage; ``frames`` of ``size`` pixels per weather set.
+
+    Attributes:
+        subsamples: of the neural renderer, per pixel and axis; ``samples`` are Cycles', per pixel.
+    """
 
     steps: int = 400
     batch: int = 4
     map_size: int = 512
+    subsamples: int = 12
     frames: int = 64
     size: int = 320
     samples: int = 8
@@ -47,7 +52,7 @@ class Sizes:
         return replace(self, **{name: value for name, value in chosen.items() if value is not None})
 
 
-QUICK = Sizes(steps=24, map_size=256, frames=8, size=160, samples=2)
+QUICK = Sizes(steps=24, batch=2, map_size=256, subsamples=4, frames=8, size=160, samples=2)
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class TradeOff:
         sizes = self.sizes
         return make_settings(
             steps=sizes.steps, batch=sizes.batch, map_size=sizes.map_size, seed=self.seed, threads=self.threads,
-            checkpoint_every=50, name=point.label, natural=point.natural,
+            samples=sizes.subsamples, checkpoint_every=50, name=point.label, natural=point.natural,
         )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def tradeoff(
         str | None, typer.Option(help="to measure with, comma separated; all published ones that are ready by default")
     ] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="of each optimisation; 400 by default")] = None,
-    batch: Annotated[int, typer.Option(min=1, help="frames per step")] = 4,
+    batch: Annotated[int | None, typer.Option(min=1, help="frames per step; 4 by default")] = None,
     map_size: Annotated[int | None, typer.Option(help="side of the UV maps, texels; 512 by default")] = None,
     weathers: Annotated[str, typer.Option(help="of the held-out views: seen, unseen, both or a preset")] = "seen",
     frames: Annotated[int | None, typer.Option(min=1, help="held-out views per weather set; 64 by default")] = None,

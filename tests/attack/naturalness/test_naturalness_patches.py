@@ -57,8 +57,7 @@ def painted(vehicle: Vehicle, size: int, feature_cm: float, **more: object) -> t
     return uv_map, constraints
 
 
-@pytest.mark.parametrize("feature_cm", [30.0, 80.0])
-@pytest.mark.parametrize("palette", [(), ("#202020", "#808080", "#e0d0a0")])
+@pytest.mark.parametrize(("feature_cm", "palette"), [(40.0, ()), (80.0, ("#202020", "#808080", "#e0d0a0"))])
 def test_patches_of_the_sedan_hold_the_disc(feature_cm: float, palette: tuple[str, ...]) -> None:
     vehicle = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     uv_map, _ = painted(vehicle, 256, feature_cm, palette=palette)
