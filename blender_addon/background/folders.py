@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
 import bpy
 
 from ..core import contract
-
-ADD_ON = __package__.rpartition(".")[0]
+from ..own_folder import own_folder
 
 
 def chosen_folder(setting: str, what: str) -> Path:
@@ -45,9 +45,21 @@ def refuse_foreign(folder: Path, mark: str, what: str) -> None:
 
 
 def job_folder() -> Path:
-    """A new folder for what only one job needs: in the extension's own, or the system's for a checkout."""
+    """A new folder for what only one job needs, in the add-on's own; those of dead Blenders are swept away."""
+    base = own_folder() / "jobs"
+    base.mkdir(parents=True, exist_ok=True)
+    for left in base.iterdir():
+        owner = left.name.partition("-")[0]
+        if owner.isdigit() and not _is_alive(int(owner)):
+            shutil.rmtree(left, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=base))
+
+
+def _is_alive(process: int) -> bool:
     try:
-        base = bpy.utils.extension_path_user(ADD_ON, path="jobs", create=True)
-    except ValueError:  # not installed as an extension
-        base = None
-    return Path(tempfile.mkdtemp(prefix="rauca-job-", dir=base))
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass  # another user's
+    return True

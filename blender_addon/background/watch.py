@@ -7,6 +7,7 @@ same settings go on from there another time.
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable
 
 import bpy
@@ -104,6 +105,7 @@ def unregister() -> None:
     for found in _jobs.values():
         if found.alive:
             found.stop()
+            found.task.clean()
     _jobs.clear()
     _when_done.clear()
     if bpy.app.timers.is_registered(_beat):
@@ -112,7 +114,11 @@ def unregister() -> None:
 
 
 def _beat() -> float | None:
-    tick()
+    try:
+        tick()
+    except Exception:
+        # Blender drops a timer that raises, and with it every other job's: tell, and look after them again.
+        traceback.print_exc()
     return INTERVAL_S if any(found.alive for found in _jobs.values()) else None
 
 

@@ -9,6 +9,8 @@ from .. import compat
 from ..background import pictures, watch
 from ..operators.generate_dataset import JOB
 from ..operators.without_denoiser import samples_without_denoiser
+from ..jobs.pace import spoken
+from .cameras import timing
 from .job_view import draw_job, draw_open_folder, job_state
 from .panel import StepPanel, paragraph
 from .state import State
@@ -58,7 +60,8 @@ def state(context: bpy.types.Context) -> State:
         return found
     if not context.scene.rauca.dataset.folder:
         return State("missing", iface("Choose a folder for the data set"))
-    return State("ready", iface("Ready to render"))
+    count, time = timing.frame_count(context), spoken(timing.estimated_seconds(context))
+    return State("ready", iface("Ready: {count} frames, about {time}").format(count=count, time=time))
 
 
 class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form

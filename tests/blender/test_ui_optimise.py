@@ -1,0 +1,242 @@
+"""Step 5: `rauca optimize` in a Python of its own, started, watched, paused and taken up again from the panel."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import sysconfig
+import time
+import venv
+from pathlib import Path
+
+import pytest
+
+from benchmarks.stability.drawn import make_dataset
+from rauca_core.contract import load_camouflage
+
+STEPS = 6
+
+
+@pytest.fixture
+def settings(addon):
+    """The add-on's preferences."""
+    from blender_addon.preferences import preferences
+
+    return preferences(addon.context)
+
+
+@pytest.fixture
+def ready(addon, settings, box_vehicle, tmp_path):
+    """Step 5 ready to start on a small data set: asks for its settings, which loading a file replaces."""
+    settings.python = sys.executable
+    try:
+        addon.ops.rauca.check_python()
+    except RuntimeError as error:
+        pytest.skip(f"no detector to attack here: {error}")
+    for detector in settings.detectors:
+        detector.use = detector.name == min((d.name for d in settings.detectors), key=_lightness)
+    make_dataset(tmp_path / "data", box_vehicle, 64, (40.0, 130.0))
+    step = addon.context.scene.rauca.optimise
+    step.dataset, step.folder = str(tmp_path / "data"), str(tmp_path / "made")
+    step.steps, step.batch, step.map_size = STEPS, 1, 64
+    return lambda: addon.context.scene.rauca.optimise
+
+
+def _lightness(name: str) -> tuple[bool, str]:
+    return name != "yolov3-tiny", name
+
+
+def until(reached, seconds: float = 900.0) -> float:
+    """Let the timer's function run until ``reached``; returns the longest it took of this thread's own time."""
+    from blender_addon.background import watch
+
+    deadline, longest = time.monotonic() + seconds, 0.0
+    while not reached():
+        assert time.monotonic() < deadline
+        begin = time.thread_time()
+        watch.tick()
+        longest = max(longest, time.thread_time() - begin)
+        time.sleep(0.02)
+    return longest
+
+
+def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path):
+    from blender_addon.background import pictures, watch
+    from blender_addon.ui.optimise import state
+
+    assert state(addon.context).words == "Ready to optimise"
+    assert addon.ops.rauca.optimise(wait=False) == {"FINISHED"}
+    job = watch.job("optimise")
+    assert state(addon.context).words == "Reading the data set and the detectors"
+    longest = until(lambda: job.done >= 2)
+    assert state(addon.context).words.startswith(f"{job.done} of {STEPS} steps, about ")
+    assert not addon.ops.rauca.optimise.poll()
+
+    addon.ops.rauca.pause_job(job="optimise")
+    longest = max(longest, until(lambda: job.phase == "paused"))
+    stood = json.loads((tmp_path / "made" / "checkpoints" / "checkpoint.json").read_text())["step"]
+    assert 2 <= stood < STEPS
+    addon.ops.wm.read_homefile(use_empty=True, load_ui=False)
+    addon.ops.rauca.continue_job(job="optimise")
+    longest = max(longest, until(lambda: not job.alive))
+
+    assert job.phase == "done", job.ending
+    written = [json.loads(line) for line in (tmp_path / "made" / "history.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in written] == list(range(1, STEPS + 1))
+    assert job.history["loss"] == [line["loss"] for line in written]
+    assert tuple(pictures.shown("optimise.uv_map").image_size) == (64, 64)
+    for kind in ("painted", "loss"):
+        assert pictures.shown(f"optimise.{kind}") is not None
+    assert load_camouflage(tmp_path / "made" / "camouflage.json").size == 64
+    assert addon.context.scene.rauca.camouflage.file == str(tmp_path / "made" / "camouflage.json")
+    assert longest < 0.1
+
+
+def test_a_stopped_run_goes_on_and_another_one_is_refused(addon, ready, tmp_path):
+    from blender_addon.background import watch
+
+    addon.ops.rauca.optimise(wait=False)
+    until(lambda: watch.job("optimise").done >= 2)
+    addon.ops.rauca.stop_job(job="optimise")
+    until(lambda: not watch.busy("optimise"))
+    first = list(watch.job("optimise").history["loss"])
+    assert watch.job("optimise").phase == "stopped"
+    ready().seed = 1
+    with pytest.raises(RuntimeError, match="seed"):
+        addon.ops.rauca.optimise()
+    ready().seed = 0
+    assert addon.ops.rauca.optimise() == {"FINISHED"}
+    whole = watch.job("optimise").history["loss"]
+    assert len(whole) == STEPS
+    assert whole[: len(first)] == first
+
+
+def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
+    step = addon.context.scene.rauca.optimise
+
+    def refusal() -> str:
+        with pytest.raises(RuntimeError) as refused:
+            addon.ops.rauca.optimise()
+        return str(refused.value)
+
+    assert "Choose the Python in which rauca is installed" in refusal()
+    settings.python = sys.executable
+    assert "Press Check" in refusal()
+    settings.keep(True, "as if checked", ("yolov3-tiny", "yolov4-tiny"))
+    settings.detectors[0].use = False
+    assert "Choose a detector" in refusal()
+    settings.detectors[1].use = True
+    assert "Choose a data set" in refusal()
+    addon.context.scene.rauca.dataset.folder = str(tmp_path / "data")  # step 4's is taken
+    assert "Choose a folder for the camouflage" in refusal()
+    step.folder = str(tmp_path / "made")
+    assert "dataset.json" in refusal()
+    make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
+    plan = tmp_path / "data" / "dataset.json"
+    plan.write_text(plan.read_text().replace('"light": true', '"light": false'))
+    assert "render it again with Light Maps on, in step 4" in refusal()
+    plan.write_text(plan.read_text().replace('"light": false', '"light": true'))
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "letter.txt").write_text("")
+    assert "holds other files and no camouflage" in refusal()
+    assert os.listdir(tmp_path / "made") == ["letter.txt"]
+
+
+def test_a_data_set_in_the_making_is_waited_for(addon, settings, tmp_path):
+    from blender_addon.background import watch
+    from blender_addon.background.dataset_task import DatasetTask
+
+    settings.python = sys.executable
+    settings.keep(True, "as if checked", ("yolov3-tiny",))
+    watch.begin(
+        "dataset",
+        DatasetTask(tmp_path / "data", [sys.executable, "-c", "import time; time.sleep(600)"], tmp_path / "none"),
+    )
+    step = addon.context.scene.rauca.optimise
+    step.dataset, step.folder = str(tmp_path / "data"), str(tmp_path / "made")
+    with pytest.raises(RuntimeError, match="still being rendered; wait for it"):
+        addon.ops.rauca.optimise()
+
+
+def a_python(folder: Path) -> Path:
+    """A new environment of this Python, with nothing in it."""
+    venv.create(folder, with_pip=False, symlinks=True)
+    return folder / "bin" / "python"
+
+
+def a_package(python: Path, name: str, code: str) -> None:
+    site = next((python.parent.parent / "lib").glob("python*")) / "site-packages"
+    (site / f"{name}.py").write_text(code)
+
+
+def checked(addon, settings, python: Path) -> str:
+    settings.python = str(python)
+    assert (settings.ready, settings.verdict) == (False, "")
+    with pytest.raises(RuntimeError):
+        addon.ops.rauca.check_python()
+    assert not settings.ready
+    return settings.verdict
+
+
+def test_the_check_says_what_is_missing(addon, settings, tmp_path):
+    assert not addon.ops.rauca.check_python.poll()
+    assert "is not there" in checked(addon, settings, tmp_path / "none")
+    assert "is not a Python" in checked(addon, settings, Path("/bin/ls"))
+    old = tmp_path / "old-python"
+    old.write_text(
+        f'#!/bin/sh\nexec "{sys.executable}" -c "import sys; sys.version_info = (3, 9, 2); exec(sys.argv[1])" "$2"\n'
+    )
+    old.chmod(0o700)
+    assert checked(addon, settings, old).startswith("Python 3.9.2 is too old: choose 3.11 or newer")
+    bare = a_python(tmp_path / "bare")
+    assert checked(addon, settings, bare) == f"torch is missing: run {bare} -m pip install torch"
+    a_package(bare, "torch", "raise ImportError('libtorch.so: cannot open')")
+    assert "torch does not load (libtorch.so: cannot open); install it again" in checked(addon, settings, bare)
+    a_package(bare, "torch", "import os; os.abort()")
+    assert "torch brings" in checked(addon, settings, bare)
+
+
+def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path):
+    python = a_python(tmp_path / "torch-only")
+    site = Path(sysconfig.get_paths()["purelib"])
+    here = next((python.parent.parent / "lib").glob("python*")) / "site-packages"
+    for entry in site.iterdir():
+        if "rauca" not in entry.name and entry.suffix != ".pth" and not (here / entry.name).exists():
+            (here / entry.name).symlink_to(entry)
+    assert checked(addon, settings, python) == f"rauca is missing: run {python} -m pip install rauca"
+
+
+def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
+    from blender_addon.background import watch
+    from blender_addon.ui.optimise import state
+
+    settings.python = sys.executable
+    assert state(addon.context).words == "Check the chosen Python"
+    addon.ops.rauca.check_python(wait=False)
+    assert state(addon.context).words == "Checking the chosen Python"
+    assert not addon.ops.rauca.check_python.poll()
+    assert until(lambda: not watch.busy("check")) < 0.1
+    watch.tick()
+    assert settings.verdict.startswith(("Python 3.", "There are no detectors yet"))
+    if settings.ready:
+        assert settings.chosen_detectors() == [settings.detectors[0].name]
+    settings.python = "/another"
+    assert not settings.ready
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        ({"speaks": False, "detectors": ["a"]}, "rauca 0.0.1 is older than this extension"),
+        ({"speaks": True, "detectors": []}, "rauca weights fetch --all"),
+        ({"speaks": True, "detectors": ["a"]}, "torch 2 on CPU, rauca 0.0.1 and 1 detectors"),
+    ],
+)
+def test_verdicts_on_raucas_own_state(bpy_module, found, words):
+    from blender_addon.background.python_check import verdict
+
+    told = {"version": [3, 12, 1], "torch": "2", "device": "CPU", "rauca": "0.0.1", **found}
+    judged = verdict(Path(sys.executable), told)
+    assert words in judged.text.format(**judged.values)
+    assert judged.ready == (found["speaks"] and bool(found["detectors"]))
