@@ -95,3 +95,13 @@ def test_smooth_loss_counts_pairs_inside_the_mask_only() -> None:
     assert float(smooth(values).detach()) == pytest.approx(total / size**2)
     assert torch.autograd.gradcheck(smooth, values)
     assert float(smooth(torch.full((len(texels), 3), 0.3))) == 0.0
+
+
+def test_boxes_without_end_overlap_nothing_and_have_no_gradient() -> None:
+    inf = math.inf
+    boxes = torch.tensor([[[-inf, -inf, inf, inf], [0, 0, 9, inf], [0, 0, 9, 10], [1e30, 0, 1e38, 9]]]).requires_grad_()
+    overlap = box_overlap(boxes, torch.tensor([[0.0, 0.0, 10.0, 10.0]]))
+    assert overlap[0].tolist() == pytest.approx([0.0, 0.0, 0.9, 0.0], abs=1e-4)
+    overlap.sum().backward()
+    assert torch.isfinite(boxes.grad).all()
+    assert boxes.grad[0, 2].abs().sum() > 0
