@@ -7,9 +7,9 @@ from bpy.app.translations import pgettext_iface as iface
 
 from .. import compat
 from ..background import pictures, watch
+from ..jobs.pace import spoken
 from ..operators.generate_dataset import JOB
 from ..operators.without_denoiser import samples_without_denoiser
-from ..jobs.pace import spoken
 from .cameras import timing
 from .job_view import draw_job, draw_open_folder, job_state
 from .panel import StepPanel, paragraph
