@@ -38,6 +38,11 @@ def path_options() -> set[str]:
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
+def shader_tree(material: bpy.types.Material) -> bpy.types.NodeTree | None:
+    """The tree that gives a material its look; None where one of before 5.0 goes without."""
+    return material.node_tree if bpy.app.version >= (5, 0, 0) or material.use_nodes else None
+
+
 def march_volumes(scene: bpy.types.Scene, march: bool) -> None:
     """March through volumes in steps, or track collisions in them; before 5.0 Blender always marches."""
     if hasattr(scene.cycles, "volume_biased"):

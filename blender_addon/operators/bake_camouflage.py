@@ -140,9 +140,9 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
             if surface.vehicle.uvs[surface.paint].shape != task.source_uvs.shape:
                 raise contract.RaucaError(f"{surface.vehicle.name}: changed while it was baked; bake again")
             finish_bake(surface, coat, settings.layer, task, baked, path)
-        settings.psnr_db, settings.baked_layer, settings.file = baked.psnr_db, settings.layer, str(path)
-        text = rpt("Baked to {file}: {decibels:.1f} dB against the camouflage on the surface")
-        self.report({"INFO"}, text.format(file=path.name, decibels=baked.psnr_db))
+        settings.difference, settings.baked_layer, settings.file = baked.difference, settings.layer, str(path)
+        text = rpt("Baked to {file}: colours differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
+        self.report({"INFO"}, text.format(file=path.name, share=baked.difference, decibels=baked.psnr_db))
 
     def _end(self, context: bpy.types.Context) -> None:
         global running

@@ -11,9 +11,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import contract, files
+from ..core import colour, contract, files
 from . import nodes
 from .coating import PAINTED, Coat, take_off
+from .images import image_linear
 from .render import silenced
 from .surface import Surface
 
@@ -27,7 +28,11 @@ def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: 
     image = coat.image("baked")
     if image is None:
         raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 7)")
-    with _copies(context, surface, _Plain(image, layer)), tempfile.TemporaryDirectory(prefix="rauca-") as folder:
+    with (
+        _as_bytes(image) as picture,
+        _copies(context, surface, _Plain(picture, layer)),
+        tempfile.TemporaryDirectory(prefix="rauca-") as folder,
+    ):
         written = Path(folder) / "vehicle.glb"
         with silenced():
             bpy.ops.export_scene.gltf(
@@ -41,6 +46,21 @@ def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: 
         if not written.is_file():
             raise contract.RaucaError("Blender's glTF exporter wrote nothing; enable the add-on “glTF 2.0 format”")
         files.write_bytes(path, written.read_bytes())
+
+
+@contextlib.contextmanager
+def _as_bytes(image: bpy.types.Image) -> Iterator[bpy.types.Image]:
+    """Within: an 8-bit sRGB copy of a linear float image, which glTF can hold."""
+    width, height = image.size
+    copy = bpy.data.images.new(image.name, width, height, alpha=False)
+    try:
+        pixels = np.ones((height, width, 4), np.float32)
+        pixels[..., :3] = colour.srgb_from_linear(image_linear(image)[::-1])
+        copy.pixels.foreach_set(pixels.ravel())
+        copy.pack()
+        yield copy
+    finally:
+        bpy.data.images.remove(copy)
 
 
 @dataclass(frozen=True, eq=False)

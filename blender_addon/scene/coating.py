@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 
+from .. import compat
 from ..core import contract
 from . import nodes
 
@@ -85,8 +86,8 @@ def coat_of(material: bpy.types.Material | None) -> Coat | None:
     return Coat(node.node_tree) if node is not None and node.type == "GROUP" and node.node_tree is not None else None
 
 
-def require_coatable(material: bpy.types.Material | None, where: str) -> None:
-    """Refuse a material that cannot take a coat.
+def require_coatable(material: bpy.types.Material | None, where: str) -> bpy.types.Material:
+    """The material, if it can take a coat.
 
     Raises:
         RaucaError: there is none, it is linked from another file, or it has no Principled BSDF.
@@ -99,6 +100,7 @@ def require_coatable(material: bpy.types.Material | None, where: str) -> None:
         )
     if not _shaders(material):
         raise contract.RaucaError(f"{material.name}: has no Principled BSDF; use one for the paint's surface")
+    return material
 
 
 def put_on(material: bpy.types.Material, coat: Coat, atlas_layer: str) -> None:
@@ -161,7 +163,7 @@ def _route(tree: bpy.types.NodeTree, target: bpy.types.NodeSocket, group: bpy.ty
 
 
 def _shaders(material: bpy.types.Material) -> list[bpy.types.Node]:
-    tree = material.node_tree if material.use_nodes else None
+    tree = compat.shader_tree(material)
     return [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"] if tree is not None else []
 
 

@@ -95,8 +95,8 @@ def _check(surface: Surface, pieces: list[tuple[Piece, slice]], layers: list[str
         data = piece.owner.data
         if piece.owner.type != "MESH" or data.library is not None:
             require_own_faces([piece])
-        for material in surface.materials(span):
-            require_coatable(material, piece.owner.name)
+        for worn in surface.materials(span):
+            material = require_coatable(worn, piece.owner.name)
             other = used.setdefault(material, layer or UV_LAYER)
             if other != (layer or UV_LAYER):
                 raise contract.RaucaError(

@@ -40,10 +40,9 @@ def test_apply_adds_the_painted_vehicle(addon, tmp_path):
     settings = addon.context.scene.rauca
     settings.camouflage.file = str(a_camouflage(tmp_path, vehicle.atlas_id))
     assert addon.ops.rauca.apply_camouflage() == {"FINISHED"}
-    painted = addon.data.objects["sedan pink"]
+    painted = addon.data.objects["sedan"]
     assert len(painted.data.polygons) == len(vehicle.triangles)
-    image = next(n.image for n in painted.material_slots[0].material.node_tree.nodes if n.name == "paint map")
-    assert image.packed_file is not None
+    assert settings.camouflage.coat.nodes["camouflage"].image.packed_file is not None
 
 
 def test_apply_refuses_another_atlas_and_changes_nothing(addon, tmp_path):

@@ -8,7 +8,7 @@ SIZES = (512, 1024, 2048, 4096)
 
 
 class RaucaBake(bpy.types.PropertyGroup):
-    """Where the camouflage goes; ``baked_layer``, ``file`` and ``psnr_db`` tell of the last bake."""
+    """Where the camouflage goes; ``baked_layer``, ``file`` and ``difference`` tell of the last bake."""
 
     layer: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="UV layer", description="The UV layer to bake into; empty: the only one beside the camouflage's own"
@@ -28,4 +28,4 @@ class RaucaBake(bpy.types.PropertyGroup):
     )
     baked_layer: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
     file: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    psnr_db: bpy.props.FloatProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    difference: bpy.props.FloatProperty(options={"HIDDEN"})  # type: ignore[valid-type]

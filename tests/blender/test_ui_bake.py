@@ -1,0 +1,189 @@
+"""Step 7 as an artist uses it: the camouflage in another UV layer, as PNG, in the .blend and as GLB."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from rauca_core.images import read_image
+
+bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+from .painted_box import a_camouflage, a_layer, painted_box, words  # noqa: E402 - after the skip
+
+
+@pytest.fixture
+def bake(tmp_path):
+    """The step's settings, in an empty scene, writing to a folder."""
+    import blender_addon
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    blender_addon.register()
+    settings = bpy.context.scene.rauca.bake
+    settings.folder, settings.size = str(tmp_path / "out"), "512"
+    yield settings
+    blender_addon.unregister()
+
+
+def refused(bake, tmp_path) -> str:
+    """What the bake says when it refuses; nothing was written."""
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.rauca.bake()
+    assert not (tmp_path / "out").exists()
+    assert bpy.context.scene.rauca.camouflage.coat.nodes["baked"].image is None
+    return words(error)
+
+
+def test_bake_writes_packs_and_shows(bake, tmp_path):
+    from blender_addon.ui.bake import state
+
+    assert state(bpy.context).words == "Apply a camouflage first"
+    assert not bpy.ops.rauca.bake.poll()
+    box = painted_box(tmp_path)
+    a_layer(box, "other")
+    assert state(bpy.context).kind == "ready"
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.rauca.bake("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert read_image(tmp_path / "out" / "Box-spots-other.png").shape == (512, 512, 3)
+    settings = bpy.context.scene.rauca
+    assert settings.bake.layer == "other"
+    assert settings.bake.difference < 0.02
+    coat = settings.camouflage.coat
+    assert coat.nodes["baked"].image.packed_file is not None
+    nodes = bpy.data.materials["body paint"].node_tree.nodes
+    assert (nodes["rauca baked UVs"].uv_map, nodes["rauca atlas UVs"].uv_map) == ("other", "UVMap")
+    assert state(bpy.context).kind == "done"
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["Box-spots-other.png"]
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.rauca.camouflage.coat.nodes["baked"].image is None
+
+
+def test_the_round_trip_is_seen_alike_on_a_car(bake, tmp_path):
+    from blender_addon.operators.on_vehicle import painted_surface
+    from blender_addon.scene.bake_check import daylight, look_around, round_trip
+    from blender_addon.scene.shipped import load_shipped
+
+    texels = np.random.default_rng(1).random((16, 16, 3)).repeat(16, axis=0).repeat(16, axis=1) * 255
+    a_camouflage(tmp_path, texels.astype(np.uint8), load_shipped("sedan").atlas_id, "sedan")
+    bpy.ops.rauca.apply_camouflage()
+    assert bpy.ops.rauca.new_uv_layer() == {"FINISHED"}
+    bake.size = "1024"
+    assert bpy.ops.rauca.bake() == {"FINISHED"}
+    surface, coat = painted_surface(bpy.context)
+    daylight(bpy.context.scene)
+    seen = round_trip(bpy.context.scene, coat, look_around(surface, 128, [40.0]), samples=2)
+    assert seen.paint_db > 38
+    assert seen.vehicle_db > seen.paint_db
+
+
+def test_the_only_other_layer_is_taken_and_of_several_one_is_asked_for(bake, tmp_path):
+    box = painted_box(tmp_path)
+    assert "has no UV layer beside the camouflage's own" in refused(bake, tmp_path)
+    a_layer(box, "one")
+    a_layer(box, "two")
+    assert "several UV layers: 'one', 'two'; choose" in refused(bake, tmp_path)
+    bake.layer = "three"
+    assert "UV layer 'three'" in refused(bake, tmp_path)
+    bake.layer = "two"
+    assert bpy.ops.rauca.bake() == {"FINISHED"}
+
+
+def test_layers_that_cannot_hold_the_camouflage_are_refused(bake, tmp_path):
+    box = painted_box(tmp_path)
+    a_layer(box, "big", scale=2.0)
+    bake.layer = "big"
+    assert "reach beyond the image" in refused(bake, tmp_path)
+    a_layer(box, "stacked", scale=1e-9)
+    bake.layer = "stacked"
+    assert "of the paint has no place in it" in refused(bake, tmp_path)
+    for loop in box.data.uv_layers["stacked"].uv:
+        loop.vector = (0.0, 0.0)
+    for polygon in box.data.polygons:
+        for corner, loop in zip(((0, 0), (0, 1), (1, 1), (1, 0)), polygon.loop_indices, strict=True):
+            box.data.uv_layers["stacked"].uv[loop].vector = corner
+    assert "100% of its texels lie on two parts at once" in refused(bake, tmp_path)
+    bake.allow_overlaps = True
+    assert bpy.ops.rauca.bake() == {"FINISHED"}
+
+
+def test_other_tiles_are_the_same_image_repeated(bake, tmp_path):
+    box = painted_box(tmp_path)
+    a_layer(box, "here")
+    a_layer(box, "next door", shift=1.0)
+    pictures = []
+    for layer in ("here", "next door"):
+        bake.layer = layer
+        assert bpy.ops.rauca.bake() == {"FINISHED"}
+        pictures.append(read_image(tmp_path / "out" / f"{bpy.path.clean_name('Box-spots-' + layer)}.png"))
+    assert np.abs(pictures[0].astype(int) - pictures[1]).max() <= 2
+    assert bpy.context.scene.rauca.camouflage.coat.nodes["baked"].extension == "REPEAT"
+
+
+def test_folders_that_cannot_be_written_to_and_lost_images_are_told(bake, tmp_path):
+    box = painted_box(tmp_path)
+    a_layer(box, "other")
+    bake.folder = ""
+    assert "Choose a folder for the baked image" in refused(bake, tmp_path)
+    bake.folder = str(tmp_path / "made" / "spots.json")
+    assert "is a file, not a folder" in refused(bake, tmp_path)
+    bake.folder = str(tmp_path / "out")
+    bpy.data.images.remove(bpy.context.scene.rauca.camouflage.coat.nodes["camouflage"].image)
+    assert "image is gone from this file; apply the camouflage again" in refused(bake, tmp_path)
+
+
+def test_modifiers_and_a_changed_vehicle_are_told(bake, tmp_path):
+    box = painted_box(tmp_path)
+    a_layer(box, "other")
+    box.modifiers.new("more", "SUBSURF").subdivision_type = "SIMPLE"
+    assert "apply" in refused(bake, tmp_path)
+    box.modifiers.clear()
+    box.data.polygons[0].material_index = 1
+    assert "changed since the camouflage was applied" in refused(bake, tmp_path)
+
+
+def test_glb_holds_the_baked_image_and_leaves_the_scene(bake, tmp_path):
+    box = painted_box(tmp_path)
+    a_layer(box, "other")
+    assert not bpy.ops.rauca.export_glb.poll()
+    bpy.ops.rauca.bake()
+    before = sorted(bpy.data.objects.keys()), sorted(bpy.data.materials.keys()), sorted(bpy.data.images.keys())
+    assert bpy.ops.rauca.export_glb(filepath=str(tmp_path / "car.glb")) == {"FINISHED"}
+    assert before == (
+        sorted(bpy.data.objects.keys()), sorted(bpy.data.materials.keys()), sorted(bpy.data.images.keys())
+    )  # fmt: skip
+    data = (tmp_path / "car.glb").read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20 : 20 + length])
+    texture = next(m for m in document["materials"] if "baseColorTexture" in m["pbrMetallicRoughness"])
+    used = document["textures"][texture["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+    view = document["bufferViews"][document["images"][used["source"]]["bufferView"]]
+    start = 20 + length + 8 + view.get("byteOffset", 0)
+    (tmp_path / "held.png").write_bytes(data[start : start + view["byteLength"]])
+    written = read_image(tmp_path / "out" / "Box-spots-other.png")
+    assert np.abs(read_image(tmp_path / "held.png").astype(int) - written).max() <= 1
+    assert texture["pbrMetallicRoughness"]["metallicFactor"] == 0
+
+
+def test_a_bake_beside_the_window_stops_when_asked(bake, tmp_path):
+    from blender_addon.operators.bake_camouflage import BakeRun
+    from blender_addon.operators.on_vehicle import painted_surface
+    from blender_addon.scene.bake import prepare_bake
+
+    box = painted_box(tmp_path)
+    a_layer(box, "other")
+    surface, coat = painted_surface(bpy.context)
+    task = prepare_bake(surface, coat, "other", 512, False)
+    whole, given_up = BakeRun(task), BakeRun(task)
+    given_up.stop()
+    for run in (whole, given_up):
+        run.start()
+    for run in (whole, given_up):
+        run.join(60)
+    assert whole.result is not None
+    assert whole.done == 1.0
+    assert given_up.result is None
+    assert given_up.error == ""
+    assert given_up.done < 1.0

@@ -1,0 +1,259 @@
+"""Step 6 as an artist uses it: a camouflage goes over the materials and off again; boxes of an evaluation are found."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from rauca_core.contract import Camera, Frame, Weather
+from rauca_core.contract.files import write_json
+from rauca_core.evaluate.detection_cache import DetectionSettings
+from rauca_core.evaluate.results import AXES, Estimate, FrameRow, ImageRow, Results, save_results
+
+bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+from .painted_box import a_box, a_camouflage, painted_box, words  # noqa: E402 - after the skip
+
+
+@pytest.fixture
+def rauca():
+    """The scene's settings, in an empty scene."""
+    import blender_addon
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    blender_addon.register()
+    yield bpy.context.scene.rauca
+    blender_addon.unregister()
+
+
+def step(name: str):
+    from blender_addon.ui import camouflage
+
+    return camouflage.state(bpy.context) if name == "state" else None
+
+
+def test_the_paint_is_covered_and_given_back(rauca, tmp_path):
+    box = a_box()
+    tree = box.data.materials[0].node_tree
+    shader = tree.nodes["Principled BSDF"]
+    before = len(tree.nodes), len(tree.links), tuple(shader.inputs["Base Color"].default_value)
+    atlas = rauca.vehicle.chosen(bpy.context).atlas_id
+    a_camouflage(tmp_path)
+    assert step("state").kind == "ready"
+    assert bpy.ops.rauca.apply_camouflage() == {"FINISHED"}
+    assert [slot.material.name for slot in box.material_slots] == ["body paint", "glass"]
+    assert shader.inputs["Base Color"].is_linked
+    assert shader.inputs["Metallic"].is_linked
+    assert not box.data.materials[1].node_tree.nodes["Principled BSDF"].inputs["Base Color"].is_linked
+    marks = [value.value for value in box.data.attributes["rauca_painted"].data]
+    assert marks == [float(polygon.material_index == 0) for polygon in box.data.polygons]
+    assert rauca.vehicle.chosen(bpy.context).atlas_id == atlas  # the vehicle is still the one it was made for
+    assert step("state").words == "The vehicle wears spots"
+    assert bpy.ops.rauca.remove_camouflage() == {"FINISHED"}
+    assert before == (len(tree.nodes), len(tree.links), tuple(shader.inputs["Base Color"].default_value))
+    assert not shader.inputs["Base Color"].is_linked
+    assert "rauca_painted" not in box.data.attributes
+    assert not bpy.data.images
+    assert not bpy.data.node_groups
+    assert not bpy.ops.rauca.remove_camouflage.poll()
+
+
+def test_a_texture_below_stays_the_vehicles_own(rauca, tmp_path):
+    box = a_box()
+    tree = box.data.materials[0].node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("bodywork", 128, 128)
+    shader = tree.nodes["Principled BSDF"]
+    tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    atlas = rauca.vehicle.chosen(bpy.context).atlas_id
+    a_camouflage(tmp_path)
+    for _ in range(2):  # on top of itself it is replaced
+        bpy.ops.rauca.apply_camouflage()
+        assert rauca.vehicle.chosen(bpy.context).atlas_id == atlas
+    assert sum(node.type == "GROUP" for node in tree.nodes) == 1
+    bpy.ops.rauca.remove_camouflage()
+    assert shader.inputs["Base Color"].links[0].from_node == texture
+
+
+def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
+    from blender_addon.operators.on_vehicle import painted_surface
+    from blender_addon.scene.bake_check import daylight, look_around
+    from blender_addon.scene.camera import place
+    from blender_addon.scene.render import prepare, render_linear
+    from rauca_core.contract import Quality
+
+    a_box()
+    a_camouflage(tmp_path, np.full((8, 8, 3), (0, 255, 0), np.uint8))
+    bpy.ops.rauca.apply_camouflage()
+    scene = bpy.context.scene
+    surface, _coat = painted_surface(bpy.context)
+    daylight(scene)
+    prepare(scene)
+    scene.render.film_transparent = True
+    place(scene, look_around(surface, 48, [30.0])[0])
+    shots = {}
+    for which in ("ORIGINAL", "CAMOUFLAGE"):
+        assert bpy.ops.rauca.show_paint(which=which) == {"FINISHED"}
+        shots[which] = render_linear(scene, Quality(4, denoise=False), seed=1)[..., :3]
+    bpy.ops.rauca.remove_camouflage()
+    bare = render_linear(scene, Quality(4, denoise=False), seed=1)[..., :3]
+    assert np.abs(bare - shots["ORIGINAL"]).max() < 1e-4
+    changed = np.abs(bare - shots["CAMOUFLAGE"]).max(axis=2) > 0.02
+    there = bare.max(axis=2) > 0.02
+    assert 0.3 < changed[there].mean() < 0.95  # the sides, but not the roof
+    green = shots["CAMOUFLAGE"][changed].mean(axis=0)
+    assert green[1] > 3 * green[0]
+
+
+def test_toggle_and_undo(rauca, tmp_path):
+    painted_box(tmp_path)
+    bpy.ops.ed.undo_push(message="painted")
+    assert bpy.ops.rauca.show_paint("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert step("state").words == "The original paint shows; spots is hidden"
+    bpy.ops.ed.undo()
+    assert step("state").words == "The vehicle wears spots"
+    with pytest.raises(RuntimeError, match="Nothing is baked yet"):
+        bpy.ops.rauca.show_paint(which="BAKED")
+    bpy.ops.rauca.remove_camouflage("EXEC_DEFAULT", True)
+    bpy.ops.ed.undo()
+    assert bpy.data.materials["body paint"].node_tree.nodes["rauca camouflage"].node_tree is not None
+    assert bpy.context.scene.rauca.camouflage.coat.nodes["camouflage"].image.packed_file is not None
+
+
+def test_the_vehicle_it_was_made_for_is_added(rauca, tmp_path):
+    from blender_addon.scene.shipped import load_shipped
+
+    a_camouflage(tmp_path, atlas_id=load_shipped("sedan").atlas_id, vehicle="sedan")
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.rauca.apply_camouflage("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert bpy.context.scene.rauca.vehicle.object == bpy.data.objects["sedan"]
+    bpy.ops.ed.undo()
+    assert "sedan" not in bpy.context.scene.objects
+    rauca = bpy.context.scene.rauca
+    rauca.vehicle.origin, rauca.vehicle.file = "FILE", "sedan"
+    for _ in range(2):  # the second time it is there
+        assert bpy.ops.rauca.apply_camouflage() == {"FINISHED"}
+        assert len(bpy.context.scene.objects) == 1
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda box: None, "made for the UV atlas 0000000000000000 of Box"),
+        (lambda box: setattr(bpy.context.scene.rauca.camouflage, "file", ""), "choose its .json or .png file"),
+        (lambda box: setattr(bpy.context.scene.rauca.camouflage, "file", "/nowhere/c.json"), "not found"),
+        (lambda box: box.data.materials[0].node_tree.nodes.clear(), "has no Principled BSDF"),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_nothing_changes(rauca, tmp_path, spoil, told):
+    box = a_box()
+    fits = "0" * 16 if "0000" in told else ""
+    a_camouflage(tmp_path, atlas_id=fits)
+    spoil(box)
+    nodes = len(box.data.materials[0].node_tree.nodes)
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.rauca.apply_camouflage()
+    assert told in words(error)
+    assert len(box.data.materials[0].node_tree.nodes) == nodes
+    assert not bpy.data.images
+    assert "rauca_painted" not in box.data.attributes
+
+
+def test_a_missing_image_and_no_vehicle_are_told(rauca, tmp_path):
+    path = a_camouflage(tmp_path, atlas_id="0" * 16)
+    with pytest.raises(RuntimeError, match="pick an object of this scene or add a vehicle"):
+        bpy.ops.rauca.apply_camouflage()
+    a_box()
+    path.with_suffix(".png").unlink()
+    with pytest.raises(RuntimeError, match=r"keep the \.png beside the \.json"):
+        bpy.ops.rauca.apply_camouflage()
+
+
+def test_modifiers_that_add_faces_keep_the_paint(rauca, tmp_path):
+    box = a_box()
+    box.modifiers.new("more", "SUBSURF").subdivision_type = "SIMPLE"
+    a_camouflage(tmp_path)
+    assert bpy.ops.rauca.apply_camouflage() == {"FINISHED"}
+    assert sum(value.value for value in box.data.attributes["rauca_painted"].data) == 5
+
+
+def an_evaluation(folder, box_frame: Camera) -> None:
+    """A study's results of one view in two weathers: found as it was, and with a low score in camouflage."""
+    frames, images = [], {"normal": [], "spots": []}
+    (folder / "detections").mkdir(parents=True)
+    lines = []
+    for weather in ("clear", "fog"):
+        name = f"L00-V000-{weather}"
+        frame = Frame(
+            name, 0, 0, box_frame, np.eye(4), Weather(weather, 40.0), 30.0, 10.0, 8.0, (10, 20, 50, 60), 1.0, 1
+        )
+        write_json(folder / "frames" / name / "frame.json", frame.to_json())
+        numbers = dict.fromkeys(AXES, 1.0)
+        frames.append(FrameRow(name, weather, **numbers, box_xyxy=(10, 20, 50, 60)))
+        for paint, score in (("normal", 0.9), ("spots", 0.1)):
+            sha = hashlib.sha256(f"{name}{paint}".encode()).hexdigest()
+            images[paint].append(ImageRow(f"frames/{name}/image.png", sha))
+            lines.append({"image": sha, "boxes": [[10, 20, 50, 60]], "scores": [score], "names": ["car"]})
+    (folder / "detections" / "eye-0123456789ab.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines) + "{cut")
+    (folder / "detections" / "eye-wide-0123456789ab.jsonl").write_text("")
+    none = Estimate(1.0, 1.0, 1.0)
+    save_results(
+        folder / "results.json",
+        Results(
+            dataset="d",
+            settings=DetectionSettings(),
+            resamples=1,
+            seed=0,
+            detectors={"eye": "f", "eye-wide": "g"},
+            frames=tuple(frames),
+            dropped=(),
+            table={paint: dict.fromkeys(("eye", "eye-wide", "mean"), none) for paint in images},
+            groups=dict.fromkeys(AXES, ()),
+            images={paint: tuple(rows) for paint, rows in images.items()},
+        ),
+    )
+
+
+def test_boxes_of_the_evaluated_view(rauca, tmp_path):
+    from blender_addon.ui.camouflage import boxes, panel, sights
+
+    camera = Camera.look_at(np.array([9.0, 4.0, 3.0]), np.array([0, 0, 0.7]), 40.0, 64, 64)
+    an_evaluation(tmp_path, camera)
+    box = painted_box(tmp_path)  # beside the evaluation: it is found by itself
+    scene = bpy.context.scene
+    assert rauca.camouflage.study == str(tmp_path)
+    assert panel._missing(bpy.context) in ("Reading the evaluation …", "")
+    views = sights.load_now(rauca.camouflage.study)
+    assert panel._missing(bpy.context) == ""
+    assert sights.same_view(scene, views) == []
+    assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
+    seen = sights.same_view(scene, views)
+    assert [sight.weather for sight in seen] == ["clear", "fog"]
+    assert boxes.shown_detections(scene, seen[0]) == []  # the camouflage works
+    bpy.ops.rauca.show_paint(which="ORIGINAL")
+    ((detector, found),) = boxes.shown_detections(scene, seen[0])
+    assert (detector, found.box, found.score, found.name) == ("eye", (10, 20, 50, 60), 0.9, "car")
+    bpy.ops.rauca.evaluated_view(step="WEATHER")
+    assert rauca.camouflage.frame == "L00-V000-fog"
+    box.location.x += 3.0  # the vehicle moves, and the view with it
+    bpy.context.view_layer.update()
+    assert sights.same_view(scene, views) == []
+    bpy.ops.rauca.evaluated_view(step="NEAREST")
+    assert len(sights.same_view(scene, views)) == 2
+    scene.camera.location.z += 1.0
+    bpy.context.view_layer.update()
+    assert sights.same_view(scene, views) == []
+
+
+def test_no_evaluation_is_told_in_words(rauca, tmp_path):
+    from blender_addon.ui.camouflage import panel
+
+    painted_box(tmp_path)
+    assert not bpy.ops.rauca.evaluated_view.poll()
+    assert "No evaluation yet" in panel._missing(bpy.context)
+    rauca.camouflage.study = str(tmp_path)
+    with pytest.raises(RuntimeError, match="holds no evaluation"):
+        bpy.ops.rauca.evaluated_view()
