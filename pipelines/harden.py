@@ -112,6 +112,13 @@ def _contestants(wish: Wish) -> list[Contestant]:
 def _vehicles(wish: Wish, contestants: Sequence[Contestant]) -> Mapping[VehicleChoice, list[Contestant]]:
     """The vehicles of the held-out camouflages, each with a data set to train on."""
     first = {read_plan(folder).atlas_id: Dataset(folder).vehicle_folder for folder in reversed(wish.data)}
+    for contestant in contestants:
+        record = contestant.record
+        if record.atlas_id not in first:
+            raise RaucaError(
+                f"{contestant.path}: made for {record.vehicle_name} (UV atlas {record.atlas_id}), which no data set "
+                "shows; add one of that vehicle with --data"
+            )
     chosen = match(contestants, [read_vehicle_choice(folder) for folder in first.values()], everyone=False)
     atlases = {vehicle.atlas_id for vehicle in chosen}
     for folder in wish.views:
