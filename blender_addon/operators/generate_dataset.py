@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from pathlib import Path
+
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
@@ -12,6 +15,7 @@ from ..background.dataset_task import DatasetTask
 from ..background.folders import chosen_folder, job_folder, refuse_foreign
 from ..child import child_command
 from ..core import contract
+from ..ui.cameras import timing
 from .background_operator import BackgroundOperator
 from .without_denoiser import samples_without_denoiser
 
@@ -48,7 +52,14 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
         scratch = job_folder()
         vehicle.save(scratch / "vehicle")
         arguments = dataset_arguments(context, folder, scratch / "vehicle")
-        watch.begin(JOB, DatasetTask(folder, child_command("make_dataset", arguments), scratch))
+        task = DatasetTask(folder, child_command("make_dataset", arguments), scratch)
+        watch.begin(JOB, task, lambda job: _learn_pace(folder))
+
+
+def _learn_pace(folder: Path) -> None:
+    """The next estimate of step 3 builds on this job; a job that ended without frames teaches nothing."""
+    with contextlib.suppress(contract.RaucaError):
+        timing.learn(folder)
 
 
 CLASSES = (RAUCA_OT_generate_dataset,)

@@ -20,7 +20,7 @@ from .properties import RaucaCameras
 # Linear colours and widths in pixels, in drawing order.
 STYLES = {
     "circles": ((0.55, 0.75, 1.0, 0.35), 1.0),
-    "ranges": ((1.0, 0.62, 0.2, 0.55), 1.0),
+    "ranges": ((1.0, 0.62, 0.2, 0.35), 1.0),
     "cameras": ((0.45, 0.72, 1.0, 0.95), 1.5),
     "chosen": ((1.0, 0.75, 0.15, 1.0), 2.5),
 }
@@ -58,7 +58,7 @@ def _draw() -> None:
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_test_set("ALWAYS" if _in_fog(context) else "LESS_EQUAL")
     gpu.state.depth_mask_set(False)
     scale = context.preferences.system.pixel_size
     for name, batch in batches.items():
@@ -69,6 +69,12 @@ def _draw() -> None:
     gpu.state.depth_mask_set(True)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
+
+
+def _in_fog(context: bpy.types.Context) -> bool:
+    """Whether the fog's box is in the depths of this view: Cycles puts it there as if it were solid."""
+    box = context.scene.rauca.weather.shown.fog
+    return box is not None and not box.hide_viewport and context.space_data.shading.type == "RENDERED"
 
 
 def _batches(context: bpy.types.Context, settings: RaucaCameras, around: Anchor) -> dict[str, gpu.types.GPUBatch]:

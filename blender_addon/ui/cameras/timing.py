@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
-from ...estimate import Pace, Work, recall
+from ...estimate import Pace, Work, measure, recall, remember
 from ...own_folder import own_folder
 
 _kept: list[Pace] = []  # read once: panels are drawn often
@@ -20,6 +22,19 @@ def pace() -> Pace:
 def forget() -> None:
     """Read the pace again when it is next asked for."""
     _kept.clear()
+
+
+def learn(dataset: Path) -> None:
+    """Take the pace from a data set that was rendered here; too few frames change nothing.
+
+    Raises:
+        RaucaError: the folder holds no data set, or the pace cannot be kept.
+    """
+    measured = measure(dataset)
+    if measured is None:
+        return
+    _kept[:] = [measured]
+    remember(measured, own_folder())
 
 
 def frame_count(context: bpy.types.Context) -> int:

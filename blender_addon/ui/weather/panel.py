@@ -71,7 +71,11 @@ def _draw_viewport(context: bpy.types.Context, settings: RaucaWeather, layout: b
     if settings.street is not None:
         row.operator("rauca.remove_street", icon="X")
     else:
+        row.use_property_split = False
         row.operator("rauca.set_up_street", icon="HOME")
+        number = row.row(align=True)
+        number.scale_x = 0.5
+        number.prop(settings, "place", text="")
     if settings.shown.on:
         _draw_caveats(context, settings, layout)
 
@@ -99,9 +103,8 @@ def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bp
     else:
         paragraph(context, box, iface("Cycles: sky, sun, clouds and fog as in the dataset."), icon="CHECKMARK")
     if weather.precipitation > 0.0:
-        paragraph(
-            context, box, iface("Falling rain is drawn into the finished frames; here it only wets."), icon="INFO"
-        )
+        text = iface("Rain falls before everything here; in the frames what is near hides it.")
+        paragraph(context, box, text, icon="INFO")
     if weather.film > 0.0:
         if WETTABLE in bpy.data.node_groups:
             text = iface("Rauca's vehicles and streets get wet; materials of your own stay dry.")
@@ -123,4 +126,3 @@ def _draw_sliders(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
         column = body.column(align=True)
         for name in ("fog_falloff", "fog_distance", "wind"):
             column.prop(settings, name)
-        body.prop(settings, "place")
