@@ -125,7 +125,7 @@ def natural_colours(
     """The texture of a run.
 
     Args:
-        first: ``count -> (count, 3)`` sRGB, where an optimisation begins.
+        first: ``count -> (count, 3)`` sRGB, where an optimisation begins; within a bound it begins at the reference.
 
     Raises:
         RaucaError: settings that naturalness does not go with.
@@ -138,4 +138,7 @@ def natural_colours(
     if settings.limit != "project":
         raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
     constraints = Constraints(vehicle, atlas, wanted, settings.seed)
-    return NaturalColours(constraints, first(constraints.count))
+    if wanted.max_delta_e is None or constraints.home is None:
+        return NaturalColours(constraints, first(constraints.count))
+    # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
+    return NaturalColours(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255))
