@@ -1,0 +1,72 @@
+"""`rauca optimize --json-progress` as another program sees it: its lines, and its pictures."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.stability.drawn import make_dataset
+from pipelines.cli import app
+from rauca_core.contract import OptimiseProgress, RaucaError, Vehicle, parse_optimise_progress
+from rauca_core.detect import fetch
+from rauca_core.images import read_image
+
+
+@pytest.fixture
+def yolo() -> str:
+    try:
+        fetch("yolov3-tiny")
+    except RaucaError as error:
+        if os.environ.get("RAUCA_OFFLINE") == "1":
+            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
+        raise
+    return "yolov3-tiny"
+
+
+def optimize(*options: str) -> int:
+    small = ["--batch", "1", "--map-size", "32", "--samples", "2", "--threads", "1"]
+    return CliRunner().invoke(app, ["optimize", *small, *options], catch_exceptions=False).exit_code
+
+
+def test_steps_are_told_line_by_line(
+    yolo: str, tmp_path: Path, box_vehicle: Vehicle, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data, out = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,)), tmp_path / "out"
+    common = [str(data.folder), "--out", str(out), "--detector", yolo, "--json-progress"]
+    assert optimize(*common, "--steps", "2") == 0
+    assert optimize(*common, "--steps", "3", "--resume") == 0
+    told = [parse_optimise_progress(line) for line in capfd.readouterr().out.splitlines()]
+    assert [(line.step, line.of) for line in told if line] == [(1, 2), (2, 2), (3, 3)]
+    last = told[-1]
+    assert last is not None
+    assert (last.left_s, last.seconds > 0, 0 <= last.score <= 1) == (0.0, True, True)
+    assert last.loss == pytest.approx(last.attack + 0.01 * last.smooth)
+    assert read_image(Path(last.preview)).shape == (32, 64, 3)
+    assert read_image(Path(last.uv_map)).shape == (32, 32, 3)
+    assert Path(last.uv_map).parent == out
+
+
+def test_a_reader_that_goes_away_does_not_stop_the_run(yolo: str, tmp_path: Path, box_vehicle: Vehicle) -> None:
+    data, out = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,)), tmp_path / "out"
+    reader, writer = os.pipe()
+    os.close(reader)
+    kept = os.dup(1)
+    os.dup2(writer, 1)
+    try:
+        assert optimize(str(data.folder), "--out", str(out), "--detector", yolo, "--json-progress", "--steps", "2") == 0
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(writer)
+    assert (out / "camouflage.json").is_file()
+
+
+def test_lines_survive_what_else_is_printed() -> None:
+    progress = OptimiseProgress(3, 9, 0.5, 0.4, 0.1, 0.3, 0.2, 1.2, "/somewhere/ä b.png", "/somewhere/c.png")
+    assert parse_optimise_progress(progress.line()) == progress
+    assert parse_optimise_progress(progress.line()[:-1] + ', "later": 1}') == progress
+    for other in ("", "optimising ...", "[1]", '{"step": 1}', "3"):
+        assert parse_optimise_progress(other) is None
