@@ -16,8 +16,9 @@ from ..detect.interface import DensePredictions
 from .attention import dispersed_attention
 from .losses import attack_loss, box_overlap
 
-ObjectiveName = Literal["eq6", "stealth", "confidence", "three-terms", "attention"]
+ObjectiveName = Literal["eq6", "log-score", "stealth", "confidence", "three-terms", "attention"]
 
+QUIET = 1e-3  # a max H_d below this is not worth pushing: average precision counts scores from 0.005 on
 CLOSE = 0.5  # IoU beyond which ACTIVE counts a box
 ASSIGNED = 9  # boxes that FCA's three terms are means of: as many as YOLOv3 has anchors for an object
 OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT = 0.05, 1.0, 0.5  # of FCA, those of the detector's own training
@@ -45,6 +46,15 @@ class Sight:
 def eq6(sight: Sight) -> Tensor:
     """RAUCA's Eq. 6: IoU times class times objectness, the best box."""
     return attack_loss(sight.score)
+
+
+def log_score(sight: Sight) -> Tensor:
+    """log(max H_d + QUIET), so that a small score pushes as hard as a large one.
+
+    Eq. 6 has the slope of H_d itself, which dies with the detector's sigmoid: on frames where H_d is 0.05 it has let
+    go, and average precision still counts them.
+    """
+    return torch.log(sight.score + QUIET)
 
 
 def stealth(sight: Sight) -> Tensor:
@@ -97,6 +107,7 @@ def _highest(scores: Tensor, among: Tensor) -> Tensor:
 
 OBJECTIVES: dict[ObjectiveName, Callable[[Sight], Tensor]] = {
     "eq6": eq6,
+    "log-score": log_score,
     "stealth": stealth,
     "confidence": confidence,
     "three-terms": three_terms,
