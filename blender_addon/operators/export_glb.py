@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..core import contract
 from ..scene.baked_export import export_glb
@@ -43,7 +44,7 @@ class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
         with object_mode(context):
             surface, coat = painted_surface(context)
             export_glb(context, surface, coat, context.scene.rauca.bake.baked_layer, path)
-        return f"{path.name} saved"
+        return rpt("{file} saved").format(file=path.name)
 
 
 CLASSES = (RAUCA_OT_export_glb,)
