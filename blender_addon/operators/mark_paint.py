@@ -7,7 +7,6 @@ import bpy
 from ..core import contract
 from ..scene.mesh_edits import (
     mark_faces,
-    marked_count,
     marked_faces,
     object_mode,
     require_writable,
@@ -59,7 +58,7 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
                 old, chosen = marked_faces(thing.data), selected_faces(thing.data)
                 mark_faces(thing.data, old | chosen if self.action == "ASSIGN" else old & ~chosen)
             settings.paint = "FACES"
-            settings.marked = sum(marked_count(thing.data) for thing in parts if thing.type == "MESH")
+            settings.count_marked(context)
         return f"{settings.marked} faces are paint"
 
     @staticmethod

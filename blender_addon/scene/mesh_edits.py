@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Iterator
 
+import bmesh
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +131,10 @@ def select_faces(context: bpy.types.Context, wanted: dict[bpy.types.Object, NDAr
     bpy.ops.object.mode_set(mode="EDIT")
 
 
-def marked_count(mesh: bpy.types.Mesh) -> int:
-    """Polygons marked as paint."""
-    return int(marked_faces(mesh).sum())
+def marked_count(thing: bpy.types.Object) -> int:
+    """Polygons of a mesh object marked as paint, in edit mode too."""
+    if thing.mode != "EDIT":
+        return int(marked_faces(thing.data).sum())
+    faces = bmesh.from_edit_mesh(thing.data).faces
+    mark = faces.layers.bool.get(PAINT_MARK)
+    return sum(face[mark] for face in faces) if mark is not None else 0

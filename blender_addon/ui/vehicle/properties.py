@@ -24,7 +24,7 @@ def _shaped(self: bpy.types.PropertyGroup, thing: bpy.types.Object) -> bool:
 def _changed(self: RaucaVehicle, context: bpy.types.Context) -> None:
     """Another vehicle or other paint: what was found out about the last one no longer holds."""
     self.forget_check()
-    self.marked = sum(marked_count(thing.data) for thing in self.objects(context) if thing.type == "MESH")
+    self.count_marked(context)
 
 
 class RaucaVehicle(bpy.types.PropertyGroup):
@@ -152,6 +152,10 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         return VehicleRequest(
             name, name, source, front=self.front, paint_material=material, by_marks=by_marks, remedy=REMEDY
         )
+
+    def count_marked(self, context: bpy.types.Context) -> None:
+        """Count the marked faces for the panel, which must not read meshes."""
+        self.marked = sum(marked_count(thing) for thing in self.objects(context) if thing.type == "MESH")
 
     def forget_check(self) -> None:
         """What the last check found is out of date."""
