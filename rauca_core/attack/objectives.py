@@ -49,12 +49,12 @@ def eq6(sight: Sight) -> Tensor:
 
 
 def log_score(sight: Sight) -> Tensor:
-    """log(max H_d + QUIET), so that a small score pushes as hard as a large one.
+    """log(1 + max H_d / QUIET), so that a small score pushes as hard as a large one.
 
     Eq. 6 has the slope of H_d itself, which dies with the detector's sigmoid: on frames where H_d is 0.05 it has let
     go, and average precision still counts them.
     """
-    return torch.log(sight.score + QUIET)
+    return torch.log1p(sight.score / QUIET)
 
 
 def stealth(sight: Sight) -> Tensor:
