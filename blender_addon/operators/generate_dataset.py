@@ -26,7 +26,7 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
     """Render every view in every weather to the chosen folder; goes on where an earlier run stopped"""
 
     bl_idname = "rauca.generate_dataset"
-    bl_label = "Generate Dataset"
+    bl_label = "Generate dataset"
     job = JOB
     running = "A data set is being rendered; stop it first"
 

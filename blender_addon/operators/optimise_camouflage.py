@@ -65,7 +65,7 @@ def _check_dataset(folder: Path) -> None:
         raise contract.RaucaError(rpt("The data set is still being rendered; wait for it, or stop it"))
     if not contract.read_plan(folder).light:
         raise contract.RaucaError(
-            rpt("{folder}: has no light maps; render it again with Light Maps on, in step 4").format(folder=folder)
+            rpt("{folder}: has no light maps; render it again with Light maps on, in step 4").format(folder=folder)
         )
 
 

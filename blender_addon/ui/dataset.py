@@ -40,18 +40,18 @@ class RaucaDataset(bpy.types.PropertyGroup):
         name="Denoise", default=True, description="Clean the frames up; without it take 64 samples or more"
     )
     light: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Light Maps",
+        name="Light maps",
         default=True,
         description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Blenders at Once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
+        name="Blenders at once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"
     )
     retry: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Retry Failed", description="Try frames again that failed twice in an earlier run"
+        name="Retry failed", description="Try frames again that failed twice in an earlier run"
     )
 
 
@@ -68,7 +68,7 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
     """Render the data set"""
 
     bl_idname = "RAUCA_PT_dataset"
-    bl_label = "Generate Dataset"
+    bl_label = "Generate dataset"
     number = 4
     step_state = staticmethod(state)
 

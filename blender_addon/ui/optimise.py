@@ -18,7 +18,7 @@ class RaucaOptimise(bpy.types.PropertyGroup):
     """Settings of the optimisation."""
 
     dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Data Set",
+        name="Dataset",
         subtype="DIR_PATH",
         options=compat.path_options(),
         description="Folder of the data set; step 4's if left empty",
@@ -36,10 +36,10 @@ class RaucaOptimise(bpy.types.PropertyGroup):
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
     batch: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+        name="Frames per step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
+        name="Texture size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Another number begins with another random camouflage"

@@ -135,7 +135,7 @@ def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
     make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
     plan = tmp_path / "data" / "dataset.json"
     plan.write_text(plan.read_text().replace('"light": true', '"light": false'))
-    assert "render it again with Light Maps on, in step 4" in refusal()
+    assert "render it again with Light maps on, in step 4" in refusal()
     plan.write_text(plan.read_text().replace('"light": false', '"light": true'))
     (tmp_path / "made").mkdir()
     (tmp_path / "made" / "letter.txt").write_text("")
