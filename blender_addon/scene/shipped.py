@@ -30,6 +30,8 @@ def add_shipped(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     placed.paint.pack()
     placed.object.name = placed.object.data.name = name
     placed.object[NAME_KEY] = name
+    for spec, material in zip(placed.vehicle.materials, placed.materials, strict=True):
+        material.diffuse_color = (*spec.base_color, 1.0)  # what the viewport's solid view shows
     return placed.object
 
 

@@ -27,11 +27,18 @@ class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.vehicle
-        layout.row().prop(settings, "origin", expand=True)
+        _choice(layout, settings, "origin")
         layout.prop(settings, settings.origin.lower())
         if settings.origin != "FILE":
             layout.prop(settings, "front")
         layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
+
+
+def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> None:
+    """Buttons side by side over the whole width; beside a label their words would be cut off."""
+    row = layout.row()
+    row.use_property_split = False
+    row.prop(settings, name, expand=True)
 
 
 class _VehiclePart:
@@ -59,7 +66,7 @@ class RAUCA_PT_vehicle_paint(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Ble
             layout.prop(settings, "file_material")
             layout.prop(settings, "file_mask")
             return
-        layout.row().prop(settings, "paint", expand=True)
+        _choice(layout, settings, "paint")
         if settings.paint == "MATERIAL":
             layout.prop(settings, "material")
             return

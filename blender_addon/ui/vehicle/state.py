@@ -32,4 +32,4 @@ def state(context: bpy.types.Context) -> State:
         if not settings.marked:
             return State("missing", iface("Select faces of {name} in edit mode and mark them").format(name=picked.name))
         return State("done", iface("{name}, {count} faces are paint").format(name=picked.name, count=settings.marked))
-    return State("done", picked.name)
+    return State("done", iface("{name} is the vehicle").format(name=picked.name))
