@@ -91,7 +91,7 @@ def run_ablation(asked: Ablation) -> Path:
         entries.append(_measure(asked, views, copies))
         save_study(asked.out / FILE_NAME, asked.command, entries)
     paints = {v.key: [r.label for r in repeats if r.variant is v] for v in asked.variants}
-    settings = {v.key: _own(asked, v) for v in asked.variants}
+    settings = {v.key: own_settings(asked, v) for v in asked.variants}
     found = Findings(
         asked.experiment,
         tuple(asked.variants),
@@ -120,7 +120,7 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
     variant, workspace = repeat.variant, asked.workspace
     with asked.clock.time(f"training set, {variant.training}"):
         training = workspace.training(variant.training, variant.share)
-    settings = _settings(asked, repeat)
+    settings = settings_of_repeat(asked, repeat)
     if settings.light == "published":
         with asked.clock.time("the published extractor"):
             weights = workspace.published_extractor(training)
@@ -141,7 +141,8 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
         )
 
 
-def _settings(asked: Ablation, repeat: Repeat) -> OptimiserSettings:
+def settings_of_repeat(asked: Ablation, repeat: Repeat) -> OptimiserSettings:
+    """Of a variant's optimisation."""
     variant = repeat.variant
     chosen = {**_usual(asked), "seed": repeat.seed, "name": repeat.label, **variant.settings}
     return make_settings(**(chosen if variant.method is None else settings_of(variant.method, **chosen)))
@@ -203,9 +204,9 @@ def _measure(asked: Ablation, views: HeldOutViews, copies: Mapping[str, Path]) -
     return Entry(views.weathers, "none", vehicle.name, vehicle.category, results, folder, views.folder, dict(copies))
 
 
-def _own(asked: Ablation, variant: Variant) -> dict[str, Any]:
+def own_settings(asked: Ablation, variant: Variant) -> dict[str, Any]:
     """What a variant's optimisation does otherwise than the common one."""
-    settings = _settings(asked, Repeat(variant, 0, variant.key)).identity()
+    settings = settings_of_repeat(asked, Repeat(variant, 0, variant.key)).identity()
     usual = make_settings(**_usual(asked)).identity()
     own = {name: value for name, value in settings.items() if value != usual[name]}
     part = {} if variant.share == 1 else {"share of frames": f"1/{round(1 / variant.share)}"}

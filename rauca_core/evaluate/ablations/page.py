@@ -62,8 +62,8 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
     footer = f"Written by rauca {escape(__version__)}. Every table and picture is inside this file."
     files = {
         ".html": pages.page(found.experiment.title, header, body, footer).encode(),
-        ".csv": tables_csv([table, *([beside] if beside else [])]),
         ".json": _json(found, scores, verdicts),
+        ".csv": tables_csv([table, *([beside] if beside else [])]),
     }
     for suffix, data in files.items():
         write_bytes(out.with_suffix(suffix), data)

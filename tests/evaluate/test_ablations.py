@@ -1,0 +1,225 @@
+"""Ablations: declarations that hold together, gaps of pairs against their definition, verdicts, and the page."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipelines.ablate import Ablation, Repeat, own_settings, settings_of_repeat
+from pipelines.ablate_workspace import Workspace
+from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
+from rauca_core.detect import Detector
+from rauca_core.evaluate import evaluate, reference_images
+from rauca_core.evaluate.ablations import (
+    DEFAULT,
+    EXPERIMENTS,
+    QUICK,
+    Claim,
+    Experiment,
+    Findings,
+    Variant,
+    experiment_named,
+    write_ablation,
+)
+from rauca_core.evaluate.ablations.paired import Scores, score_rows
+from rauca_core.evaluate.ablations.training_sets import TRAINING_SETS, chosen_frames
+from rauca_core.evaluate.ablations.verdicts import judge
+from rauca_core.evaluate.average_precision import Sample
+from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
+from rauca_core.evaluate.detection_cache import DetectionSettings
+from rauca_core.evaluate.results import AXES, MEAN, FrameRow, ImageRow, Results
+from rauca_core.evaluate.scores import Bootstrap, score_table
+from rauca_core.evaluate.study import Entry, Study
+from rauca_core.evaluate.tables import paper_tables
+from rauca_core.images import read_image
+
+FRAMES, BOX = 24, (10.0, 10.0, 50.0, 40.0)
+
+
+@pytest.fixture
+def asked(tmp_path: Path) -> Ablation:
+    sedan = find_vehicles(["sedan"])[0]
+    workspace = Workspace(tmp_path / "data", sedan, DEFAULT)
+    beta = experiment_named("beta")
+    return Ablation("", beta, beta.variants, 1, DEFAULT, tmp_path / "out", workspace, (), ())
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_variant_is_an_optimisation_of_its_own(asked: Ablation, name: str) -> None:
+    experiment = experiment_named(name)
+    own = [own_settings(asked, variant) for variant in experiment.variants]
+    assert all(own[i] != own[j] for i in range(len(own)) for j in range(i))
+    assert sum(variant.quick for variant in experiment.variants) >= 2
+    assert experiment.seeds * len(experiment.variants) <= 9  # what fits two hours
+    for variant in experiment.variants:
+        settings = settings_of_repeat(asked, Repeat(variant, 3, "label"))
+        assert (settings.seed, settings.name, settings.steps) == (3, "label", DEFAULT.steps)
+        assert variant.training in TRAINING_SETS
+
+
+def test_rows_beside_the_papers_are_rows_of_the_paper() -> None:
+    printed = {paper.beside: {row.name for row in paper.table.blocks[0].rows} for paper in paper_tables()}
+    compared = 0
+    for experiment in EXPERIMENTS.values():
+        for variant in experiment.variants if experiment.paper else ():
+            assert variant.paper_row is None or variant.paper_row in printed[experiment.paper]
+            compared += variant.paper_row is not None
+    assert compared == 6 + 3 + 3 + 7 + 2
+
+
+def test_an_experiment_that_claims_what_it_does_not_vary_is_refused() -> None:
+    with pytest.raises(ValueError, match="do not fit"):
+        Experiment("x", "", "", (Variant("a", "A"),), (Claim(("a",), ("b",)),))
+    with pytest.raises(RaucaError, match="choose one of baselines"):
+        experiment_named("no")
+
+
+def test_training_sets_are_balanced_and_smaller_ones_are_part_of_larger_ones() -> None:
+    sedan = find_vehicles(["sedan"])[0]
+    positions = load_vehicle(sedan.folder, read_image).positions
+    for wanted in TRAINING_SETS.values():
+        plan = wanted.plan(sedan.name, sedan.atlas_id, positions, DEFAULT)
+        every, part = chosen_frames(plan, DEFAULT), chosen_frames(plan, DEFAULT, 1 / 16)
+        assert len(every) == DEFAULT.frames
+        assert len(part) == DEFAULT.frames // 16
+        assert set(part) < set(every)
+        for place, least in ((0, 96 // 8), (2, 96 // len(plan.weathers))):
+            counts = np.unique([frame.split("-", 2)[place] for frame in every], return_counts=True)[1]
+            assert counts.min() >= least - 1
+    assert QUICK.frames < DEFAULT.frames
+
+
+def detections(found: Sequence[bool]) -> list[Sample]:
+    """A box on the target where it is found, and one beside it everywhere."""
+    wrong, score = (60.0, 60.0, 80.0, 80.0), 0.3
+    return [
+        Sample(np.array(BOX), np.array([BOX, wrong][not hit :]), np.array([0.9, score][not hit :])) for hit in found
+    ]
+
+
+def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[Sample]]], weathers: str) -> Entry:
+    """Results over eight locations, computed by the evaluation's own scores."""
+    rows = tuple(FrameRow(f"f{i}", "clear", 0, 10, 6, 45, 0, BOX, location=i % 8, view=i) for i in range(FRAMES))
+    detectors = dict.fromkeys(next(iter(samples.values())), "0" * 64)
+    results = Results(
+        "made up", DetectionSettings(), 400, 0, detectors, rows, (), score_table(samples, rows, Bootstrap(400, 0)),
+        dict.fromkeys(AXES, ()), {paint: (ImageRow("x.png", "0"),) * FRAMES for paint in samples},
+        clusters="locations", cluster_count=8,
+    )  # fmt: skip
+    entry = Entry(weathers, "none", "sedan", "car", results, Path(weathers))
+    monkeypatch.setattr(
+        "rauca_core.evaluate.ablations.paired.Recorded",
+        lambda entry: type("R", (), {"sample": staticmethod(lambda d, p, i: samples[p][d][i])}),
+    )
+    return entry
+
+
+@pytest.fixture
+def scores(monkeypatch: pytest.MonkeyPatch) -> tuple[Scores, Entry]:
+    """Paints found everywhere, in six places of eight, in the same less a frame, and nowhere; one of two seeds."""
+    most = ~np.isin(np.arange(FRAMES) % 8, (0, 3))
+    less = most.copy()
+    less[1] = False
+    paints = {"all": np.ones(FRAMES, bool), "most": most, "less": less, "none": np.zeros(FRAMES, bool)}
+    samples = {name: {"d1": detections(hit), "d2": detections(~hit | hit)} for name, hit in paints.items()}
+    entry = entry_of(monkeypatch, samples, "seen")
+    rows = {"all": ["all"], "most": ["most"], "less": ["less"], "none": ["none"], "both": ["all", "none"]}
+    return score_rows([entry, replace(entry, weathers="unseen")], rows), entry
+
+
+def test_a_rows_interval_is_that_of_the_results(scores: tuple[Scores, Entry]) -> None:
+    found, entry = scores
+    for row in ("all", "most", "none"):
+        for detectors, column in ((["d1"], "d1"), (["d1", "d2"], MEAN)):
+            assert found.ap(row, detectors, ["seen"]) == entry.results.table[row][column]
+
+
+def test_gaps_are_paired(scores: tuple[Scores, Entry]) -> None:
+    """One frame apart, in the same places: far surer than from two intervals by themselves."""
+    found, _ = scores
+    gap, one = found.difference("most", "less", ["d1"], ["seen"]), found.ap("most", ["d1"], ["seen"])
+    assert gap.ap == pytest.approx(one.ap - found.ap("less", ["d1"], ["seen"]).ap)
+    assert gap.low >= 0
+    assert one.high - one.low > 0.2
+    assert gap.high - gap.low < 0.6 * (one.high - one.low)
+    assert found.difference("all", "none", ["d1"], ["seen", "unseen"]) == found.difference(
+        "all", "none", ["d1"], ["seen"]
+    )
+
+
+def test_seeds_are_averaged_and_drawn(scores: tuple[Scores, Entry]) -> None:
+    found, _ = scores
+    both = found.ap("both", ["d1"], ["seen"])
+    assert both.ap == pytest.approx(found.ap("all", ["d1"], ["seen"]).ap / 2)
+    assert (both.low, both.high) == (0.0, 1.0)  # the luck of one optimisation of two
+
+
+def test_verdicts_follow_the_interval_of_the_gap(scores: tuple[Scores, Entry]) -> None:
+    found, _ = scores
+    claims = [
+        Claim(("none",), ("all",)),
+        Claim(("all",), ("none",)),
+        Claim(("none",), ("none",)),
+        Claim(("none", "all"), ("all", "none")),
+        Claim(("gone",), ("all",)),
+        Claim(("gone", "none"), ("all",)),
+    ]
+    verdicts = judge(claims, found, ["d1"], ["d2"])
+    assert [v.outcome for v in verdicts] == ["confirmed", "refuted", "undecided", "refuted", "confirmed"]
+    sentence = verdicts[0].sentence({"none": "None", "all": "All"})
+    assert sentence == "None below All: confirmed; AP apart by +1.000 [+1.000, +1.000] (the paper's claim)"
+    assert set(verdicts[0].comparisons[0].by_scope) == {"seen", "unseen", "white box"}
+
+
+class Page(HTMLParser):
+    """What a browser would load, and the text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.sources += [value or "" for name, value in attrs if name == "src"]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_page_holds_the_table_the_papers_and_every_picture(
+    scene, detectors: list[Detector], tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    views, out = scene.dataset, tmp_path / "out"
+    paints = {"normal": reference_images(views), "random": scene.noise, "with-roa": scene.noise}
+    results = evaluate(views, paints, detectors, out / "seen", resamples=50)
+    record = load_camouflage(scene.camouflage)[0]
+    named = {n: keep_copy(Contestant(n, scene.camouflage, record), out) for n in ("random", "with-roa")}
+    entry = Entry("seen", "none", "box", "car", results, out / "seen", views.folder, named)
+    experiment = experiment_named("augmentation")
+    found = Findings(
+        experiment,
+        (experiment.variant("with-roa"),),
+        Study("rauca ablate <augmentation>", (entry,)),
+        {name: [name] for name in paints},
+        ("yolov4-tiny",),
+    )
+    page, numbers, lines = write_ablation(found, out / "ablation.html")
+    read = Page(page.read_text(encoding="utf-8"))
+    assert all(source.startswith("data:image/") for source in read.sources)
+    assert len(read.sources) == 3 * 5 + 2  # five frames in three paints, two UV maps
+    for text in ("With ROA", "Table 12: published figures", "0.082", "rauca ablate <augmentation>"):
+        assert text in read.text
+    stored = json.loads(numbers.read_text(encoding="utf-8"))
+    assert stored["verdicts"] == []  # one of its rows is not here
+    for paint in paints:
+        assert stored["scores"]["seen"][paint]["Average"]["ap"] == pytest.approx(results.table[paint][MEAN].ap)
+    rows = list(csv.DictReader(lines.read_text(encoding="utf-8").splitlines()))
+    assert {row["row"] for row in rows} == {"Normal", "Random", "With ROA"}

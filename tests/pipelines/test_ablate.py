@@ -1,0 +1,131 @@
+"""``rauca ablate`` at thumbnail size: real Blender, real detector, real optimiser; and what it keeps when it stops."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pipelines.ablate_clock import Clock
+from pipelines.ablate_workspace import alone, linked_part, pour
+from pipelines.cli import app
+from rauca_core.contract import Dataset, RaucaError
+from rauca_core.detect import fetch
+from rauca_core.evaluate.study import load_study
+
+
+def ablate(*arguments: object) -> str:
+    done = CliRunner().invoke(app, ["ablate", *map(str, arguments)])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def _weights() -> None:
+    try:
+        fetch("yolov3-tiny")
+    except RaucaError as error:
+        if os.environ.get("RAUCA_OFFLINE") == "1":
+            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
+        raise
+
+
+def written(folder: Path) -> dict[str, int]:
+    """Every file that took work, and when it was written."""
+    kinds = (".png", ".npz", ".safetensors")
+    return {str(p.relative_to(folder)): p.stat().st_mtime_ns for p in folder.rglob("*") if p.suffix in kinds}
+
+
+@pytest.mark.usefixtures("_weights")
+def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
+    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+    out, data = tmp_path / "views", tmp_path / "data"
+    asked = ["views", "--quick", "--out", out, "--frames", 16, "--held-out", 2, "--size", 64, "--samples", 1]
+    asked += ["--steps", 2, "--batch", 2, "--map-size", 64, "--detectors", "yolov3-tiny", "--threads", 1]
+    asked += ["--resamples", 20]
+    ablate(*asked)
+    (entry,) = load_study(out).entries
+    assert entry.results.paints == ("normal", "random", "share-08th", "all")
+    whole, part = sorted((p for p in (data / "sets").iterdir() if p.is_dir()), key=lambda p: len(p.name))
+    assert {f.id for f in Dataset(part).frames()} < {f.id for f in Dataset(whole).frames()}
+    found = json.loads((out / "ablation.json").read_text())
+    assert [v["by"] for v in found["verdicts"]] == ["this project"]  # of the variants of the quick size
+    assert "All views below 1/8 of the views" in (out / "ablation.html").read_text()
+
+    before = written(data)
+    (out / "ablation.html").unlink()
+    ablate(*asked)
+    assert (out / "ablation.html").is_file()
+    assert written(data) == before  # nothing was made twice
+
+    lost = next(data.glob("renders/*/all-*/*.png"))
+    lost.unlink()
+    ablate(*asked)
+    again = written(data)
+    assert {name for name in again if again[name] != before[name]} == {str(lost.relative_to(data))}
+
+
+def test_mistakes_are_told_before_anything_is_made(tmp_path: Path) -> None:
+    for asked, told in (
+        (("nothing",), "ablation: no 'nothing'; choose one of baselines"),
+        (("beta", "--variants", "beta-0,x"), "beta: no variant 'x'; choose of beta-100"),
+        (("beta", "--weathers", "hail"), "weather preset 'hail' is unknown"),
+        (("beta", "--vehicle", "tank"), "--vehicle tank: no vehicle folder"),
+        (("beta", "--attack", "nobody"), "nobody"),
+    ):
+        with pytest.raises(RaucaError, match=told):
+            ablate(*asked, "--out", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_detections_are_poured_once(tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.mkdir()
+    (one / "d.jsonl").write_text("a\nb\n")
+    pour(one, two)
+    (one / "d.jsonl").write_text("b\nc\n")
+    pour(one, two)
+    pour(tmp_path / "nowhere", two)
+    assert (two / "d.jsonl").read_text() == "a\nb\nc\n"
+
+
+def test_a_part_of_a_data_set_is_linked_and_whole(tmp_path: Path) -> None:
+    whole = tmp_path / "set"
+    for name in ("vehicle/mesh.npz", "frames/a/image.png", "frames/b/image.png"):
+        (whole / name).parent.mkdir(parents=True, exist_ok=True)
+        (whole / name).write_bytes(name.encode())
+    (whole / "dataset.json").write_text("{}")
+    part = linked_part(whole, ["a", "hidden"])
+    assert sorted(p.relative_to(part).as_posix() for p in part.rglob("*") if p.is_file()) == [
+        "dataset.json",
+        "frames/a/image.png",
+        "vehicle/mesh.npz",
+    ]
+    assert (part / "frames/a/image.png").samefile(whole / "frames/a/image.png")
+    assert linked_part(whole, ["a", "hidden"]) == part
+
+
+def test_a_product_is_made_by_one_at_a_time(tmp_path: Path) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    with alone(tmp_path / "set"), (tmp_path / ".set.lock").open("w") as other, pytest.raises(BlockingIOError):
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with alone(tmp_path / "set"):
+        pass  # free again
+
+
+def test_the_clock_adds_up_what_was_interrupted(tmp_path: Path) -> None:
+    path = tmp_path / "timings.json"
+    path.write_text('{"a": 5.0}')
+    clock = Clock(path)
+    with pytest.raises(ZeroDivisionError), clock.time("a"):
+        _ = 1 / 0
+    with clock.time("b"):
+        pass
+    assert clock.seconds["a"] >= 5.0
+    assert set(Clock(path).seconds) == {"a", "b"}
+    path.write_text("{")
+    assert clock.seconds == {}
