@@ -10,10 +10,10 @@ from ..panel import StepPanel, paragraph
 from .state import state
 
 FAULTS = (  # setting, words
-    ("missing", "{count} faces lack UVs"),
-    ("outside", "{count} faces leave the texture"),
-    ("overlapping", "{count} faces overlap"),
-    ("uneven", "{count} faces differ in detail"),
+    ("missing", "Without UVs: {count}"),
+    ("outside", "Outside: {count}"),
+    ("overlapping", "Overlapping: {count}"),
+    ("uneven", "Uneven: {count}"),
 )
 
 
