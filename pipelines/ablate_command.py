@@ -17,6 +17,7 @@ from .console import console
 from .dataset_commands import Blender
 
 if TYPE_CHECKING:
+    from rauca_core.detect import Detector
     from rauca_core.evaluate.ablations import Experiment, Variant
     from rauca_core.evaluate.contestants import VehicleChoice
 
@@ -83,9 +84,8 @@ def ablate(
     sizes = replace(QUICK if quick else DEFAULT, **{k: v for k, v in given.items() if v is not None})
     found = find_vehicles([vehicle])[0]
     attacked = [load_detector(one) for one in attack or [WHITE_BOX]]
-    measuring = [load_detector(one, device=device) for one in sizes.detectors or _ready(found)]
-    for some in (attacked, measuring):
-        check_detectors(some, found.category)
+    check_detectors(attacked, found.category)
+    measuring = _measuring(sizes.detectors, found, device)
     request = Ablation(
         command=shlex.join(["rauca", *sys.argv[1:]]),
         experiment=experiment,
@@ -127,14 +127,19 @@ def _variants(experiment: Experiment, given: str | None, quick: bool) -> Sequenc
     return [variant for variant in experiment.variants if variant.quick or not quick]
 
 
-def _ready(vehicle: VehicleChoice) -> list[str]:
-    """Detectors that are here, know the vehicle's class, and were trained on other images than ours."""
+def _measuring(names: Sequence[str] | None, vehicle: VehicleChoice, device: str) -> list[Detector]:
+    """Detectors by name; without names all that are here, know the vehicle's class, and did not learn from us."""
     from rauca_core.detect import find_class, load_detector
     from rauca_core.detect.listing import ready_names
+    from rauca_core.evaluate.evaluate import check_detectors
     from rauca_core.evaluate.tables.families import is_own
 
-    names = [name for name in ready_names() if not is_own(name)]
-    known = [name for name in names if find_class(load_detector(name).class_names, vehicle.category) is not None]
-    if not known:
+    if names:
+        found = [load_detector(name, device=device) for name in names]
+    else:
+        ready = [load_detector(name, device=device) for name in ready_names() if not is_own(name)]
+        found = [detector for detector in ready if find_class(detector.class_names, vehicle.category) is not None]
+    if not found:
         raise RaucaError("--detectors: none is ready; get weights with `rauca weights fetch --all`")
-    return known
+    check_detectors(found, vehicle.category)
+    return found

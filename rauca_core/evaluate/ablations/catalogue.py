@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
+from ...attack.methods import method_named
 from ...contract import RaucaError
 from .experiment import OURS, PAPER, Claim, Experiment, Variant
 
@@ -18,8 +19,9 @@ def _chain(*best_to_worst: str, by: str = PAPER) -> tuple[Claim, ...]:
     return tuple(Claim((a,), (b,), by) for a, b in pairwise(best_to_worst))
 
 
-def _rival(name: str, training: str, row: str, quick: bool = True) -> Variant:
-    return Variant(name, row, method=name, training=training, paper_row=row, quick=quick)
+def _rival(name: str, row: str, quick: bool = True) -> Variant:
+    """A method of the literature, on the weathers that its authors would use."""
+    return Variant(name, row, method=name, training=method_named(name).weathers, paper_row=row, quick=quick)
 
 
 BASELINES = Experiment(
@@ -27,12 +29,12 @@ BASELINES = Experiment(
     "Methods of the literature",
     "Which method hides the vehicle best, each trained on the weathers its authors would use?",
     (
-        _rival("das", "single", "DAS", quick=False),
-        _rival("fca", "single", "FCA"),
-        _rival("dta", "single", "DTA", quick=False),
-        _rival("active", "single", "ACTIVE", quick=False),
-        _rival("rauca-base", "base", "RAUCA-base", quick=False),
-        _rival("rauca-final", "enhanced", "RAUCA-final"),
+        _rival("das", "DAS", quick=False),
+        _rival("fca", "FCA"),
+        _rival("dta", "DTA", quick=False),
+        _rival("active", "ACTIVE", quick=False),
+        _rival("rauca-base", "RAUCA-base", quick=False),
+        _rival("rauca-final", "RAUCA-final"),
     ),
     (
         *_chain("rauca-final", "rauca-base", "active", "dta", "fca", "das", "normal"),

@@ -56,27 +56,25 @@ def paper_table(found: Findings) -> PaperTable | None:
 
 def beside_table(found: Findings, scores: Scores, paper: PaperTable) -> Table:
     """Averages of ours and of the paper's rows, side by side."""
-    printed = {row.name: cell.ap for row in paper.table.blocks[0].rows if (cell := row.cells[-1]) is not None}
+    blocks = paper.table.blocks
     names = {NORMAL: "Normal", RANDOM: "Random", **{v.key: v.paper_row for v in found.variants}}
     rows = []
     for row, title in found.titles.items():
         ours = [_cell(scores.ap(row, found.detectors, [w]), w, row, AVERAGE) for w in scores.weathers]
-        name = names[row]
-        theirs = (
-            Cell(printed[name], source=Source(f"the paper, Table {paper.number}", (name, AVERAGE)))
-            if (name is not None and name in printed)
-            else None
-        )
-        rows.append(Row(title, (*ours, theirs)))
-    title = paper.table.blocks[0].title or "its views"
+        rows.append(Row(title, (*ours, *(_printed(block, names[row], paper.number) for block in blocks))))
     columns = [
-        *(Column(w, "measured here") for w in scores.weathers),
-        Column(title, f"the paper's Table {paper.number}"),
+        *(Column(weathers_title(weathers), "measured here") for weathers in scores.weathers),
+        *(Column(block.title or "its views", f"the paper's Table {paper.number}") for block in blocks),
     ]
     caption = "AP@0.5 averaged over detectors: ours and the paper's. Compare the order and the gaps, not the digits."
-    return Table(
-        f"beside-{found.experiment.name}", "Beside the paper", caption, tuple(columns), (Block("", tuple(rows)),)
-    )
+    key = f"beside-{found.experiment.name}"
+    return Table(key, "Beside the paper", caption, tuple(columns), (Block("", tuple(rows)),))
+
+
+def _printed(block: Block, name: str | None, table: int) -> Cell | None:
+    """The paper's average in a row of that name; None where it printed none."""
+    found = next((row.cells[-1] for row in block.rows if row.name == name), None)
+    return None if found is None else Cell(found.ap, source=Source(f"the paper, Table {table}", (str(name), AVERAGE)))
 
 
 def gap_table(found: Findings, verdicts: Sequence[Verdict]) -> list[tuple[str, ...]]:
