@@ -20,7 +20,7 @@ from .properties import RaucaCameras
 # Linear colours and widths in pixels, in drawing order.
 STYLES = {
     "circles": ((0.55, 0.75, 1.0, 0.35), 1.0),
-    "ranges": ((1.0, 0.62, 0.2, 0.35), 1.0),
+    "ranges": ((1.0, 0.62, 0.2, 0.5), 1.0),
     "cameras": ((0.45, 0.72, 1.0, 0.95), 1.5),
     "chosen": ((1.0, 0.75, 0.15, 1.0), 2.5),
 }
