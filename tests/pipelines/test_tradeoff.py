@@ -1,0 +1,48 @@
+"""``rauca tradeoff``: which camouflages it makes, and mistakes told before anything is optimised or rendered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pipelines.cli import app
+from pipelines.tradeoff import points
+from rauca_core.attack.naturalness import Naturalness
+from rauca_core.contract import Dataset, RaucaError, Vehicle
+from tests.attack.conftest import make_dataset
+
+
+def test_points_differ_in_one_thing_each() -> None:
+    base = Naturalness(palette=("#102030", "#ffffff"), reference="#8c8c8c")
+    found = {point.label: point.natural for point in points(base, (0, 10), (20,))}
+    assert list(found) == ["free", "dE-0", "dE-10", "patch-20cm"]
+    assert all(wanted is not None and wanted.palette == base.palette for wanted in found.values())
+    assert [w.max_delta_e for w in found.values() if w] == [None, 0, 10, None]
+    assert [w.feature_cm for w in found.values() if w] == [None, None, None, 20]
+    assert [w.reference for w in found.values() if w] == [None, "#8c8c8c", "#8c8c8c", None]
+    assert points(None, (), ())[0].natural is None
+
+
+@pytest.fixture
+def small(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
+    return make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--max-delta-e", "5,10"], "--reference"),
+        (["--reference", "#8c8c8c", "--max-delta-e", "5,x"], "--max-delta-e"),
+        (["--reference", "#8c8c8c", "--feature-size", "0,5"], "--feature-size"),
+        (["--reference", "none.png"], "not found"),
+        (["--reference", "#8c8c8c", "--detectors", "yolov3-tiny"], "--detectors"),
+        (["--reference", "#8c8c8c", "--weathers", "hail"], "hail"),
+    ],
+)
+def test_mistakes_are_told(small: Dataset, tmp_path: Path, options: list[str], words: str) -> None:
+    done = CliRunner().invoke(app, ["tradeoff", str(small.folder), "--out", str(tmp_path / "out"), *options])
+    assert isinstance(done.exception, RaucaError)
+    assert words in str(done.exception)
+    assert not (tmp_path / "out").exists()
