@@ -12,7 +12,7 @@ STROKE = 1.5  # half the line's width, pixels
 COLOUR = (0.36, 0.67, 0.95)  # sRGB
 GRID = (0.5, 0.5, 0.5, 0.25)
 MARGIN = 8  # pixels
-MOST_POINTS = SIDE
+MOST_POINTS = SIDE // 4  # the loss of one step jumps with its frames: what counts is how the runs of steps go
 
 
 def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:

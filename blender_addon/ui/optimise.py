@@ -110,10 +110,11 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
             if icon := pictures.icon(f"{JOB}.{kind}"):
                 row.template_icon(icon, scale=6)
         if icon := pictures.icon(f"{JOB}.loss"):
-            row = layout.row()
-            row.template_icon(icon, scale=6)
-            figures = row.column(align=True)
-            for name, words in (("loss", iface("Loss {value:.3f}")), ("score", iface("Seen {value:.0%}"))):
+            halves = layout.split(factor=0.5)
+            halves.template_icon(icon, scale=6)
+            figures = halves.column(align=True)
+            figures.separator(factor=4)
+            for name, words in (("loss", iface("Loss {value:.3f}")), ("score", iface("Still seen {value:.0%}"))):
                 figures.label(text=words.format(value=found.history[name][-1]), translate=False)
 
 

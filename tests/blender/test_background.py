@@ -224,7 +224,7 @@ def test_the_curve_goes_where_the_values_go():
     assert np.allclose(falling[ink][:, :3], COLOUR, atol=0.01)
     assert not falling[:, :MARGIN].any()
     assert not falling[:, -MARGIN:].any()
-    steep = curve([0.0, 1.0] * 40)[..., 3] > 0.99  # drawn without gaps however steep
+    steep = curve([0.0, 1.0] * 20)[..., 3] > 0.99  # drawn without gaps however steep
     assert steep[MARGIN:-MARGIN, MARGIN:-MARGIN].any(1).all()
 
 
