@@ -213,7 +213,9 @@ def _table(axis: str, chosen: Sequence[tuple[str, str]], table: Scores) -> Table
 
     labels = [label for label, _ in chosen]
     rows = [row(kind, labels, kind) for kind in (WHITE, BLACK)]
-    rows += [row(f"normal paint, {kind}", [NORMAL] * len(labels), kind) for kind in (WHITE, BLACK)]
+    # A line to compare with: its interval would only cover the others'.
+    plain = {kind: tuple(Cell(table[NORMAL][kind].ap) for _ in labels) for kind in (WHITE, BLACK)}
+    rows += [Row(f"normal paint, {kind}", cells) for kind, cells in plain.items()]
     columns = tuple(Column(value) for _, value in chosen)
     return Table("tradeoff", axis, f"AP@0.5 by {axis}.", columns, (Block("", tuple(rows)),))
 
