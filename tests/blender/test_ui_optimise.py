@@ -88,7 +88,8 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
     assert tuple(pictures.shown("optimise.uv_map").image_size) == (64, 64)
     for kind in ("painted", "loss"):
         assert pictures.shown(f"optimise.{kind}") is not None
-    assert load_camouflage(tmp_path / "made" / "camouflage.json").size == 64
+    made, _ = load_camouflage(tmp_path / "made" / "camouflage.json")
+    assert made.size == 64
     assert addon.context.scene.rauca.camouflage.file == str(tmp_path / "made" / "camouflage.json")
     assert longest < 0.1
 
