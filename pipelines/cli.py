@@ -100,6 +100,10 @@ def optimize(
     steps: int = 1000,
     batch: Annotated[int, typer.Option(help="frames per step")] = 4,
     lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
+    decay: Annotated[float, typer.Option(help="last learning rate as a share of the first; 1 as published")] = 1.0,
+    objective: Annotated[
+        str, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
+    ] = "eq6",
     beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
     smooth: Annotated[str, typer.Option(help="smoothness on the UV map, the rendered picture or the pattern")] = "map",
     map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,

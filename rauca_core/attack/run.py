@@ -213,6 +213,7 @@ class Run:
                 raise RaucaError(
                     f"step {self.step + 1}: the UV map's gradient is not finite on frames {names}; remove them"
                 )
+            self.adam.param_groups[0]["lr"] = self.settings.lr_at(self.step)
             self.adam.step()
             self.texture.settle()
         return smooth.detach().expand(len(batch)), 0.0 if extra is None else float(extra.detach())

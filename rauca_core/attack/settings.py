@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,6 +25,7 @@ class OptimiserSettings(BaseModel):
         steps: gradient steps in all.
         batch: frames per step.
         lr: Adam's learning rate, on sRGB values in [0, 1].
+        decay: the last step's learning rate as a share of the first, along half a cosine; 1 keeps it, as published.
         alpha, beta: weights of the attack and smoothness losses, Eq. 8.
         map_size: side of the UV map, texels.
         samples: subsamples per pixel along each axis of the renderer; against Cycles' paint coverage at 320 px, IoU is
@@ -65,6 +67,7 @@ class OptimiserSettings(BaseModel):
     steps: int = Field(1000, ge=1)
     batch: int = Field(4, ge=1, le=1024)
     lr: float = Field(0.01, gt=0, le=1)
+    decay: float = Field(1.0, ge=0, le=1)
     alpha: float = Field(1.0, ge=0)
     beta: float = Field(0.01, ge=0)
     map_size: int = Field(1024, ge=16, le=8192)
@@ -107,7 +110,16 @@ class OptimiserSettings(BaseModel):
         free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
         if self.natural is None:
             free.add("natural")  # runs that began before it was known may go on
+        if self.decay == 1.0:
+            free.add("decay")
+        else:
+            free.remove("steps")  # the learning rate of every step depends on how many there will be
         return self.model_dump(mode="json", exclude=free)
+
+    def lr_at(self, step: int) -> float:
+        """Adam's learning rate for a step, counted from 0."""
+        fallen = (1.0 - math.cos(math.pi * step / self.steps)) / 2
+        return self.lr * (1.0 - (1.0 - self.decay) * fallen)
 
 
 def make_settings(**chosen: Any) -> OptimiserSettings:

@@ -55,9 +55,12 @@ def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: An
     assert list((tmp_path / "out" / "tensorboard").iterdir())
 
 
-@pytest.mark.parametrize("limit", ["project", "clamp", "tanh"])
-def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str) -> None:
-    optimise(dataset, [small_detector], settings(limit=limit), tmp_path / "whole")
+@pytest.mark.parametrize(("limit", "decay"), [("project", 1.0), ("project", 0.05), ("clamp", 1.0), ("tanh", 1.0)])
+def test_resumed_run_ends_in_the_same_bits(
+    dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str, decay: float
+) -> None:
+    chosen = settings(limit=limit, decay=decay)
+    optimise(dataset, [small_detector], chosen, tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -67,12 +70,12 @@ def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimise(dataset, [small_detector], settings(limit=limit), tmp_path / "parts", on_step=cut)
+        optimise(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
     steps = []
     again = optimise(
         dataset,
         [small_detector],
-        settings(limit=limit),
+        chosen,
         tmp_path / "parts",
         lambda r: steps.append(r.step),
         resume=True,
@@ -257,3 +260,18 @@ def test_two_processes_of_torchrun_end_where_one_does(dataset: Dataset, small_de
         assert (texels(pair) - texels(alone)).abs().max() < 1e-4
         for one, two in zip(read_history(pair), read_history(alone), strict=True):
             assert [one[k] for k in KEPT] == pytest.approx([two[k] for k in KEPT], rel=1e-4, abs=1e-7)
+
+
+def test_the_learning_rate_falls_along_half_a_cosine_to_its_share(
+    dataset: Dataset, small_detector: Any, tmp_path: Path
+) -> None:
+    falling = settings(steps=10, decay=0.1)
+    assert falling.lr_at(0) == pytest.approx(0.03)
+    assert falling.lr_at(5) == pytest.approx(0.55 * 0.03)
+    assert falling.lr_at(10) == pytest.approx(0.003)
+    assert settings().lr_at(7) == 0.03
+    optimise(dataset, [small_detector], settings(steps=3, decay=0.0), tmp_path / "out")
+    with pytest.raises(RaucaError, match="another steps;"):  # its learning rates were made for three
+        optimise(dataset, [small_detector], settings(steps=6, decay=0.0), tmp_path / "out", resume=True)
+    optimise(dataset, [small_detector], settings(steps=3), tmp_path / "constant")
+    optimise(dataset, [small_detector], settings(steps=6), tmp_path / "constant", resume=True)
