@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from typing import ClassVar
 
 import bpy
 
@@ -22,6 +23,8 @@ class StepPanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Rauca"
+    # The whole order of work shows at a glance: only the first step is open to begin with.
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
     number: int
     layout: bpy.types.UILayout
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
@@ -22,6 +24,7 @@ class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
 
     bl_idname = "RAUCA_PT_vehicle"
     bl_label = "Vehicle"
+    bl_options: ClassVar[set[str]] = set()
     number = 1
     step_state = staticmethod(state)
 
