@@ -36,6 +36,16 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender w
             shown.append(("BAKED", iface("Baked")))
         for which, name in shown:
             row.operator("rauca.show_paint", text=name, depress=coat.shown == which).which = which
+        _draw_textures_hint(context, layout)
+
+
+def _draw_textures_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """The solid view shows plain colours until it is told otherwise."""
+    shading = getattr(context.space_data, "shading", None)
+    if shading is None or shading.type != "SOLID" or shading.color_type == "TEXTURE":
+        return
+    paragraph(context, layout, iface("This view shows no textures."), icon="INFO")
+    layout.prop_enum(shading, "color_type", "TEXTURE", text="Show Textures")
 
 
 class RAUCA_PT_detections(bpy.types.Panel):  # noqa: N801 - Blender wants this form

@@ -89,7 +89,10 @@ def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bp
     box.use_property_split = False
     if kind in {"SOLID", "WIREFRAME"}:
         paragraph(context, box, iface("This view shows no weather."), icon="INFO")
-        box.prop_enum(shading, "type", "RENDERED", text="Rendered view")
+        row = box.row(align=True)
+        if not cycles:
+            row.prop_enum(context.scene.render, "engine", "CYCLES", text="Use Cycles")
+        row.prop_enum(shading, "type", "RENDERED", text="Rendered View")
     elif kind == "MATERIAL" or not cycles:
         text = iface(
             "EEVEE: sky and clouds as in the dataset; sun, shadows and fog come close, no more. Cycles is exact."
