@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-matrix lint pictures extension kernels clean
+.PHONY: demo test test-matrix lint docs pictures extension kernels clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -22,6 +22,10 @@ lint: $(READY)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
 
+# The documentation as a site, site/index.html; a broken link is an error.
+docs: $(VENV)/.docs
+	$(VENV)/bin/mkdocs build --strict --quiet
+
 # The README's pictures, from the demo's own results.
 pictures: demo
 	$(VENV)/bin/rauca report runs/demo --pictures docs/pictures
@@ -39,6 +43,10 @@ $(READY): pyproject.toml
 	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[blender,bench,slurm,detectors,dev]
 	touch $(READY)
 
+$(VENV)/.docs: $(READY)
+	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[docs]
+	touch $@
+
 # bpy 4.5 was built against NumPy 1.
 $(VENV)-4.5/.ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-4.5
@@ -51,4 +59,4 @@ kernels:
 	find rauca_core benchmarks -name '*.nb[ci]' -delete
 
 clean:
-	rm -rf $(VENV) $(VENV)-4.5 runs reports
+	rm -rf $(VENV) $(VENV)-4.5 runs reports site
