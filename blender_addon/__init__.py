@@ -1,4 +1,4 @@
-"""rauca for Blender: multi-weather data sets of a vehicle, and camouflages on it."""
+"""rauca for Blender: multi-weather datasets of a vehicle, and camouflages on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a data set will take to render, from how long the last one took on this machine."""
+"""How long a dataset will take to render, from how long the last one took on this machine."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class Pace:
 
 
 def measure(dataset: Path) -> Pace | None:
-    """The pace of a data set that was rendered here, from its ledger; None when it has too few timed frames.
+    """The pace of a dataset that was rendered here, from its ledger; None when it has too few timed frames.
 
     Raises:
-        RaucaError: the folder holds no data set that can be read.
+        RaucaError: the folder holds no dataset that can be read.
     """
     plan = contract.read_plan(dataset)
     times = [entry.seconds for entry in contract.read_ledger(dataset).values() if entry.seconds]

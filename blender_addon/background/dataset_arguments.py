@@ -13,7 +13,7 @@ def dataset_arguments(context: bpy.types.Context, out: Path, vehicle: Path) -> l
     """The arguments of ``make_dataset`` that render what the panels show.
 
     Args:
-        out: folder of the data set.
+        out: folder of the dataset.
         vehicle: folder of the saved vehicle.
     """
     steps = context.scene.rauca

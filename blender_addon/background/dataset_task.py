@@ -1,4 +1,4 @@
-"""Rendering a data set, as a job beside the window: the same command as the headless pipeline's."""
+"""Rendering a dataset, as a job beside the window: the same command as the headless pipeline's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class DatasetTask:
     """Renders what ``folder`` lacks.
 
     Attributes:
-        folder: of the data set.
+        folder: of the dataset.
         start: the command.
         scratch: a folder that only the job needs; removed at its end.
     """

@@ -9,12 +9,13 @@ from typing import Literal
 
 # The jobs speak of their command line; here a button is what the user has.
 IN_THE_WINDOW = (
-    ("run the same command with --retry-quarantined to try them again", "tick Retry failed and start again"),
+    ("run the same command with --retry-quarantined to try them again", "tick Retry Failed and start again"),
     ("run the same command with --resume", "start again to go on"),
     ("run the same command again", "start again"),
     ("run the same command to go on", "start again to go on"),
     ("or pass --no-denoise with 64 samples or more", "or turn Denoise off and take 64 samples or more"),
     ("choose another output folder", "choose another folder"),
+    ("data set", "dataset"),
 )
 
 

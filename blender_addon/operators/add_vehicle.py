@@ -7,13 +7,15 @@ import bpy
 from ..scene.shipped import add_shipped, shipped_names
 from .operator import RaucaOperator
 
+SPOKEN = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
+
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
 
 
 def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     if not _items:
         names = sorted(shipped_names(), key=lambda name: (name not in ("sedan", "hatchback", "suv", "van"), name))
-        _items.extend((name, name.replace("_", " ").capitalize(), "Add this vehicle to the scene") for name in names)
+        _items.extend((name, SPOKEN.get(name, name.title()), "Add this vehicle to the scene") for name in names)
     return _items
 
 
@@ -21,7 +23,7 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - B
     """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
 
     bl_idname = "rauca.add_vehicle"
-    bl_label = "Add vehicle"
+    bl_label = "Add Vehicle"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)  # type: ignore[valid-type]
 

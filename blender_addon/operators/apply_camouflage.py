@@ -23,7 +23,7 @@ class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N80
     """Paint the vehicle of step 1 with the chosen camouflage; it is added to the scene if it is not there"""
 
     bl_idname = "rauca.apply_camouflage"
-    bl_label = "Apply camouflage"
+    bl_label = "Apply Camouflage"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     def work(self, context: bpy.types.Context) -> str:

@@ -169,7 +169,7 @@ def _layer(wanted: str, layers: list[str]) -> str:
         raise contract.RaucaError(f"UV layer {wanted!r}: the vehicle's paint does not have it; {others}")
     if not layers:
         raise contract.RaucaError(
-            "The vehicle has no UV layer beside the camouflage's own; press New UV layer, or add one yourself"
+            "The vehicle has no UV layer beside the camouflage's own; press New UV Layer, or add one yourself"
         )
     if len(layers) > 1:
         raise contract.RaucaError(f"The vehicle has several UV layers: {shown}; choose the one to bake into")

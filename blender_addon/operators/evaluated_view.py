@@ -18,7 +18,7 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     """Look at the vehicle through a view that detectors were evaluated on; a camera of its own is added for that"""
 
     bl_idname = "rauca.evaluated_view"
-    bl_label = "Look through an evaluated view"
+    bl_label = "Look Through an Evaluated View"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     step: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="View",

@@ -1,4 +1,4 @@
-"""Render a data set in other Blender processes, so that the window stays responsive."""
+"""Render a dataset in other Blender processes, so that the window stays responsive."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
     """Render every view in every weather to the chosen folder; goes on where an earlier run stopped"""
 
     bl_idname = "rauca.generate_dataset"
-    bl_label = "Generate dataset"
+    bl_label = "Generate Dataset"
     job = JOB
-    running = "A data set is being rendered; stop it first"
+    running = "A dataset is being rendered; stop it first"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.dataset.folder:
-            cls.poll_message_set("Choose a folder for the data set")
+            cls.poll_message_set("Choose a folder for the dataset")
             return False
         return cls.poll_idle()
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.dataset
-        folder = chosen_folder(settings.folder, rpt("the data set"))
-        refuse_foreign(folder, "dataset.json", rpt("data set"))
+        folder = chosen_folder(settings.folder, rpt("the dataset"))
+        refuse_foreign(folder, "dataset.json", rpt("dataset"))
         if settings.denoise and not compat.denoiser_is_built_in():
             raise contract.RaucaError(
                 rpt(

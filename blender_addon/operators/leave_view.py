@@ -1,4 +1,4 @@
-"""Back from a view of the data set to the artist's own camera."""
+"""Back from a view of the dataset to the artist's own camera."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     """Bring back your own camera and picture size; the view's camera goes"""
 
     bl_idname = "rauca.leave_view"
-    bl_label = "Leave view"
+    bl_label = "Leave View"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

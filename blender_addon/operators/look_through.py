@@ -1,4 +1,4 @@
-"""Look through a view of the data set."""
+"""Look through a view of the dataset."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     """See what this view's camera will see, jitter included; your own camera is kept"""
 
     bl_idname = "rauca.look_through"
-    bl_label = "Look through"
+    bl_label = "Look Through"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     step: bpy.props.IntProperty(  # type: ignore[valid-type]

@@ -26,7 +26,7 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     """Say by the selected faces what is paint"""
 
     bl_idname = "rauca.mark_paint"
-    bl_label = "Mark paint"
+    bl_label = "Mark Paint"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     action: bpy.props.EnumProperty(name="Action", items=ACTIONS)  # type: ignore[valid-type]
 

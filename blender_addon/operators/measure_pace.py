@@ -1,4 +1,4 @@
-"""Take the estimate of the render time from a data set that was rendered on this machine."""
+"""Take the estimate of the render time from a dataset that was rendered on this machine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     """Take the time per frame from the dataset in the folder of step 4, if it was rendered on this machine"""
 
     bl_idname = "rauca.measure_pace"
-    bl_label = "Measure by the last dataset"
+    bl_label = "Measure by the Last Dataset"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -15,7 +15,7 @@ class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     """Add a UV layer in which Blender's Smart UV Project lays out the vehicle's paint"""
 
     bl_idname = "rauca.new_uv_layer"
-    bl_label = "New UV layer"
+    bl_label = "New UV Layer"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

@@ -11,7 +11,7 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     """Go on to the next weather of the list; after the last comes the first"""
 
     bl_idname = "rauca.next_weather"
-    bl_label = "Next weather"
+    bl_label = "Next Weather"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     step: bpy.props.IntProperty(name="Step", default=1, options={"SKIP_SAVE"})  # type: ignore[valid-type]

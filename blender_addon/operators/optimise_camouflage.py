@@ -20,7 +20,7 @@ JOB = "optimise"
 
 
 class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """Optimise a camouflage on the data set against the chosen detectors; goes on where an earlier run stopped"""
+    """Optimise a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
 
     bl_idname = "rauca.optimise"
     bl_label = "Optimise"
@@ -38,7 +38,7 @@ class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
         elif not found.chosen_detectors():
             reason = "Choose a detector"
         elif not steps.optimise.dataset_folder(context):
-            reason = "Choose a data set"
+            reason = "Choose a dataset"
         elif not steps.optimise.folder:
             reason = "Choose a folder for the camouflage"
         if reason:
@@ -62,10 +62,10 @@ def _check_dataset(folder: Path) -> None:
     """Raise :class:`RaucaError` for a folder that cannot be optimised on."""
     making = watch.job(DATASET_JOB)
     if making is not None and making.alive and making.task.folder == folder:
-        raise contract.RaucaError(rpt("The data set is still being rendered; wait for it, or stop it"))
+        raise contract.RaucaError(rpt("The dataset is still being rendered; wait for it, or stop it"))
     if not contract.read_plan(folder).light:
         raise contract.RaucaError(
-            rpt("{folder}: has no light maps; render it again with Light maps on, in step 4").format(folder=folder)
+            rpt("{folder}: has no light maps; render it again with Light Maps on, in step 4").format(folder=folder)
         )
 
 

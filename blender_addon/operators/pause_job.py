@@ -30,7 +30,7 @@ class RAUCA_OT_continue_job(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     """Go on where the job was paused, with the settings it was started with"""
 
     bl_idname = "rauca.continue_job"
-    bl_label = "Go on"
+    bl_label = "Go On"
 
     job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 

@@ -15,7 +15,7 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
     """Take the camouflage off again: the materials are as they were"""
 
     bl_idname = "rauca.remove_camouflage"
-    bl_label = "Remove camouflage"
+    bl_label = "Remove Camouflage"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

@@ -12,7 +12,7 @@ class RAUCA_OT_remove_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     """Remove the street and everything that came with it; objects of your own among the houses stay"""
 
     bl_idname = "rauca.remove_street"
-    bl_label = "Remove street"
+    bl_label = "Remove Street"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

@@ -12,7 +12,7 @@ class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     """Bring back your own world and settings; exactly what was added goes"""
 
     bl_idname = "rauca.remove_weather"
-    bl_label = "Remove weather"
+    bl_label = "Remove Weather"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

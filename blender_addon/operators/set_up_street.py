@@ -1,4 +1,4 @@
-"""Build a street of the data set around the vehicle."""
+"""Build a street of the dataset around the vehicle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     """Build a street of the dataset's town around the vehicle, which stays where it is"""
 
     bl_idname = "rauca.set_up_street"
-    bl_label = "Set up a street"
+    bl_label = "Set Up a Street"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

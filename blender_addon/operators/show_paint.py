@@ -13,7 +13,7 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     """Change between the original paint and the camouflage"""
 
     bl_idname = "rauca.show_paint"
-    bl_label = "Original / camouflage"
+    bl_label = "Original / Camouflage"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     which: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Show",

@@ -8,10 +8,10 @@ from .operator import RaucaOperator
 
 
 class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """Put sky, sun, clouds and fog into this scene; your own world is kept and comes back with Remove weather"""
+    """Put sky, sun, clouds and fog into this scene; your own world is kept and comes back with Remove Weather"""
 
     bl_idname = "rauca.show_weather"
-    bl_label = "Show in this scene"
+    bl_label = "Show in This Scene"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

@@ -20,7 +20,7 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N80
     """Turn denoising off and take so many samples that the frames are as clean; they take longer"""
 
     bl_idname = "rauca.without_denoiser"
-    bl_label = "Render without denoising"
+    bl_label = "Render Without Denoising"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod

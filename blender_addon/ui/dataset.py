@@ -19,13 +19,13 @@ PICTURE = f"{JOB}.frame"
 
 
 class RaucaDataset(bpy.types.PropertyGroup):
-    """Settings of the data set."""
+    """Settings of the dataset."""
 
     folder: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Folder",
         subtype="DIR_PATH",
         options=compat.path_options(),
-        description="The data set is written here and nowhere else",
+        description="The dataset is written here and nowhere else",
     )
     locations: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"
@@ -40,18 +40,18 @@ class RaucaDataset(bpy.types.PropertyGroup):
         name="Denoise", default=True, description="Clean the frames up; without it take 64 samples or more"
     )
     light: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Light maps",
+        name="Light Maps",
         default=True,
         description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Blenders at once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
+        name="Blenders at Once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"
     )
     retry: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Retry failed", description="Try frames again that failed twice in an earlier run"
+        name="Retry Failed", description="Try frames again that failed twice in an earlier run"
     )
 
 
@@ -59,16 +59,16 @@ def state(context: bpy.types.Context) -> State:
     if found := job_state(JOB, iface("{done} of {total} frames"), iface("Building the scene in the background")):
         return found
     if not context.scene.rauca.dataset.folder:
-        return State("missing", iface("Choose a folder for the data set"))
+        return State("missing", iface("Choose a folder for the dataset"))
     count, time = timing.frame_count(context), spoken(timing.estimated_seconds(context))
     return State("ready", iface("Ready: {count} frames, about {time}").format(count=count, time=time))
 
 
 class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
-    """Render the data set"""
+    """Render the dataset"""
 
     bl_idname = "RAUCA_PT_dataset"
-    bl_label = "Generate dataset"
+    bl_label = "Generate Dataset"
     number = 4
     step_state = staticmethod(state)
 

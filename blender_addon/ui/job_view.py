@@ -54,7 +54,7 @@ def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str) 
 
 def draw_open_folder(layout: bpy.types.UILayout, folder: str) -> None:
     """A button that shows a folder in the system's own window."""
-    layout.operator("wm.path_open", text="Open folder", icon="FILE_FOLDER").filepath = folder
+    layout.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = folder
 
 
 def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
@@ -65,5 +65,5 @@ def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
         pause = row.row(align=True)
         pause.enabled = found.phase in ("starting", "running")
         pause.operator("rauca.pause_job", icon="PAUSE").job = name
-    text = "Stop at once" if found.phase == "stopping" else "Stop"
+    text = "Stop at Once" if found.phase == "stopping" else "Stop"
     row.operator("rauca.stop_job", text=text, icon="CANCEL").job = name

@@ -1,4 +1,4 @@
-"""Step 5: optimise a camouflage on the data set, in an external Python."""
+"""Step 5: optimise a camouflage on the dataset, in an external Python."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RaucaOptimise(bpy.types.PropertyGroup):
         name="Dataset",
         subtype="DIR_PATH",
         options=compat.path_options(),
-        description="Folder of the data set; step 4's if left empty",
+        description="Folder of the dataset; step 4's if left empty",
     )
     folder: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Folder",
@@ -36,22 +36,22 @@ class RaucaOptimise(bpy.types.PropertyGroup):
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
     batch: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Frames per step", default=4, min=1, max=1024, description="More make a step surer and slower"
+        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Texture size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
+        name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Another number begins with another random camouflage"
     )
 
     def dataset_folder(self, context: bpy.types.Context) -> str:
-        """The data set to optimise on: the one chosen here, or step 4's; empty without either."""
+        """The dataset to optimise on: the one chosen here, or step 4's; empty without either."""
         return str(self.dataset or context.scene.rauca.dataset.folder)
 
 
 def state(context: bpy.types.Context) -> State:
-    starting = iface("Reading the data set and the detectors")
+    starting = iface("Reading the dataset and the detectors")
     if found := job_state(JOB, iface("{done} of {total} steps"), starting):
         return found
     settings, settled = context.scene.rauca.optimise, preferences(context)
@@ -62,7 +62,7 @@ def state(context: bpy.types.Context) -> State:
     if not settled.ready:
         return State("missing", iface("Check the chosen Python"))
     if not settings.dataset_folder(context):
-        return State("missing", iface("Generate a data set, or choose one"))
+        return State("missing", iface("Generate a dataset, or choose one"))
     if not settled.chosen_detectors():
         return State("missing", iface("Choose a detector"))
     if not settings.folder:

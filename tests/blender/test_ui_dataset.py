@@ -156,7 +156,7 @@ def test_stopping_at_once_and_when_nothing_runs(addon, steps, tmp_path):
 
 def test_folders_that_cannot_be_used(addon, steps, tmp_path):
     settings = steps().dataset
-    with pytest.raises(RuntimeError, match="Choose a folder for the data set"):
+    with pytest.raises(RuntimeError, match="Choose a folder for the dataset"):
         addon.ops.rauca.generate_dataset()
     (tmp_path / "file").write_text("")
     (tmp_path / "holiday").mkdir()
@@ -165,7 +165,7 @@ def test_folders_that_cannot_be_used(addon, steps, tmp_path):
         "//set": "save it first",
         str(tmp_path / "file"): "is a file, not a folder; choose another",
         str(tmp_path / "file" / "set"): "is a file, not a folder; choose another",
-        str(tmp_path / "holiday"): "holds other files and no data set; choose an empty",
+        str(tmp_path / "holiday"): "holds other files and no dataset; choose an empty",
     }
     for folder, words in refused.items():
         settings.folder = folder
@@ -181,7 +181,7 @@ def test_a_folder_without_permission(addon, steps, tmp_path):
     if os.access(where, os.W_OK):
         pytest.skip("this user may write everywhere")
     steps().dataset.folder = str(where / "set")
-    with pytest.raises(RuntimeError, match="not writable; choose another folder for the data set"):
+    with pytest.raises(RuntimeError, match="not writable; choose another folder for the dataset"):
         addon.ops.rauca.generate_dataset()
 
 

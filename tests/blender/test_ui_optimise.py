@@ -68,7 +68,7 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
     assert state(addon.context).words == "Ready to optimise"
     assert addon.ops.rauca.optimise(wait=False) == {"FINISHED"}
     job = watch.job("optimise")
-    assert state(addon.context).words == "Reading the data set and the detectors"
+    assert state(addon.context).words == "Reading the dataset and the detectors"
     longest = until(lambda: job.done >= 2)
     assert state(addon.context).words.startswith(f"{job.done} of {STEPS} steps, about ")
     assert not addon.ops.rauca.optimise.poll()
@@ -128,7 +128,7 @@ def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
     settings.detectors[0].use = False
     assert "Choose a detector" in refusal()
     settings.detectors[1].use = True
-    assert "Choose a data set" in refusal()
+    assert "Choose a dataset" in refusal()
     addon.context.scene.rauca.dataset.folder = str(tmp_path / "data")  # step 4's is taken
     assert "Choose a folder for the camouflage" in refusal()
     step.folder = str(tmp_path / "made")
@@ -136,7 +136,7 @@ def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
     make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
     plan = tmp_path / "data" / "dataset.json"
     plan.write_text(plan.read_text().replace('"light": true', '"light": false'))
-    assert "render it again with Light maps on, in step 4" in refusal()
+    assert "render it again with Light Maps on, in step 4" in refusal()
     plan.write_text(plan.read_text().replace('"light": false', '"light": true'))
     (tmp_path / "made").mkdir()
     (tmp_path / "made" / "letter.txt").write_text("")

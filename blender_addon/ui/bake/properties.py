@@ -11,7 +11,7 @@ class RaucaBake(bpy.types.PropertyGroup):
     """Where the camouflage goes; ``baked_layer``, ``file`` and ``difference`` tell of the last bake."""
 
     layer: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="UV layer", description="The UV layer to bake into; empty: the only one beside the camouflage's own"
+        name="UV Layer", description="The UV layer to bake into; empty: the only one beside the camouflage's own"
     )
     size: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Size",
@@ -23,7 +23,7 @@ class RaucaBake(bpy.types.PropertyGroup):
         name="Folder", subtype="DIR_PATH", description="The image is written here, and kept inside the .blend as well"
     )
     allow_overlaps: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Allow overlaps",
+        name="Allow Overlaps",
         description="Bake although parts share texels, such as mirrored sides: they get a mixture of both",
     )
     baked_layer: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]

@@ -56,16 +56,16 @@ class RaucaCameras(bpy.types.PropertyGroup):
     distance_far: _metres("Farthest", "The farthest ring, from the vehicle's middle", 10, 0.5, 500)  # type: ignore[valid-type]
     distances: _count("Distances", "Rings one behind the other, from the nearest to the farthest", 2, 32)  # type: ignore[valid-type]
     jitter_azimuth: _angle("Sideways", "Each camera strays so far to either side at random", 0, 0, 180)  # type: ignore[valid-type]
-    jitter_elevation: _angle("Up and down", "Each camera strays so far up or down at random", 0, 0, 90)  # type: ignore[valid-type]
+    jitter_elevation: _angle("Up and Down", "Each camera strays so far up or down at random", 0, 0, 90)  # type: ignore[valid-type]
     jitter_distance: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Distance", subtype="PERCENTAGE", min=0.0, max=90.0, precision=0, update=_changed,
         description="Each camera strays so far nearer or farther at random, in percent of its distance",
     )  # fmt: skip
     jitter_aim: _metres("Aim", "The point that each camera looks at strays so far at random", 0, 0, 100)  # type: ignore[valid-type]
     jitter_roll: _angle("Tilt", "Each camera tilts so far to either side at random", 0, 0, 180)  # type: ignore[valid-type]
-    fov: _angle("Field of view", "How wide the cameras see", 60, 1, 170)  # type: ignore[valid-type]
+    fov: _angle("Field of View", "How wide the cameras see", 60, 1, 170)  # type: ignore[valid-type]
     overlay: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Show in viewport", default=True, description="Draw the rings and cameras in the viewport"
+        name="Show in Viewport", default=True, description="Draw the rings and cameras in the viewport"
     )
     view: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="View", default=1, min=1, update=_changed, description="The view that is drawn large and looked through"

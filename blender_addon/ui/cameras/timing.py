@@ -1,4 +1,4 @@
-"""The estimate of the panel: frames of the data set, and how long they take."""
+"""The estimate of the panel: frames of the dataset, and how long they take."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def forget() -> None:
 
 
 def learn(dataset: Path) -> None:
-    """Take the pace from a data set that was rendered here; too few frames change nothing.
+    """Take the pace from a dataset that was rendered here; too few frames change nothing.
 
     Raises:
-        RaucaError: the folder holds no data set, or the pace cannot be kept.
+        RaucaError: the folder holds no dataset, or the pace cannot be kept.
     """
     measured = measure(dataset)
     if measured is None:
@@ -38,7 +38,7 @@ def learn(dataset: Path) -> None:
 
 
 def frame_count(context: bpy.types.Context) -> int:
-    """Frames of the data set that the panels describe."""
+    """Frames of the dataset that the panels describe."""
     steps = context.scene.rauca
     weathers = 1 if steps.weather.used == "ONE" else len(steps.weather.listed())
     return len(steps.cameras.ring()) * weathers * int(steps.dataset.locations)

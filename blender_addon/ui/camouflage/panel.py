@@ -17,7 +17,7 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender w
     """Put a camouflage on the vehicle"""
 
     bl_idname = "RAUCA_PT_camouflage"
-    bl_label = "Apply camouflage"
+    bl_label = "Apply Camouflage"
     number = 6
     step_state = staticmethod(state)
 
@@ -52,7 +52,7 @@ class RAUCA_PT_detections(bpy.types.Panel):  # noqa: N801 - Blender wants this f
     """What detectors found in the evaluated views"""
 
     bl_idname = "RAUCA_PT_detections"
-    bl_label = "What detectors see"
+    bl_label = "What Detectors See"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Rauca"
@@ -72,7 +72,7 @@ class RAUCA_PT_detections(bpy.types.Panel):  # noqa: N801 - Blender wants this f
         sights = same_view(context.scene, views) if isinstance(views, Views) else []
         row = layout.row(align=True)
         row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
-        row.operator("rauca.evaluated_view", text="Nearest view", icon="CAMERA_DATA").step = "NEAREST"
+        row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
         row.operator("rauca.evaluated_view", text="", icon="TRIA_RIGHT").step = "NEXT"
         if not sights:
             paragraph(context, layout, iface("Not evaluated from here; look through the nearest view"), "INFO")

@@ -31,13 +31,13 @@ class RaucaCamouflage(bpy.types.PropertyGroup):
         name="Evaluation", subtype="DIR_PATH", description="The folder that an evaluation wrote"
     )
     boxes: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Show boxes", default=True, description="Draw what detectors found over the camera's view"
+        name="Show Boxes", default=True, description="Draw what detectors found over the camera's view"
     )
     detector: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Detector", items=_detectors, description="Whose boxes are shown"
     )
     least_score: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Least score",
+        name="Least Score",
         default=0.25,
         min=0.0,
         max=1.0,

@@ -84,7 +84,7 @@ class RAUCA_PT_vehicle_uvs(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blend
     """Give the paint a UV map of its own, and check it"""
 
     bl_idname = "RAUCA_PT_vehicle_uvs"
-    bl_label = "UV map"
+    bl_label = "UV Map"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -60,7 +60,7 @@ class RaucaVehicle(bpy.types.PropertyGroup):
     front: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Front",
         items=[
-            ("AUTO", "Longer side", "Along x if the vehicle is longer there, else towards -y"),
+            ("AUTO", "Longer Side", "Along x if the vehicle is longer there, else towards -y"),
             ("+X", "+X", "The vehicle looks along x"),
             ("-X", "-X", "The vehicle looks against x"),
             ("+Y", "+Y", "The vehicle looks along y"),
@@ -88,7 +88,7 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         name="Material", description="The paint's material in the file; empty: the one whose name says so"
     )
     file_mask: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Paint mask", subtype="FILE_PATH", description="A grey image, white where the camouflage may go"
+        name="Paint Mask", subtype="FILE_PATH", description="A grey image, white where the camouflage may go"
     )
     marked: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
     checked: bpy.props.BoolProperty(options={"HIDDEN"})  # type: ignore[valid-type]

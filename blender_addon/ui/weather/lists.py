@@ -9,8 +9,8 @@ from ...core import assets, contract
 
 # Identifier, name and tooltip of every shipped list, in the order of the menu.
 SHIPPED = (
-    ("demo", "First steps", "Three weathers for a first try: clear day, low sun, light fog"),
-    ("single", "Clear day", "One clear day, nothing else"),
+    ("demo", "First Steps", "Three weathers for a first try: clear day, low sun, light fog"),
+    ("single", "Clear Day", "One clear day, nothing else"),
     ("base", "Base", "Four heights of the sun, night among them, by four densities of fog"),
     ("enhanced", "Enhanced", "Four heights of the sun by four densities of fog, with the harder low sun"),
     ("unseen", "Unseen", "Sixteen weathers that the other lists do not have: rain, wet roads, clouds, dusk, mist"),

@@ -15,7 +15,7 @@ from .properties import RaucaWeather
 
 
 def state(context: bpy.types.Context) -> State:
-    """Which weathers the data set gets."""
+    """Which weathers the dataset gets."""
     settings = context.scene.rauca.weather
     if settings.used == "ONE":
         return State("done", iface("One weather for the dataset: {name}").format(name=spoken(settings.current().name)))
@@ -99,8 +99,8 @@ def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bp
         )
         paragraph(context, box, text, icon="INFO")
         if shading is not None and kind == "MATERIAL" and not shading.use_scene_world:
-            box.prop(shading, "use_scene_world", text="Show this sky", toggle=True)
-            box.prop(shading, "use_scene_lights", text="Show this sun", toggle=True)
+            box.prop(shading, "use_scene_world", text="Show This Sky", toggle=True)
+            box.prop(shading, "use_scene_lights", text="Show This Sun", toggle=True)
         elif not cycles:
             box.prop_enum(context.scene.render, "engine", "CYCLES", text="Use Cycles")
     else:

@@ -79,19 +79,19 @@ class RaucaShownWeather(bpy.types.PropertyGroup):
 
 
 class RaucaWeather(bpy.types.PropertyGroup):
-    """One weather in sliders, the list it was picked from, and which weathers the data set gets."""
+    """One weather in sliders, the list it was picked from, and which weathers the dataset gets."""
 
     used: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Dataset gets",
+        name="Dataset Gets",
         items=[
-            ("LIST", "Whole list", "Every view is rendered in each weather of the list"),
-            ("ONE", "This one", "Every view is rendered in the weather of the sliders"),
+            ("LIST", "Whole List", "Every view is rendered in each weather of the list"),
+            ("ONE", "This One", "Every view is rendered in the weather of the sliders"),
         ],
         description="The weathers in which every view is rendered",
     )
     preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="List",
-        items=[*lists.SHIPPED, (lists.OWN, "From a file", "A list of weathers of your own")],
+        items=[*lists.SHIPPED, (lists.OWN, "From a File", "A list of weathers of your own")],
         description="The list of weathers to choose from",
         update=_other_list,
     )
@@ -103,15 +103,15 @@ class RaucaWeather(bpy.types.PropertyGroup):
     )
     picked: bpy.props.StringProperty(default="clear-day", options={"HIDDEN"})  # type: ignore[valid-type]
     sun_altitude: _angle(  # type: ignore[valid-type]
-        "Sun height", "Above the horizon; below it lamps come on, and under -18 degrees it is night", 45, -90, 90
+        "Sun Height", "Above the horizon; below it lamps come on, and under -18 degrees it is night", 45, -90, 90
     )
     sun_azimuth: _angle(  # type: ignore[valid-type]
-        "Sun direction", "Counter-clockwise seen from above; 0 is the street map's east", 60, -360, 360
+        "Sun Direction", "Counter-clockwise seen from above; 0 is the street map's east", 60, -360, 360
     )
     fog: _slider("Fog", "You see about 1000 m at 25, 260 m at 50 and 65 m at 100")  # type: ignore[valid-type]
-    fog_falloff: _slider("Fog thins out", "How fast fog thins out upwards; 0: not at all", top=1000.0)  # type: ignore[valid-type]
+    fog_falloff: _slider("Fog Thins Out", "How fast fog thins out upwards; 0: not at all", top=1000.0)  # type: ignore[valid-type]
     fog_distance: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Fog begins", subtype="DISTANCE", min=0.0, soft_max=100.0, max=1e6, update=_moved,
+        name="Fog Begins", subtype="DISTANCE", min=0.0, soft_max=100.0, max=1e6, update=_moved,
         description="Fog keeps clear of this distance around the camera",
     )  # fmt: skip
     clouds: _slider("Clouds", "0 is a clear sky, 100 an overcast one without any sun")  # type: ignore[valid-type]

@@ -1,0 +1,123 @@
+"""The add-on's tab, found and used as a hand does: steps by their headers, buttons by what they say when hovered."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+
+from .blender import Blender
+
+PANELS = ("vehicle", "weather", "cameras", "dataset", "optimise", "camouflage", "bake")
+FIRST_HEADER, HEADER_PITCH = 16, 28  # pixels below the tab's top, and from one closed panel to the next
+LOOK_EVERY = 8  # pixels: less than half a button's height
+TALLEST = 40  # pixels: of a button that is pressed in its middle
+TABS = 25  # pixels at the right that the tabs take
+COLUMNS = (0.62, 0.2, 0.84)  # of the width: where buttons and fields are
+
+
+class Sidebar:
+    """The tab "Rauca" of the 3D view's sidebar."""
+
+    def __init__(self, blender: Blender) -> None:
+        self.blender, self.screen = blender, blender.screen
+        self._open = 0
+        blender.ask("watch_add_on(heart)")
+
+    def show(self) -> None:
+        """Open the sidebar with N and click on its tabs until Rauca's comes."""
+        self.screen.key("Escape")  # the splash
+        self.screen.move(*self.blender.away())
+        self.screen.key("n")
+        self.blender.wait(lambda: self.blender.region("UI")[2] > 1, "the sidebar")
+        left, top, width, height = self.blender.region("UI")
+        for down in range(40, height, 25):
+            self.screen.click(left + width - 10, top + down)
+            time.sleep(0.3)
+            if self.blender.ask(f"{UI}\nvalue = region.active_panel_category") == "Rauca":
+                self._open = 1
+                return
+        raise LookupError("the sidebar has no tab Rauca")
+
+    def open(self, number: int) -> None:
+        """Open one step and close the one before: every other is closed, so the headers lie one under the other."""
+        if self._open:
+            before = time.monotonic()
+            self.screen.click(*self._header(self._open))
+            self.blender.wait(lambda: self._still(before), "the last step's panel to close")
+        for _ in range(5):
+            before = time.monotonic()
+            self.screen.click(*self._header(number))
+            self._open = number
+            with contextlib.suppress(TimeoutError):
+                self.blender.wait(lambda: self._drawn(number) > before, f"step {number}'s panel", patience=10)
+                return
+        raise TimeoutError(f"step {number} does not open")
+
+    def _drawn(self, number: int) -> float:
+        """When a step's panel was last drawn."""
+        name = PANELS[number - 1]
+        return float(self.blender.ask(f"value = heart.seen.get('RAUCA_PT_{name}.draw', 0.0)"))
+
+    def _still(self, since: float) -> bool:
+        """Whether something was drawn since then, and nothing for a while: panels glide when one above them closes."""
+        last, now = self.blender.ask("value = max(heart.seen.values(), default=0.0), time.monotonic()")
+        return last > since and now - last > 0.7
+
+    def find(self, wanted: str) -> tuple[float, float]:
+        """The middle of a button or field.
+
+        Args:
+            wanted: a property's name, or an operator's call as far as it matters, such as ``rauca.bake(``.
+        """
+        left, top, width, height = self.blender.region("UI")
+        for start in (0.0, LOOK_EVERY / 2):
+            for share in COLUMNS:
+                across, down = left + (width - TABS) * share, top + FIRST_HEADER + start
+                while down < top + height:
+                    if self.says(wanted, across, down):
+                        return across, self._middle(wanted, across, down)
+                    down += LOOK_EVERY
+        raise LookupError(f"no button for {wanted}")
+
+    def says(self, wanted: str, x: float, y: float) -> bool:
+        """Whether what lies at a place is the wanted property or operator."""
+        self.screen.move(x, y)
+        path, call = self.blender.ask("value = hovered()")
+        return bool(path == wanted or ("(" in wanted and wanted in call))
+
+    def press(self, wanted: str) -> None:
+        """Click a button."""
+        self.screen.click(*self.find(wanted))
+
+    def enter(self, wanted: str, text: str | int) -> None:
+        """Double-click a field of the step and write into it."""
+        self.screen.click(*self.find(wanted), times=2)
+        time.sleep(0.5)
+        self.screen.key("ctrl+a")
+        self.screen.type(str(text))
+        self.screen.key("Return")
+        time.sleep(0.5)
+
+    def turn(self, wanted: str, notches: int) -> None:
+        """Turn the wheel over a menu with Ctrl held: goes on to the next entry, or back for fewer than 0."""
+        self.screen.move(*self.find(wanted))
+        time.sleep(0.3)
+        self.screen.turn(notches, "ctrl")
+        time.sleep(0.5)
+
+    def _middle(self, wanted: str, x: float, y: float) -> float:
+        below = y
+        while below < y + TALLEST and self.says(wanted, x, below + 4):
+            below += 4
+        return (y + below) / 2
+
+    def _header(self, number: int) -> tuple[float, float]:
+        left, top, width, _ = self.blender.region("UI")
+        return left + width * 0.2, top + FIRST_HEADER + HEADER_PITCH * (number - 1)
+
+
+UI = """
+area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == 'VIEW_3D')
+region = next(r for r in area.regions if r.type == 'UI')
+"""
