@@ -9,7 +9,7 @@ from ..contract import Vehicle
 from ..contract.assets import assets_folder
 from .assemble import assemble
 from .car_body import Body
-from .car_panels import SCREEN_LINE
+from .car_panels import SCREEN_LINE, add_skin
 from .car_parts import add_mirror, add_plate, add_roof_rail, add_wheel
 from .car_trim import add_trim
 from .materials import CAR
@@ -25,7 +25,7 @@ def build_car(name: str) -> Vehicle:
     profile = read_profile(name)
     half = MeshParts()
     body = Body(profile)
-    half.extend(body.parts())
+    add_skin(half, body)
     add_trim(half, body)
     for x in (profile["wheels"]["front_x"], profile["wheels"]["rear_x"]):
         add_wheel(half, profile["wheels"], x)

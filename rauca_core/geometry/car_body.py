@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curves import half_outline, monotone_curve, smoothstep
-from .mesh import MeshParts
 
 Points = NDArray[np.float64]
-Names = NDArray[np.str_]
 ROWS = ("sill", "skirt", "intake", "bumper", "gap", "lamp_low", "lamp_high")
 ARCH_FAN_M = 0.025  # the columns over a wheel arch spread by this much from the arch to the belt
 
@@ -39,7 +37,7 @@ class Columns:
 
 
 class Body:
-    """Builds the left half of the body from the profile tables; :meth:`parts` is the result."""
+    """The left half of the body as grids of points, built from the profile tables."""
 
     def __init__(self, profile: dict[str, Any]) -> None:
         self.profile = profile
@@ -52,17 +50,38 @@ class Body:
         self._normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) * -1.0
         self.columns = self._columns()
 
-    def parts(self) -> MeshParts:
-        """The left half of the body's skin, its floor and wheel housings."""
-        from .car_panels import deck_materials, wall_materials
+    def wall_points(self) -> Points:
+        """(columns, rows, 3) vertices of the wall."""
+        columns, splits = self.columns, self.profile["wall"]["splits"]
+        lines = np.stack([*(self._row(name, columns.top) for name in ROWS), self._top_row()], axis=1)
+        fraction = (lines - lines[:, :1]) / (lines[:, -1:] - lines[:, :1])
+        pieces = [
+            fraction[:, i : i + 1] + (fraction[:, i + 1 : i + 2] - fraction[:, i : i + 1]) * np.arange(n) / n
+            for i, n in enumerate(splits)
+        ]
+        fraction = np.concatenate([*pieces, fraction[:, -1:]], axis=1)
+        z = columns.floor[:, None] + (lines[:, -1] - columns.floor)[:, None] * fraction
+        return self.skin(columns.bottom[:, None] + (columns.top - columns.bottom)[:, None] * fraction, z)
 
-        parts = MeshParts()
-        wall = self._wall_points()
-        parts.grid(wall, wall_materials(self, wall))
-        parts.grid(self._deck_points(wall[:, -1]), deck_materials(self))
-        edge = wall[:, 0]
-        parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody")
-        return parts
+    def deck_points(self, edge: Points) -> Points:
+        """(stations, lines, 3) vertices of the deck inside the wall's upper edge (N, 3)."""
+        columns, table = self.columns, self.deck_table
+        front, rear = columns.front, columns.rear
+        side = edge[front - 1 : len(edge) - rear + 1]
+        nose, tail = edge[:front][::-1], edge[len(edge) - rear :]
+        x = self.side_x()
+        height = monotone_curve(table["top"], x) - side[:, 2]
+        cabin = np.clip((height - table["cabin_height"][0]) / np.ptp(table["cabin_height"]), 0, 1)[:, None]
+        width = (1 - cabin) * table["flat_width"] + cabin * table["roof_width"]
+        rise = (1 - cabin) * table["flat_height"] + cabin * table["roof_height"]
+        # Near the ends the stations bow until the last one lies on the nose, and the first on the tail.
+        plan = self.profile["plan"]
+        ahead = smoothstep(x, plan["front_bow_x"], plan["front_corner_x"])[:, None]
+        behind = smoothstep(-x, -plan["rear_bow_x"], -plan["rear_corner_x"])[:, None]
+        low = 1 - cabin  # a roof that reaches far to the front or rear keeps its own section
+        width = width + low * (ahead * (nose[:, 1] / nose[0, 1] - width) + behind * (tail[:, 1] / tail[0, 1] - width))
+        bow = ahead * (nose[:, 0] - nose[0, 0]) + behind * (tail[:, 0] - tail[0, 0])
+        return np.stack([side[:, :1] + bow, width * side[:, 1:2], side[:, 2:] + height[:, None] * rise], axis=-1)
 
     def skin(self, place: Points, z: Points) -> Points:
         """Points of the wall (..., 3) by place along the outline and height: outline + normal * offset(facing, z)."""
@@ -90,7 +109,7 @@ class Body:
 
     def deck_line(self, line: int) -> Points:
         """(stations, 3) points along a line of the deck, front to rear; 0 is the belt."""
-        return self._deck_points(self._wall_points()[:, -1])[:, line]
+        return self.deck_points(self.wall_points()[:, -1])[:, line]
 
     @property
     def tail_place(self) -> float:
@@ -161,19 +180,6 @@ class Body:
         keys = np.concatenate([[0.0, 0.5 * side[0]], side, [end - 0.45 * (end - side[-1]), end]])
         return monotone_curve(np.stack([keys, self.profile["wall"]["row_" + name]], axis=1), place)
 
-    def _wall_points(self) -> Points:
-        """(columns, rows, 3) vertices of the wall."""
-        columns, splits = self.columns, self.profile["wall"]["splits"]
-        lines = np.stack([*(self._row(name, columns.top) for name in ROWS), self._top_row()], axis=1)
-        fraction = (lines - lines[:, :1]) / (lines[:, -1:] - lines[:, :1])
-        pieces = [
-            fraction[:, i : i + 1] + (fraction[:, i + 1 : i + 2] - fraction[:, i : i + 1]) * np.arange(n) / n
-            for i, n in enumerate(splits)
-        ]
-        fraction = np.concatenate([*pieces, fraction[:, -1:]], axis=1)
-        z = columns.floor[:, None] + (lines[:, -1] - columns.floor)[:, None] * fraction
-        return self.skin(columns.bottom[:, None] + (columns.top - columns.bottom)[:, None] * fraction, z)
-
     def _top_row(self) -> Points:
         """Height of the wall's upper edge: the belt on the sides, the deck's end on nose and tail."""
         columns = self.columns
@@ -185,23 +191,3 @@ class Body:
         rear = belt[-1] + (top[-1] - belt[-1]) * shape
         assert len(front) == columns.front - 1
         return np.concatenate([front, belt, rear])
-
-    def _deck_points(self, edge: Points) -> Points:
-        """(stations, lines, 3) vertices of the deck inside the wall's upper edge (N, 3)."""
-        columns, table = self.columns, self.deck_table
-        front, rear = columns.front, columns.rear
-        side = edge[front - 1 : len(edge) - rear + 1]
-        nose, tail = edge[:front][::-1], edge[len(edge) - rear :]
-        x = self.side_x()
-        height = monotone_curve(table["top"], x) - side[:, 2]
-        cabin = np.clip((height - table["cabin_height"][0]) / np.ptp(table["cabin_height"]), 0, 1)[:, None]
-        width = (1 - cabin) * table["flat_width"] + cabin * table["roof_width"]
-        rise = (1 - cabin) * table["flat_height"] + cabin * table["roof_height"]
-        # Near the ends the stations bow until the last one lies on the nose, and the first on the tail.
-        plan = self.profile["plan"]
-        ahead = smoothstep(x, plan["front_bow_x"], plan["front_corner_x"])[:, None]
-        behind = smoothstep(-x, -plan["rear_bow_x"], -plan["rear_corner_x"])[:, None]
-        low = 1 - cabin  # a roof that reaches far to the front or rear keeps its own section
-        width = width + low * (ahead * (nose[:, 1] / nose[0, 1] - width) + behind * (tail[:, 1] / tail[0, 1] - width))
-        bow = ahead * (nose[:, 0] - nose[0, 0]) + behind * (tail[:, 0] - tail[0, 0])
-        return np.stack([side[:, :1] + bow, width * side[:, 1:2], side[:, 2:] + height[:, None] * rise], axis=-1)

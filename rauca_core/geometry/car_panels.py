@@ -10,13 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .car_body import Body
+from .mesh import MeshParts
 
 Names = NDArray[np.str_]
 GLASS_LINES = (2, 5)  # of the deck: the side windows lie between these
 SCREEN_LINE = 7  # the screens lie inside this line
 
 
-def wall_materials(body: Body, wall: NDArray[np.float64]) -> Names:
+def add_skin(parts: MeshParts, body: Body) -> None:
+    """Add the left half of the body's skin and its floor."""
+    wall = body.wall_points()
+    parts.grid(wall, _wall_materials(body, wall))
+    parts.grid(body.deck_points(wall[:, -1]), _deck_materials(body))
+    edge = wall[:, 0]
+    parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody")
+
+
+def _wall_materials(body: Body, wall: NDArray[np.float64]) -> Names:
     """(columns - 1, rows - 1) material of each cell of the wall with vertices ``wall`` (columns, rows, 3)."""
     features, columns = body.profile["features"], body.columns
     splits = np.array(body.profile["wall"]["splits"])
@@ -50,7 +60,7 @@ def wall_materials(body: Body, wall: NDArray[np.float64]) -> Names:
     return names
 
 
-def deck_materials(body: Body) -> Names:
+def _deck_materials(body: Body) -> Names:
     """(stations - 1, lines - 1) material of each cell of the deck."""
     features = body.profile["features"]
     x = body.side_x()
