@@ -31,7 +31,7 @@ class BackgroundOperator(RaucaOperator):
     def poll_idle(cls) -> bool:
         """The part of ``poll`` that is the same for all."""
         if watch.busy(cls.job):
-            cls.poll_message_set(cls.running)  # type: ignore[attr-defined]
+            cls.poll_message_set(rpt(cls.running))  # type: ignore[attr-defined]
             return False
         return True
 

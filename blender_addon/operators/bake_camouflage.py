@@ -65,10 +65,10 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if coat_shown(context) is None:
-            cls.poll_message_set("Apply a camouflage first")
+            cls.poll_message_set(rpt("Apply a camouflage first"))
             return False
         if running is not None:
-            cls.poll_message_set("A bake is running; press Esc in the viewport to stop it")
+            cls.poll_message_set(rpt("A bake is running; press Esc in the viewport to stop it"))
             return False
         return True
 
@@ -78,7 +78,7 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
             task, path = self._prepare(context)
             self._finish(context, task, run_bake(task, lambda done: None), path)
         except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, rpt(str(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -87,7 +87,7 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
         try:
             self._task, self._path = self._prepare(context)
         except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, rpt(str(error)))
             return {"CANCELLED"}
         running = BakeRun(self._task)
         running.start()
@@ -109,12 +109,12 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
         result, error = running.result, running.error
         self._end(context)
         if result is None:
-            self.report({"ERROR"}, error)
+            self.report({"ERROR"}, rpt(error))
             return {"CANCELLED"}
         try:
             self._finish(context, self._task, result, self._path)
         except contract.RaucaError as mistake:
-            self.report({"ERROR"}, str(mistake))
+            self.report({"ERROR"}, rpt(str(mistake)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -138,7 +138,9 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
         with object_mode(context):
             surface, coat = painted_surface(context)
             if surface.vehicle.uvs[surface.paint].shape != task.source_uvs.shape:
-                raise contract.RaucaError(f"{surface.vehicle.name}: changed while it was baked; bake again")
+                raise contract.RaucaError(
+                    rpt("{name}: changed while it was baked; bake again").format(name=surface.vehicle.name)
+                )
             finish_bake(surface, coat, settings.layer, task, baked, path)
         settings.difference, settings.baked_layer, settings.file = baked.difference, settings.layer, str(path)
         text = rpt("Baked to {file}: colours differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
@@ -165,14 +167,16 @@ def _layer(wanted: str, layers: list[str]) -> str:
         return wanted
     shown = ", ".join(repr(name) for name in layers)
     if wanted:
-        others = f"it has {shown}" if layers else "it has no other than the camouflage's own"
-        raise contract.RaucaError(f"UV layer {wanted!r}: the vehicle's paint does not have it; {others}")
+        text = rpt("UV layer {wanted}: the vehicle's paint does not have it, but {others}")
+        raise contract.RaucaError(text.format(wanted=repr(wanted), others=shown or rpt("only the camouflage's own")))
     if not layers:
         raise contract.RaucaError(
             "The vehicle has no UV layer beside the camouflage's own; press New UV Layer, or add one yourself"
         )
     if len(layers) > 1:
-        raise contract.RaucaError(f"The vehicle has several UV layers: {shown}; choose the one to bake into")
+        raise contract.RaucaError(
+            rpt("The vehicle has several UV layers: {shown}; choose the one to bake into").format(shown=shown)
+        )
     return layers[0]
 
 

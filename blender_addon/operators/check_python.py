@@ -26,7 +26,7 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N8
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = preferences(context)
         if settings is None or not settings.python.strip():
-            cls.poll_message_set("Choose the Python in which rauca is installed")
+            cls.poll_message_set(rpt("Choose the Python in which rauca is installed"))
             return False
         return cls.poll_idle()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
+from bpy.app.translations import pgettext_rpt as rpt
+from bpy.app.translations import pgettext_tip as tip
 
 from ..scene.mesh_edits import select_faces
 from ..scene.paint_layer import check_paint, polygons_of
@@ -28,12 +30,12 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: RAUCA_OT_check_uvs) -> str:
-        return next(words for name, _, words in KINDS if name == properties.kind)
+        return tip(next(words for name, _, words in KINDS if name == properties.kind))
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.rauca.vehicle.picked(context) is None:
-            cls.poll_message_set("Pick the vehicle's object or collection first")
+            cls.poll_message_set(rpt("Pick the vehicle's object or collection first"))
             return False
         return True
 
@@ -53,7 +55,7 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
         if not shown.any():
             return "No faults found"
         select_faces(context, polygons_of(reading, shown))
-        return f"{int(shown.sum())} faulty triangles, selected in the viewport"
+        return rpt("{count} faulty triangles, selected in the viewport").format(count=int(shown.sum()))
 
 
 CLASSES = (RAUCA_OT_check_uvs,)

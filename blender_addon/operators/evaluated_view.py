@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
+from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..evaluation.found import Sight
@@ -34,16 +36,16 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         item = cls.bl_rna.properties["step"].enum_items.get(properties.step) if hasattr(cls, "bl_rna") else None
-        return item.description if item is not None else ""
+        return tip(item.description) if item is not None else ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.rauca.camouflage
         if settings.coat is None:
-            cls.poll_message_set("Apply a camouflage first")
+            cls.poll_message_set(rpt("Apply a camouflage first"))
             return False
         if not settings.study:
-            cls.poll_message_set("Choose the folder of an evaluation first")
+            cls.poll_message_set(rpt("Choose the folder of an evaluation first"))
             return False
         return True
 

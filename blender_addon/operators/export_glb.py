@@ -27,7 +27,7 @@ class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     def poll(cls, context: bpy.types.Context) -> bool:
         coat = coat_shown(context)
         if coat is None or coat.image("baked") is None:
-            cls.poll_message_set("Bake the camouflage first")
+            cls.poll_message_set(rpt("Bake the camouflage first"))
             return False
         return True
 

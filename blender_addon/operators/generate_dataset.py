@@ -33,7 +33,7 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.dataset.folder:
-            cls.poll_message_set("Choose a folder for the dataset")
+            cls.poll_message_set(rpt("Choose a folder for the dataset"))
             return False
         return cls.poll_idle()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene.looking import leave
 from .operator import RaucaOperator
@@ -18,7 +19,7 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.rauca.cameras.camera is None:
-            cls.poll_message_set("No view is being looked through")
+            cls.poll_message_set(rpt("No view is being looked through"))
             return False
         return True
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
+from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..scene.mesh_edits import (
@@ -32,12 +34,12 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: RAUCA_OT_mark_paint) -> str:
-        return next(words for name, _, words in ACTIONS if name == properties.action)
+        return tip(next(words for name, _, words in ACTIONS if name == properties.action))
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "EDIT_MESH":
-            cls.poll_message_set("Select the vehicle and press Tab: faces are selected in edit mode")
+            cls.poll_message_set(rpt("Select the vehicle and press Tab: faces are selected in edit mode"))
             return False
         return True
 
@@ -59,14 +61,14 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
                 mark_faces(thing.data, old | chosen if self.action == "ASSIGN" else old & ~chosen)
             settings.paint = "FACES"
             settings.count_marked(context)
-        return f"{settings.marked} faces are paint"
+        return rpt("{count} faces are paint").format(count=settings.marked)
 
     @staticmethod
     def _select(context: bpy.types.Context, edited: list[bpy.types.Object]) -> str:
         bpy.ops.object.mode_set(mode="OBJECT")
         wanted = {thing: marked_faces(thing.data) for thing in edited}
         select_faces(context, wanted)
-        return f"{sum(int(faces.sum()) for faces in wanted.values())} faces selected"
+        return rpt("{count} faces selected").format(count=sum(int(faces.sum()) for faces in wanted.values()))
 
 
 CLASSES = (RAUCA_OT_mark_paint,)

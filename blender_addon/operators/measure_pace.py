@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-from bpy.app.translations import pgettext_rpt
+from bpy.app.translations import pgettext_rpt as rpt
 
 from .. import estimate
 from ..core import contract
@@ -23,7 +23,7 @@ class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.dataset.folder:
-            cls.poll_message_set("Choose a dataset's folder in step 4 first")
+            cls.poll_message_set(rpt("Choose a dataset's folder in step 4 first"))
             return False
         return True
 
@@ -32,11 +32,13 @@ class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         measured = estimate.measure(folder)
         if measured is None:
             raise contract.RaucaError(
-                f"{folder}: fewer than {estimate.FEWEST} of its frames are timed; render some more first"
+                rpt("{folder}: fewer than {count} of its frames are timed; render some more first").format(
+                    folder=folder, count=estimate.FEWEST
+                )
             )
         estimate.remember(measured, own_folder())
         timing.forget()
-        return pgettext_rpt("Measured on {count} frames").format(count=measured.frames)
+        return rpt("Measured on {count} frames").format(count=measured.frames)
 
 
 CLASSES = (RAUCA_OT_measure_pace,)

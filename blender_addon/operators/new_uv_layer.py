@@ -21,7 +21,7 @@ class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if coat_shown(context) is None:
-            cls.poll_message_set("Apply a camouflage first")
+            cls.poll_message_set(rpt("Apply a camouflage first"))
             return False
         return True
 

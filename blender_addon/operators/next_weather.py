@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from .operator import RaucaOperator
 
@@ -25,7 +26,7 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.weather.listed():
-            cls.poll_message_set("The list of weathers is empty: choose another list or file")
+            cls.poll_message_set(rpt("The list of weathers is empty: choose another list or file"))
             return False
         return True
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..core import contract
 from ..scene.coating import Coat
@@ -73,9 +74,13 @@ def painted_surface(context: bpy.types.Context) -> tuple[Surface, Coat]:
     vehicle = context.scene.rauca.vehicle.chosen(context)
     if coat.tree.get("rauca_atlas") != vehicle.atlas_id:
         raise contract.RaucaError(
-            f"{vehicle.name}: its paint or UVs changed since the camouflage was applied; apply it again (step 6)"
+            rpt("{name}: its paint or UVs changed since the camouflage was applied; apply it again (step 6)").format(
+                name=vehicle.name
+            )
         )
     objects = objects_of(context, vehicle)
     if not objects:
-        raise contract.RaucaError(f"{vehicle.name}: is no longer in this scene; apply the camouflage again (step 6)")
+        raise contract.RaucaError(
+            rpt("{name}: is no longer in this scene; apply the camouflage again (step 6)").format(name=vehicle.name)
+        )
     return Surface.of(vehicle, objects), coat

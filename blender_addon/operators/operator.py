@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..core import contract
 
@@ -22,8 +23,8 @@ class RaucaOperator:
         try:
             told = self.work(context)
         except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, rpt(str(error)))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         if told:
-            self.report({"INFO"}, told)  # type: ignore[attr-defined]
+            self.report({"INFO"}, rpt(told))  # type: ignore[attr-defined]
         return {"FINISHED"}

@@ -42,7 +42,7 @@ class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
         elif not steps.optimise.folder:
             reason = "Choose a folder for the camouflage"
         if reason:
-            cls.poll_message_set(reason)
+            cls.poll_message_set(rpt(reason))
             return False
         return cls.poll_idle()
 

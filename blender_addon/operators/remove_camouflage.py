@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..core import contract
 from ..scene.mesh_edits import object_mode
@@ -21,7 +22,7 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if coat_shown(context) is None:
-            cls.poll_message_set("There is no camouflage to remove")
+            cls.poll_message_set(rpt("There is no camouflage to remove"))
             return False
         return True
 

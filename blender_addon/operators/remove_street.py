@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene import street
 from .operator import RaucaOperator
@@ -18,10 +19,10 @@ class RAUCA_OT_remove_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first")
+            cls.poll_message_set(rpt("Leave edit mode first"))
             return False
         if context.scene.rauca.weather.street is None:
-            cls.poll_message_set("This scene has no street")
+            cls.poll_message_set(rpt("This scene has no street"))
             return False
         return True
 

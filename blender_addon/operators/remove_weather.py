@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene import shown_weather, street
 from .operator import RaucaOperator
@@ -18,7 +19,7 @@ class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.weather.shown.on:
-            cls.poll_message_set("This scene shows no weather")
+            cls.poll_message_set(rpt("This scene shows no weather"))
             return False
         return True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene import street
 from ..ui.cameras.anchor import anchor
@@ -19,10 +20,10 @@ class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first")
+            cls.poll_message_set(rpt("Leave edit mode first"))
             return False
         if context.scene.rauca.weather.street is not None:
-            cls.poll_message_set("This scene has a street: remove it first")
+            cls.poll_message_set(rpt("This scene has a street: remove it first"))
             return False
         return True
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
+from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from .on_vehicle import coat_shown
@@ -30,12 +32,12 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         items = cls.bl_rna.properties["which"].enum_items if hasattr(cls, "bl_rna") else {}
         item = items.get(properties.which) if items else None
-        return item.description if item is not None else ""
+        return tip(item.description) if item is not None else ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if coat_shown(context) is None:
-            cls.poll_message_set("Apply a camouflage first")
+            cls.poll_message_set(rpt("Apply a camouflage first"))
             return False
         return True
 

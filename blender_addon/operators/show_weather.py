@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from .operator import RaucaOperator
 
@@ -17,7 +18,7 @@ class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.library is not None:
-            cls.poll_message_set("This scene is linked from another file: open that file")
+            cls.poll_message_set(rpt("This scene is linked from another file: open that file"))
             return False
         return True
 

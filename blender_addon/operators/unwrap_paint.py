@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..background.unwrap_child import UnwrapChild
 from ..core import contract
@@ -32,10 +33,10 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if unwrapping():
-            cls.poll_message_set("The paint is being unwrapped; Esc stops it")
+            cls.poll_message_set(rpt("The paint is being unwrapped; Esc stops it"))
             return False
         if context.scene.rauca.vehicle.picked(context) is None:
-            cls.poll_message_set("Pick the vehicle's object or collection first")
+            cls.poll_message_set(rpt("Pick the vehicle's object or collection first"))
             return False
         return True
 
@@ -61,7 +62,7 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC" or _child is None:
             self.cancel(context)
-            self.report({"INFO"}, "Unwrapping stopped")
+            self.report({"INFO"}, rpt("Unwrapping stopped"))
             return {"CANCELLED"}
         if event.type != "TIMER" or not _child.ended():
             return {"PASS_THROUGH"}
@@ -84,7 +85,9 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     def _write(self, context: bpy.types.Context, reading: Reading, fresh: contract.Vehicle, how: str) -> None:
         charts = write_unwrapped(reading, fresh)
         context.scene.rauca.vehicle.forget_check()
-        self.report({"WARNING" if how else "INFO"}, f"Paint unwrapped into {charts} charts{how}")
+        self.report(
+            {"WARNING" if how else "INFO"}, rpt("Paint unwrapped into {count} charts").format(count=charts) + how
+        )
 
 
 def _reading(context: bpy.types.Context) -> Reading:

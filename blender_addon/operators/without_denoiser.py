@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from .operator import RaucaOperator
 
@@ -26,7 +27,7 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N80
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.rauca.dataset.denoise:
-            cls.poll_message_set("Denoise is off already")
+            cls.poll_message_set(rpt("Denoise is off already"))
             return False
         return True
 
