@@ -9,7 +9,7 @@ from types import ModuleType
 
 import bpy
 
-from . import preferences
+from . import preferences, translations
 from .background import watch
 from .operators import (
     add_vehicle,
@@ -41,6 +41,7 @@ from .operators import (
 from .ui import bake, cameras, camouflage, dataset, optimise, properties, vehicle, weather
 
 MODULES: tuple[ModuleType, ...] = (
+    translations,
     preferences,
     add_vehicle,
     mark_paint,

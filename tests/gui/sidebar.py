@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
+from typing import Any
 
 from .blender import Blender
 
@@ -50,7 +51,9 @@ class Sidebar:
             self.screen.click(*self._header(number))
             self._open = number
             with contextlib.suppress(TimeoutError):
-                self.blender.wait(lambda: self._drawn(number) > before, f"step {number}'s panel", patience=10)
+                self.blender.wait(
+                    lambda since=before: self._drawn(number) > since, f"step {number}'s panel", patience=10
+                )
                 return
         raise TimeoutError(f"step {number} does not open")
 
@@ -86,9 +89,15 @@ class Sidebar:
         path, call = self.blender.ask("value = hovered()")
         return bool(path == wanted or ("(" in wanted and wanted in call))
 
-    def press(self, wanted: str) -> None:
-        """Click a button."""
+    def press(self, wanted: str, until: Callable[[], Any], patience: float = 240.0) -> Any:
+        """Click a button until that has shown an effect: a busy machine may swallow a click."""
         self.screen.click(*self.find(wanted))
+        for _ in range(3):
+            with contextlib.suppress(TimeoutError):
+                return self.blender.wait(until, f"the effect of {wanted}", patience=patience / 4)
+            with contextlib.suppress(LookupError):  # it was heard after all, and the button has gone
+                self.screen.click(*self.find(wanted))
+        return self.blender.wait(until, f"the effect of {wanted}", patience=patience / 4)
 
     def enter(self, wanted: str, text: str | int) -> None:
         """Double-click a field of the step and write into it."""
