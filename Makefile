@@ -24,7 +24,7 @@ lint: $(READY)
 
 # The documentation as a site, site/index.html; a broken link is an error.
 docs: $(VENV)/.docs
-	$(VENV)/bin/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet
 
 # The README's pictures, from the demo's own results.
 pictures: demo

@@ -69,11 +69,11 @@ def _needs(package: Requirement) -> Iterator[Requirement]:
     for text in installed.requires(package.name) or ():
         needed = Requirement(text)
         wanted = needed.marker is None or any(needed.marker.evaluate({"extra": e}) for e in ("", *package.extras))
-        if wanted and _is_installed(needed.name):
+        if wanted and is_installed(needed.name):
             yield needed
 
 
-def _is_installed(name: str) -> bool:
+def is_installed(name: str) -> bool:
     try:
         installed.distribution(name)
     except installed.PackageNotFoundError:
@@ -87,7 +87,7 @@ def licence_of(package: str) -> str:
     Raises:
         RaucaError: it is not installed, or what it states is not known here.
     """
-    if not _is_installed(package):
+    if not is_installed(package):
         raise RaucaError(f"licences: {package} is not installed; install rauca with all its extras, then run it again")
     about = installed.metadata(package)
     if expression := about.get_all("License-Expression"):
