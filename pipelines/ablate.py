@@ -128,7 +128,9 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
     usual = make_settings().identity()  # left out: a setting that comes to be later changes no older run
     key = {
         "settings": {
-            name: value for name, value in settings.identity().items() if value != usual[name] and name != "extractor"
+            name: value
+            for name, value in settings.identity().items()
+            if value != usual.get(name) and name not in ("extractor", "steps")
         },
         "steps": settings.steps,
         "training": training.name,
@@ -208,7 +210,7 @@ def own_settings(asked: Ablation, variant: Variant) -> dict[str, Any]:
     """What a variant's optimisation does otherwise than the common one."""
     settings = settings_of_repeat(asked, Repeat(variant, 0, variant.key)).identity()
     usual = make_settings(**_usual(asked)).identity()
-    own = {name: value for name, value in settings.items() if value != usual[name]}
+    own = {name: value for name, value in settings.items() if value != usual.get(name) and name != "steps"}
     part = {} if variant.share == 1 else {"share of frames": f"1/{round(1 / variant.share)}"}
     return {**own, "data set": variant.training, **part}
 

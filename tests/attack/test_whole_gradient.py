@@ -19,6 +19,7 @@ from rauca_core.attack.stopwatch import Stopwatch
 from rauca_core.contract import Dataset
 
 REACH = 1e-7  # short: absolute differences of neighbours have kinks
+STILL = 1e-15  # a learning rate that leaves the paint where it is
 SMALL: dict[str, Any] = {"batch": 2, "map_size": 32, "samples": 2, "memory_mb": 64, "start": "plain"}
 # Attention is left out: its channels' weights are constants of it, as published, so it has no true gradient.
 CHOSEN = {
@@ -34,7 +35,7 @@ def in_double(run: Run) -> Tensor:
     parameter = run.texture.parameter.detach().double()
     parameter += (torch.rand(parameter.shape, generator=generator, dtype=torch.float64) - 0.5) * 0.4
     run.texture.parameter = parameter.requires_grad_()
-    run.adam = torch.optim.Adam([parameter], lr=0.0)
+    run.adam = torch.optim.Adam([parameter], lr=STILL)
     return parameter
 
 
@@ -43,7 +44,7 @@ def test_adam_is_given_the_gradient_of_the_total_loss(
     dataset: Dataset, small_detector: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
-    settings = make_settings(**{**CHOSEN[name], "beta": 1.0})
+    settings = make_settings(**{**CHOSEN[name], "beta": 1.0, "lr": STILL})
     detectors = [small_detector] * (len(settings.weights) if settings.weights else 1)
     run = Run(dataset, Panel(detectors, "car", settings.weights, objective=settings.objective), settings)
     parameter, batch = in_double(run), [run.store.ready(0), run.store.ready(4)]

@@ -9,10 +9,11 @@ from .das import DAS
 from .dta import DTA
 from .fca import FCA
 from .method import Method
+from .ours import OURS
 from .rauca_base import RAUCA_BASE
 from .rauca_final import RAUCA_FINAL
 
-METHODS: Mapping[str, Method] = {m.name: m for m in (DAS, FCA, DTA, ACTIVE, RAUCA_BASE, RAUCA_FINAL)}
+METHODS: Mapping[str, Method] = {m.name: m for m in (DAS, FCA, DTA, ACTIVE, RAUCA_BASE, RAUCA_FINAL, OURS)}
 
 
 def method_named(name: str) -> Method:

@@ -35,10 +35,12 @@ BASELINES = Experiment(
         _rival("active", "ACTIVE", quick=False),
         _rival("rauca-base", "RAUCA-base", quick=False),
         _rival("rauca-final", "RAUCA-final"),
+        Variant("ours", "ours", method="ours", training=method_named("ours").weathers),
     ),
     (
         *_chain("rauca-final", "rauca-base", "active", "dta", "fca", "das", "normal"),
         Claim(("rauca-final",), ("random",)),
+        Claim(("ours",), ("rauca-final",), OURS),
     ),
     "detectors",
     notes=("What each paper leaves open, and was assumed here, stands in docs/methods.md.",),
