@@ -61,9 +61,12 @@ def carry_wheels(source: Path, wheels: list[Path]) -> None:
 
     The manifest in the repository names none: a checkout has xatlas in its own Python.
     """
+    from pipelines.other_pythons_wheel import write_other_pythons_wheel
+
     (source / "wheels").mkdir()
     for wheel in wheels:
         shutil.copy(wheel, source / "wheels")
+    wheels = [*wheels, write_other_pythons_wheel(source / "wheels")]
     manifest = source / "blender_manifest.toml"
     names = "".join(f'  "./wheels/{wheel.name}",\n' for wheel in wheels)
     head, table, tail = manifest.read_text(encoding="utf-8").partition("[permissions]")

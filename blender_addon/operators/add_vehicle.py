@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene.shipped import add_shipped, shipped_names
 from .operator import RaucaOperator
@@ -40,7 +41,7 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - B
         settings = context.scene.rauca.vehicle
         settings.origin, settings.object = "OBJECT", thing
         settings.front, settings.paint, settings.material = "AUTO", "MATERIAL", None
-        return f"{thing.name} added and chosen"
+        return rpt("{name} added and chosen").format(name=thing.name)
 
 
 CLASSES = (RAUCA_OT_add_vehicle,)

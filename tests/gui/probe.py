@@ -1,7 +1,7 @@
 """Runs inside the Blender under test: answers questions about it, and notes how long its window stays deaf.
 
 ``blender -P probe.py -- SOCKET``. A request is a line of JSON, {"code": ...}; the code sets ``value``. The test never
-changes Blender's data through it: the mouse and the keyboard do.
+changes the scene through it: the mouse and the keyboard do.
 """
 
 from __future__ import annotations

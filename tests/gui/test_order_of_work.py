@@ -176,6 +176,18 @@ def test_step_7_bakes_and_exports(desk: Sidebar, figures: dict[str, str]) -> Non
     assert glb.read_bytes()[:4] == b"glTF"
 
 
+def test_it_speaks_german(desk: Sidebar) -> None:
+    blender = desk.blender
+    told = blender.ask(
+        "bpy.context.preferences.view.language = 'de_DE'\n"
+        "value = [bpy.app.translations.pgettext_iface('Apply Camouflage', 'Operator'),"
+        " bpy.app.translations.pgettext_rpt('{name} is on {vehicle}')]"
+    )
+    desk.open(1)
+    blender.shoot("8-german")
+    assert told == ["Tarnung anwenden", "{name} ist auf {vehicle}"]
+
+
 def test_the_window_stays_awake(desk: Sidebar, figures: dict[str, str]) -> None:
     """Judged when all is done, so that the figures are there in any case."""
     (desk.blender.outside / "gaps.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
