@@ -72,3 +72,15 @@ def test_method_page_has_every_equation() -> None:
     text = (DOCS / "method.md").read_text()
     assert set(re.findall(r"Eq\. (\d)(?:, (\d))?", text)) >= {("1", "2"), *((n, "") for n in "345678")}
     assert {"1", "2"} <= set(re.findall(r"Algorithm (\d)", text))
+
+
+def test_names_hidden_by_a_module_of_the_same_name_are_in_the_reference() -> None:
+    """Where a room exports a function that is called like its module, the site would show neither."""
+    hidden = []
+    for room in (path.parent for path in (ROOT / "rauca_core").glob("*/__init__.py")):
+        text = (room / "__init__.py").read_text()
+        names = set(re.findall(r"^from \.(\w+) import (?:.*\b)?\1\b", text, re.MULTILINE))
+        page = (DOCS / "reference" / f"{room.name}.md").read_text()
+        hidden += [(room.name, name) for name in names if f"::: rauca_core.{room.name}.{name}.{name}" not in page]
+        assert room.name != "geometry" or "unwrap" in names
+    assert not hidden
