@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-matrix lint docs pictures extension kernels clean
+.PHONY: demo test test-matrix test-gui lint docs pictures extension kernels clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -16,6 +16,10 @@ MATRIX := tests/blender tests/pipelines/test_headless.py tests/pipelines/test_jo
 test-matrix: $(READY) $(VENV)-4.5/.ready
 	$(VENV)/bin/python -m pytest $(MATRIX)
 	$(VENV)-4.5/bin/python -m pytest $(MATRIX)
+
+# The add-on in a real Blender's window, by the mouse: needs a Blender, Xvfb, xdotool and ImageMagick (tests/gui/conftest.py).
+test-gui: $(READY)
+	RAUCA_BLENDER=$${RAUCA_BLENDER:-blender} $(VENV)/bin/python -m pytest tests/gui -x -v
 
 lint: $(READY)
 	$(VENV)/bin/ruff format --check .

@@ -21,7 +21,7 @@ from .blender import Blender
 from .screen import NEEDED, Screen, lacking
 from .sidebar import Sidebar
 
-collect_ignore_glob = [] if "RAUCA_BLENDER" in os.environ else ["*"]
+collect_ignore_glob = [] if os.environ.get("RAUCA_BLENDER") else ["*"]
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SIZE = (1280, 1000)

@@ -43,29 +43,26 @@ class Sidebar:
     def open(self, number: int) -> None:
         """Open one step and close the one before: every other is closed, so the headers lie one under the other."""
         if self._open:
-            before = time.monotonic()
-            self.screen.click(*self._header(self._open))
-            self.blender.wait(lambda: self._still(before), "the last step's panel to close")
-        for _ in range(5):
-            before = time.monotonic()
+            self._fold(self._open, wanted=False)
+        self._fold(number, wanted=True)
+        self._open = number
+
+    def _fold(self, number: int, wanted: bool) -> None:
+        """Click a step's header until its panel is open, or closed."""
+        for _ in range(8):
             self.screen.click(*self._header(number))
-            self._open = number
-            with contextlib.suppress(TimeoutError):
-                self.blender.wait(
-                    lambda since=before: self._drawn(number) > since, f"step {number}'s panel", patience=10
-                )
-                return
-        raise TimeoutError(f"step {number} does not open")
+            time.sleep(0.7)  # panels glide
+            for _ in range(3):  # a busy machine hears a click late
+                if self._drawn(number) == wanted:
+                    return
+        raise TimeoutError(f"step {number} neither opens nor closes")
 
-    def _drawn(self, number: int) -> float:
-        """When a step's panel was last drawn."""
-        name = PANELS[number - 1]
-        return float(self.blender.ask(f"value = heart.seen.get('RAUCA_PT_{name}.draw', 0.0)"))
-
-    def _still(self, since: float) -> bool:
-        """Whether something was drawn since then, and nothing for a while: panels glide when one above them closes."""
-        last, now = self.blender.ask("value = max(heart.seen.values(), default=0.0), time.monotonic()")
-        return last > since and now - last > 0.7
+    def _drawn(self, number: int) -> bool:
+        """Whether a step's panel is drawn beyond its header."""
+        name = f"RAUCA_PT_{PANELS[number - 1]}.draw"
+        self.blender.ask(f"heart.seen.clear()\nown('background.watch').redraw()\nvalue = {name!r}")
+        self.blender.wait(lambda: self.blender.ask("value = len(heart.seen) >= 7"), "the sidebar to be drawn")
+        return bool(self.blender.ask(f"value = {name!r} in heart.seen"))
 
     def find(self, wanted: str) -> tuple[float, float]:
         """The middle of a button or field.

@@ -63,13 +63,13 @@ def test_step_2_shows_a_weather(desk: Sidebar) -> None:
     blender = desk.blender
     desk.open(2)
     desk.press("rauca.show_weather(", lambda: blender.settings("weather.shown.on"))
+    desk.press("rauca.next_weather(", lambda: blender.settings("weather.picked") != "clear-day")
+    assert blender.ask("value = bpy.context.scene.world.name") == blender.settings("weather.shown.world.name")
     # Use Cycles, then Rendered View.
     desk.press("engine", lambda: blender.ask("value = bpy.context.scene.render.engine") == "CYCLES")
     desk.press("type", lambda: shading(blender) == "RENDERED")
-    desk.press("rauca.next_weather(", lambda: blender.settings("weather.picked") != "clear-day")
-    assert blender.ask("value = bpy.context.scene.world.name") == blender.settings("weather.shown.world.name")
-    time.sleep(20)  # samples come in
-    blender.shoot("2-weather")
+    time.sleep(15)  # samples come in
+    blender.screen.shoot(blender.scratch / "2-weather.png")
     back_to_solid(desk)
 
 
