@@ -17,11 +17,11 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Progress
 from rauca_core.contract.seeding import named_seed
 from rauca_core.environment import LightSplitter, PublishedEfe, TrainingSettings, make_training_settings
-from rauca_core.environment.distributed import ALONE
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import EpochReport, Job, Outcome, train
+from rauca_core.team import ALONE
 
 from .neural_renderer import seconds_per_image
 from .settings import Settings

@@ -40,7 +40,7 @@ class SmallDetector:
         hidden = self.first(images)
         out = torch.nn.functional.conv2d(hidden, self._second.to(images), padding=1)
         batch, _, rows, columns = out.shape
-        y, x = torch.meshgrid(torch.arange(rows) * 8.0 + 4, torch.arange(columns) * 8.0 + 4, indexing="ij")
+        y, x = torch.meshgrid(*(torch.arange(n, device=out.device) * 8.0 + 4 for n in (rows, columns)), indexing="ij")
         centre = torch.stack([x, y]) + 4 * out[:, 0:2].tanh()
         half = 16 * torch.exp(out[:, 2:4])
         boxes = torch.cat([centre - half, centre + half], 1).reshape(batch, 4, -1).transpose(1, 2)

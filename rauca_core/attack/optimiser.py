@@ -10,8 +10,8 @@ from ..contract import Dataset, RaucaError
 from ..contract.files import sweep_partials
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
-from ..environment.distributed import ALONE, Team
 from ..stopping import stop_request
+from ..team import ALONE, Team
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .journal import Journal, StepReport
 from .panel import Panel
@@ -43,7 +43,7 @@ def optimise(
 
     Args:
         dataset: with light maps; frames without a box are skipped.
-        detectors: their class names must hold ``settings.target``.
+        detectors: their class names must hold ``settings.target``; they are moved to the team's device.
         on_step: called after every step in the leading process; progress bars are the caller's business.
         resume: go on from the latest checkpoint in ``out``.
         on_view: called, from another thread, with the cameras whose taps are built and how many there are.
@@ -62,7 +62,8 @@ def optimise(
         hint = "resume it or choose another folder" if started else "start it without resuming"
         raise RaucaError(f"{out}: holds {'a' if started else 'no'} run with checkpoints; {hint}")
     keep_large_blocks()
-    panel = Panel(detectors, settings.target, settings.weights, settings.precision, settings.objective)
+    moved = [detector.to(team.device) for detector in detectors]
+    panel = Panel(moved, settings.target, settings.weights, settings.precision, settings.objective)
     with threads(settings.threads):
         run = Run(dataset, panel, settings, team)
         try:

@@ -100,7 +100,7 @@ def prior(texture: Texture, settings: OptimiserSettings, palette: Callable[[], A
     """
     if settings.prior == "background":
         colours = torch.from_numpy(palette())
-        return lambda texture: near_palette(texture.colours(), colours)
+        return lambda texture: near_palette(texture.colours(), colours.to(texture.parameter.device))
     if settings.prior == "seed":
         _require(isinstance(texture, PaintedPanels), "prior: seed", "cover: panels")
         return lambda texture: near_seed(texture.free(), texture.seed, texture.edges)  # type: ignore[attr-defined]

@@ -15,8 +15,8 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..cpu import threads
-from ..environment.distributed import ALONE, Team
 from ..render import TAP_FORMAT, Canvas, undisplay
+from ..team import ALONE, Team
 from .augmentation import RANGES, Augmentation
 from .background import background_colours
 from .checkpoint import Checkpoint
@@ -34,7 +34,8 @@ class Run:
     """The state of an optimisation.
 
     The frames of the next step are loaded by a thread of their own while this one works. Several processes of a
-    ``team`` share every batch and step alike.
+    ``team`` share every batch and step alike. Texture and pictures lie on the team's device, frames in the computer's
+    memory until a step shows them.
 
     Attributes:
         step: steps done.
@@ -47,7 +48,7 @@ class Run:
             raise RaucaError(f"batch: {settings.batch} frames for {team.size} processes; give one to each at least")
         self.settings, self.panel, self.team = settings, panel, team
         self.store = FrameStore(dataset, settings)
-        self.texture: Texture = make_texture(self.store, settings)
+        self.texture: Texture = make_texture(self.store, settings, team.device)
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.store, settings)
         self.prior = prior(
@@ -90,7 +91,7 @@ class Run:
     def uv_map_srgb(self) -> Tensor:
         """The UV map (3, size, size), black where nothing is paintable."""
         flat = torch.zeros(self.settings.map_size**2, 3)
-        flat[torch.from_numpy(self.store.pyramid.texels)] = self.texture.texels().detach()
+        flat[torch.from_numpy(self.store.pyramid.texels)] = self.texture.texels().detach().cpu()
         return flat.T.reshape(3, self.settings.map_size, self.settings.map_size)
 
     def checkpoint(self) -> Checkpoint:
@@ -114,9 +115,9 @@ class Run:
         with torch.no_grad():
             parameter.copy_(tensors["parameter"])
         self.adam.state[parameter] = {
-            "step": tensors["adam_step"],
-            "exp_avg": tensors["exp_avg"],
-            "exp_avg_sq": tensors["exp_avg_sq"],
+            "step": tensors["adam_step"].to(parameter.device),  # where a fused Adam wants it
+            "exp_avg": tensors["exp_avg"].to(parameter.device),
+            "exp_avg_sq": tensors["exp_avg_sq"].to(parameter.device),
         }
         self.order.restore(tensors["order"])
         self._prefetch(tensors["next"].tolist())
@@ -230,9 +231,9 @@ class Run:
 
     def _gather(self, drawn: list[int], *mine: Tensor) -> Tensor:
         """Values of this process's part of the batch, (b,) each, as those of the whole batch (len(mine), B)."""
-        every = torch.zeros(len(mine), len(drawn))
-        every[:, self.team.rank :: self.team.size] = torch.stack(mine).cpu()
-        return self.team.sum(every)
+        every = torch.zeros(len(mine), len(drawn), device=self.team.device)
+        every[:, self.team.rank :: self.team.size] = torch.stack(mine)
+        return self.team.sum(every).cpu()
 
 
 def _digest(dataset: Dataset, store: FrameStore) -> str:

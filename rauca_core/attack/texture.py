@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -47,10 +48,10 @@ class Texture(Protocol):
 class FreeColours:
     """Every colour of the medium is free; on the UV map that is RAUCA's texture."""
 
-    def __init__(self, medium: Medium, settings: OptimiserSettings) -> None:
+    def __init__(self, medium: Medium, settings: OptimiserSettings, device: torch.device) -> None:
         """Random or plain at first, as the settings say."""
         self._limit, self._medium = LIMITS[settings.limit], medium
-        self.parameter = self._limit.start(first_colours(medium.count, settings)).requires_grad_()
+        self.parameter = self._limit.start(first_colours(medium.count, settings).to(device)).requires_grad_()
 
     def colours(self) -> Tensor:
         return self._limit.values(self.parameter)
@@ -70,16 +71,15 @@ class PaintedPanels:
         edges: (M,) float32, 1 on the seed picture's lines.
     """
 
-    def __init__(self, store: FrameStore, settings: OptimiserSettings) -> None:
+    def __init__(self, store: FrameStore, settings: OptimiserSettings, device: torch.device) -> None:
         """Raises :class:`RaucaError` where no face of the paint looks like a bonnet, roof or door."""
         self._limit, self._medium = LIMITS[settings.limit], store.medium
         cells, seed, edges = seed_paint(store.vehicle, store.reference_srgb, settings.texture_size)
-        self.seed, self.edges = torch.from_numpy(seed), torch.from_numpy(edges)
-        self._cells = torch.from_numpy(cells)
+        self.seed, self.edges, self._cells = (torch.from_numpy(a).to(device) for a in (seed, edges, cells))
         reference = torch.from_numpy(np.array(store.reference_srgb, np.float32) / 255)
-        self._base = reference.expand(store.medium.count, 3).clone()
+        self._base = reference.expand(store.medium.count, 3).clone().to(device)
         first = self.seed if settings.start == "seed" else first_colours(len(cells), settings)
-        self.parameter = self._limit.start(first).requires_grad_()
+        self.parameter = self._limit.start(first.to(device)).requires_grad_()
 
     def free(self) -> Tensor:
         """The free cells (M, 3) sRGB."""
@@ -95,21 +95,22 @@ class PaintedPanels:
         self._limit.settle(self.parameter)
 
 
-def make_texture(store: FrameStore, settings: OptimiserSettings) -> Texture:
-    """The texture of a run; raises :class:`RaucaError` for settings that do not fit together."""
+def make_texture(store: FrameStore, settings: OptimiserSettings, device: torch.device) -> Texture:
+    """The texture of a run, on ``device``; raises :class:`RaucaError` for settings that do not fit together."""
     if settings.natural is not None:
-        return natural_colours(store.vehicle, store.pyramid, settings, lambda count: first_colours(count, settings))
+        first = partial(first_colours, settings=settings)
+        return natural_colours(store.vehicle, store.pyramid, settings, first, device)
     if settings.cover == "panels":
         if settings.paint != "facets":
             raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")
-        return PaintedPanels(store, settings)
+        return PaintedPanels(store, settings, device)
     if settings.start == "seed":
         raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
-    return FreeColours(store.medium, settings)
+    return FreeColours(store.medium, settings, device)
 
 
 def first_colours(count: int, settings: OptimiserSettings) -> Tensor:
-    """Where an optimisation begins: (count, 3) sRGB."""
+    """Where an optimisation begins: (count, 3) sRGB, drawn on the CPU: the same whatever the device."""
     if settings.start == "plain":
         return torch.full((count, 3), GREY)
     generator = torch.Generator().manual_seed(named_seed(settings.seed, "start"))

@@ -21,9 +21,9 @@ from ..contract.files import append_line
 from ..contract.recolour import TEST
 from ..contract.seeding import named_rng
 from ..cpu import keep_large_blocks, threads
+from ..team import Team
 from .averaging import WeightAverage
 from .convergence import converged_epoch
-from .distributed import Team
 from .frames import LightFrames
 from .learner import Draw, Item, Learner
 from .metrics import Error, measure, total

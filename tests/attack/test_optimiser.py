@@ -225,7 +225,7 @@ import sys
 from pathlib import Path
 from rauca_core.attack import make_settings, optimise
 from rauca_core.contract import Dataset
-from rauca_core.environment.distributed import team
+from rauca_core.team import team
 from benchmarks.stability.detectors import SmallDetector
 with team() as processes:
     for number, chosen in enumerate({settings}):

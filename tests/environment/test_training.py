@@ -18,12 +18,12 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.environment import LightSplitter, PublishedEfe, make_training_settings
 from rauca_core.environment.averaging import WeightAverage
-from rauca_core.environment.distributed import team
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import Job, Outcome, train
 from rauca_core.environment.training_state import load_state
+from rauca_core.team import team
 
 COLOURS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
 TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}

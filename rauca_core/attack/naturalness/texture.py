@@ -60,7 +60,9 @@ class Constraints:
             free.clamp_(0.0, 1.0)
             # With a palette the bound is on the colours chosen, see `allowed`: the way from one to another stays open.
             if self.wanted.max_delta_e is not None and self.palette is None and self.home is not None:
-                draw_back(free.numpy(), self.home.astype(np.float32) / 255, self.wanted.max_delta_e)
+                near = free.cpu()  # on the CPU this is ``free`` itself
+                draw_back(near.numpy(), self.home.astype(np.float32) / 255, self.wanted.max_delta_e)
+                free.copy_(near)
 
     def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.patches is None:
@@ -101,7 +103,8 @@ class NaturalColours:
         start = first.clone()
         constraints.settle(start)
         self.parameter = start.requires_grad_()
-        patches, self._spread = constraints.patches, None
+        allowed, patches, self._spread = constraints.allowed, constraints.patches, None
+        self._allowed = None if allowed is None else allowed.to(first.device)
         if patches is not None:
             ones = np.ones(len(patches.of_texel), np.float32)
             indptr = np.arange(len(ones) + 1, dtype=np.int64)
@@ -109,7 +112,7 @@ class NaturalColours:
 
     def colours(self) -> Tensor:
         free, palette = saturate(self.parameter), self.constraints.palette
-        seen = free if palette is None else palette.hard(free, self.constraints.allowed)
+        seen = free if palette is None else palette.hard(free, self._allowed)
         return seen if self._spread is None else self._spread(seen)
 
     def texels(self) -> Tensor:
@@ -120,12 +123,17 @@ class NaturalColours:
 
 
 def natural_colours(
-    vehicle: Vehicle, atlas: Pyramid, settings: OptimiserSettings, first: Callable[[int], Tensor]
+    vehicle: Vehicle,
+    atlas: Pyramid,
+    settings: OptimiserSettings,
+    first: Callable[[int], Tensor],
+    device: torch.device,
 ) -> NaturalColours:
     """The texture of a run.
 
     Args:
         first: ``count -> (count, 3)`` sRGB, where an optimisation begins; within a bound it begins at the reference.
+        device: where the colours lie.
 
     Raises:
         RaucaError: settings that naturalness does not go with.
@@ -139,6 +147,6 @@ def natural_colours(
         raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
     constraints = Constraints(vehicle, atlas, wanted, settings.seed)
     if wanted.max_delta_e is None or constraints.home is None:
-        return NaturalColours(constraints, first(constraints.count))
+        return NaturalColours(constraints, first(constraints.count).to(device))
     # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
-    return NaturalColours(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255))
+    return NaturalColours(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))

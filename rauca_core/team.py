@@ -1,4 +1,4 @@
-"""Several processes on one training, as ``torchrun`` starts them; without it, one process and nothing to do."""
+"""Several processes on one job, as ``torchrun`` starts them; without it, one process and nothing to do."""
 
 from __future__ import annotations
 
