@@ -63,7 +63,7 @@ def test_generate_dataset_runs_the_headless_job(addon, tmp_path):
     assert addon.ops.rauca.generate_dataset() == {"FINISHED"}
     assert len(Dataset(tmp_path / "set").frames()) == 1 * 2 * 2 * 3
     settings.dataset.size = 96
-    with pytest.raises(RuntimeError, match="holds a data set made with another size"):
+    with pytest.raises(RuntimeError, match="holds a dataset made with another size"):
         addon.ops.rauca.generate_dataset()
 
 
