@@ -61,7 +61,7 @@ class Journal:
     def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
         """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
         self._board.add_image("uv_map", shrunk(uv_map_srgb, SIDE), step)
-        self._board.add_image("frame", image_srgb.clamp(0, 1), step)
+        self._board.add_image("frame", image_srgb.clamp(0, 1).cpu(), step)
 
     def flush(self) -> None:
         if self._pending:
