@@ -101,7 +101,7 @@ def evaluate(
         contestants=matched,
         detectors={},
         defences=[make_defence(name) for name in dict.fromkeys(names)],
-        weathers=_weather_sets(_split(weathers), bool(datasets)),
+        weathers=weather_sets(_split(weathers), bool(datasets)),
         held_out=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
         datasets=_by_atlas(datasets),
         random=RandomPaint(random_seed, random_cell) if random else None,
@@ -151,7 +151,7 @@ def _by_atlas(datasets: Sequence[Dataset]) -> dict[str, list[Dataset]]:
     return result
 
 
-def _weather_sets(names: Sequence[str], has_datasets: bool) -> list[str]:
+def weather_sets(names: Sequence[str], has_datasets: bool) -> list[str]:
     from .protocol import PRESETS
 
     if has_datasets:

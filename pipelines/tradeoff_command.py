@@ -49,7 +49,7 @@ def tradeoff(
     blender: Blender = None,
 ) -> None:
     """AP@0.5 against how natural a camouflage is: bounds on its distance from a reference, sizes of its patches."""
-    from .evaluate_command import _weather_sets
+    from .evaluate_command import weather_sets
     from .tradeoff import QUICK, Sizes, TradeOff, points, run_tradeoff
 
     opened = Dataset(dataset)
@@ -69,7 +69,7 @@ def tradeoff(
             points=points(base, wanted_bounds, wanted_features),
             attacked=tuple(attacked),
             measured=_measured(detectors, attacked, quick),
-            weathers=tuple(_weather_sets([weathers], has_datasets=False)),
+            weathers=tuple(weather_sets([weathers], has_datasets=False)),
             sizes=sizes.but(steps=steps, frames=frames, map_size=map_size, batch=batch),
             seed=seed,
             threads=threads,

@@ -19,7 +19,7 @@ from PIL import Image
 
 from blender_addon.arguments import apply_parser, dataset_parser
 from pipelines.cli import app
-from pipelines.evaluate_command import _split, _split_defences, _weather_sets
+from pipelines.evaluate_command import _split, _split_defences, weather_sets
 from pipelines.methods import chosen_settings
 from pipelines.naturalness import natural_settings
 from pipelines.slurm import slurm_parser
@@ -168,7 +168,7 @@ def _check_vehicle(name: str) -> None:
 
 
 def _check_sets(names: list[str]) -> None:
-    _weather_sets(_split(names), has_datasets=False)
+    weather_sets(_split(names), has_datasets=False)
 
 
 def _each(check: Callable[[str], Any]) -> Callable[[Any], None]:
