@@ -51,10 +51,10 @@ class Sidebar:
         """Click a step's header until its panel is open, or closed."""
         for _ in range(8):
             self.screen.click(*self._header(number))
-            time.sleep(0.7)  # panels glide
-            for _ in range(3):  # a busy machine hears a click late
-                if self._drawn(number) == wanted:
-                    return
+            with contextlib.suppress(TimeoutError):  # a busy machine hears a click late
+                self.blender.wait(lambda: self._drawn(number) == wanted, "the panel to fold", patience=8)
+                time.sleep(0.7)  # panels glide
+                return
         raise TimeoutError(f"step {number} neither opens nor closes")
 
     def _drawn(self, number: int) -> bool:
@@ -84,7 +84,8 @@ class Sidebar:
         """Whether what lies at a place is the wanted property or operator."""
         self.screen.move(x, y)
         path, call = self.blender.ask("value = hovered()")
-        return bool(path == wanted or ("(" in wanted and wanted in call))
+        # Blender 4 gives the property's name, 5 its whole path.
+        return bool(path.rpartition(".")[2] == wanted or ("(" in wanted and wanted in call))
 
     def press(self, wanted: str, until: Callable[[], Any], patience: float = 240.0) -> Any:
         """Click a button until that has shown an effect: a busy machine may swallow a click."""
