@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
+from ..background import watch
 from ..background.folders import chosen_folder
 from ..core import contract
 from ..scene.bake import Baked, Task, finish_bake, other_layers, prepare_bake, run_bake
@@ -103,7 +104,7 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        _redraw(context)
+        watch.redraw()
         if running.is_alive():
             return {"PASS_THROUGH"}
         result, error = running.result, running.error
@@ -154,7 +155,7 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
         if getattr(self, "_timer", None) is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
-        _redraw(context)
+        watch.redraw()
 
 
 def _layer(wanted: str, layers: list[str]) -> str:
@@ -178,13 +179,6 @@ def _layer(wanted: str, layers: list[str]) -> str:
             rpt("The vehicle has several UV layers: {shown}; choose the one to bake into").format(shown=shown)
         )
     return layers[0]
-
-
-def _redraw(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def unregister() -> None:
