@@ -22,7 +22,6 @@ class Sidebar:
 
     def __init__(self, blender: Blender) -> None:
         self.blender, self.screen = blender, blender.screen
-        self._open = 0
         blender.ask("watch_add_on(heart)")
 
     def show(self) -> None:
@@ -36,33 +35,29 @@ class Sidebar:
             self.screen.click(left + width - 10, top + down)
             time.sleep(0.3)
             if self.blender.ask(f"{UI}\nvalue = region.active_panel_category") == "Rauca":
-                self._open = 1
                 return
         raise LookupError("the sidebar has no tab Rauca")
 
     def open(self, number: int) -> None:
-        """Open one step and close the one before: every other is closed, so the headers lie one under the other."""
-        if self._open:
-            self._fold(self._open, wanted=False)
-        self._fold(number, wanted=True)
-        self._open = number
-
-    def _fold(self, number: int, wanted: bool) -> None:
-        """Click a step's header until its panel is open, or closed."""
-        for _ in range(8):
-            self.screen.click(*self._header(number))
-            with contextlib.suppress(TimeoutError):  # a busy machine hears a click late
-                self.blender.wait(lambda: self._drawn(number) == wanted, "the panel to fold", patience=8)
-                time.sleep(0.7)  # panels glide
+        """Open one step and close all others."""
+        for _ in range(12):
+            shown = self._shown()
+            if shown == [number]:
                 return
-        raise TimeoutError(f"step {number} neither opens nor closes")
+            # The first open panel's header lies where it would if all were closed.
+            self.screen.click(*self._header(min(shown, default=number)))
+            with contextlib.suppress(TimeoutError):  # a busy machine swallows a click, or hears it late
+                self.blender.wait(lambda before=shown: self._shown() != before, "a panel to fold", patience=8)
+            time.sleep(0.7)  # panels glide
+        raise TimeoutError(f"step {number} does not open")
 
-    def _drawn(self, number: int) -> bool:
-        """Whether a step's panel is drawn beyond its header."""
-        name = f"RAUCA_PT_{PANELS[number - 1]}.draw"
-        self.blender.ask(f"heart.seen.clear()\nown('background.watch').redraw()\nvalue = {name!r}")
-        self.blender.wait(lambda: self.blender.ask("value = len(heart.seen) >= 7"), "the sidebar to be drawn")
-        return bool(self.blender.ask(f"value = {name!r} in heart.seen"))
+    def _shown(self) -> list[int]:
+        """The steps whose panels are open."""
+        self.blender.ask("heart.seen.clear()\nown('background.watch').redraw()")
+        headers = "value = sum(name.endswith('.draw_header') for name in heart.seen)"
+        self.blender.wait(lambda: self.blender.ask(headers) >= len(PANELS), "the sidebar to be drawn")
+        seen = self.blender.ask("value = list(heart.seen)")
+        return [i + 1 for i, name in enumerate(PANELS) if f"RAUCA_PT_{name}.draw" in seen]
 
     def find(self, wanted: str) -> tuple[float, float]:
         """The middle of a button or field.
