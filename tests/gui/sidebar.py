@@ -14,7 +14,7 @@ FIRST_HEADER, HEADER_PITCH = 16, 28  # pixels below the tab's top, and from one 
 LOOK_EVERY = 8  # pixels: less than half a button's height
 TALLEST = 40  # pixels: of a button that is pressed in its middle
 TABS = 25  # pixels at the right that the tabs take
-COLUMNS = (0.62, 0.2, 0.84)  # of the width: where buttons and fields are
+COLUMNS = (0.62, 0.2, 0.875)  # of the width: where buttons and fields are
 
 
 class Sidebar:
