@@ -201,7 +201,7 @@ def _damage(path: Path) -> None:
     card.write_text(json.dumps({**whole, "class_names": ["car"]}))
     with pytest.raises(RaucaError, match="does not hold the network that its card describes"):
         load_weights(path)
-    card.write_text(json.dumps({**whole, "name": "yolov3"}))
+    card.write_text(json.dumps({**whole, "name": "vgg"}))
     with pytest.raises(RaucaError, match="must name one of frcnn-synth, detr-synth"):
         load_weights(path)
     card.write_text(json.dumps(whole))
