@@ -53,8 +53,6 @@ def test_step_1_adds_the_sedan(desk: Sidebar) -> None:
     time.sleep(1)
     screen.key("s")  # the underlined letter of "Sedan"
     blender.wait(lambda: chosen(blender) == "sedan", "the sedan")
-    screen.move(*blender.away())
-    screen.key("Home")
     blender.shoot("1-vehicle")
     assert blender.ask("value = 'sedan' in bpy.context.scene.objects")
 
@@ -76,10 +74,10 @@ def test_step_2_shows_a_weather(desk: Sidebar) -> None:
 def test_step_3_looks_through_a_view(desk: Sidebar) -> None:
     blender = desk.blender
     desk.open(3)
+    blender.shoot("3-cameras")
     for name, count in (("azimuths", 2), ("elevations", 1), ("distances", 1)):
         desk.enter(name, count)
     assert blender.ask("value = len(bpy.context.scene.rauca.cameras.ring())") * 3 == FRAMES
-    blender.shoot("3-cameras")
     through = f"{VIEW}\nvalue = space.region_3d.view_perspective == 'CAMERA'"
     desk.press("rauca.look_through(step=1", lambda: blender.ask(through))
     assert blender.settings("cameras.looking")
