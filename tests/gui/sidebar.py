@@ -12,6 +12,7 @@ from .blender import Blender
 PANELS = ("vehicle", "weather", "cameras", "dataset", "optimise", "camouflage", "bake")
 FIRST_HEADER, HEADER_PITCH = 16, 28  # pixels below the tab's top, and from one closed panel to the next
 LOOK_EVERY = 8  # pixels: less than half a button's height
+ANSWER_S = 40.0  # seconds after which a button is pressed again
 TALLEST = 40  # pixels: of a button that is pressed in its middle
 TABS = 25  # pixels at the right that the tabs take
 COLUMNS = (0.62, 0.2, 0.875)  # of the width: where buttons and fields are
@@ -43,6 +44,7 @@ class Sidebar:
         for _ in range(12):
             shown = self._shown()
             if shown == [number]:
+                self._let_go(number)
                 return
             # The first open panel's header lies where it would if all were closed.
             self.screen.click(*self._header(min(shown, default=number)))
@@ -50,6 +52,12 @@ class Sidebar:
                 self.blender.wait(lambda before=shown: self._shown() != before, "a panel to fold", patience=8)
             time.sleep(0.7)  # panels glide
         raise TimeoutError(f"step {number} does not open")
+
+    def _let_go(self, number: int) -> None:
+        """Click on the panel's words, which do nothing: Blender takes a header's quick click for a drag over headers."""
+        x, y = self._header(number)
+        self.screen.click(x, y + HEADER_PITCH)
+        time.sleep(0.5)
 
     def _shown(self) -> list[int]:
         """The steps whose panels are open."""
@@ -66,9 +74,10 @@ class Sidebar:
             wanted: a property's name, or an operator's call as far as it matters, such as ``rauca.bake(``.
         """
         left, top, width, height = self.blender.region("UI")
+        below = FIRST_HEADER + HEADER_PITCH * min(self._shown(), default=0)  # off the headers of closed steps
         for start in (0.0, LOOK_EVERY / 2):
             for share in COLUMNS:
-                across, down = left + (width - TABS) * share, top + FIRST_HEADER + start
+                across, down = left + (width - TABS) * share, top + below + start
                 while down < top + height:
                     if self.says(wanted, across, down):
                         return across, self._middle(wanted, across, down)
@@ -84,13 +93,17 @@ class Sidebar:
 
     def press(self, wanted: str, until: Callable[[], Any], patience: float = 240.0) -> Any:
         """Click a button until that has shown an effect: a busy machine may swallow a click."""
-        self.screen.click(*self.find(wanted))
-        for _ in range(3):
-            with contextlib.suppress(TimeoutError):
-                return self.blender.wait(until, f"the effect of {wanted}", patience=patience / 4)
-            with contextlib.suppress(LookupError):  # it was heard after all, and the button has gone
+        tries = max(int(patience / ANSWER_S), 1)
+        for i in range(tries):
+            try:
                 self.screen.click(*self.find(wanted))
-        return self.blender.wait(until, f"the effect of {wanted}", patience=patience / 4)
+            except LookupError:
+                if i == 0:
+                    raise
+                # It was heard after all: the button has gone.
+            with contextlib.suppress(TimeoutError):
+                return self.blender.wait(until, f"the effect of {wanted}", patience=ANSWER_S)
+        raise TimeoutError(f"{wanted} has no effect")
 
     def enter(self, wanted: str, text: str | int) -> None:
         """Double-click a field of the step and write into it."""

@@ -23,8 +23,8 @@ from .gaps import DEAF_S, Gaps, percentile
 from .sidebar import Sidebar
 
 FRAMES = 6  # two views in the three weathers of the list "First steps"
-SIDE, SAMPLES = 64, 1
-STEPS = 6
+SIDE, SAMPLES = 128, 16
+STEPS = 12
 PATIENCE_S = 1500.0  # software rendering beside whatever else the machine does
 
 
