@@ -54,7 +54,7 @@ class Sidebar:
         raise TimeoutError(f"step {number} does not open")
 
     def _let_go(self, number: int) -> None:
-        """Click on the panel's words, which do nothing: Blender takes a header's quick click for a drag over headers."""
+        """Click on the panel's words, which do nothing: a header's quick click can pass for a drag over headers."""
         x, y = self._header(number)
         self.screen.click(x, y + HEADER_PITCH)
         time.sleep(0.5)
