@@ -18,7 +18,8 @@ MOST_POINTS = SIDE // 4  # the loss of one step jumps with its frames: what coun
 def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:
     """Draw ``values`` against their order, from their least to their greatest, as (side, side, 4) sRGB and alpha.
 
-    Row 0 is at the top. Values that are not finite are left out; many are drawn by the means of equal runs of them.
+    Colours are premultiplied with alpha, as Blender draws its icons. Row 0 is at the top. Values that are not finite
+    are left out; many are drawn by the means of equal runs of them.
     """
     picture = np.zeros((side, side, 4), np.float32)
     inner = side - 2 * MARGIN
@@ -26,7 +27,7 @@ def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:
         picture[line, MARGIN:-MARGIN] = GRID
     points = _thinned(np.asarray(values, np.float64))
     if len(points) < 2:
-        return picture
+        return _premultiplied(picture)
     low, high = float(points.min()), float(points.max())
     # A flat curve runs through the middle.
     level = (points - low) / (high - low) if high > low else np.full(len(points), 0.5)
@@ -36,7 +37,7 @@ def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:
     inside = (columns >= MARGIN) & (columns < side - MARGIN)
     _fill(picture, rows, inside)
     _stroke(picture, rows, inside)
-    return picture
+    return _premultiplied(picture)
 
 
 def _thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -44,6 +45,11 @@ def _thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(finite) <= MOST_POINTS:
         return finite
     return np.array([part.mean() for part in np.array_split(finite, MOST_POINTS)])
+
+
+def _premultiplied(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    picture[:, :, :3] *= picture[:, :, 3:]
+    return picture
 
 
 def _fill(picture: NDArray[np.float32], rows: NDArray[np.float64], inside: NDArray[np.bool_]) -> None:

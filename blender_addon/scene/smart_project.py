@@ -21,7 +21,9 @@ def smart_project(vehicle: contract.Vehicle) -> NDArray[np.float64]:
     mesh = bpy.data.meshes.new("rauca unwrap")
     item = bpy.data.objects.new("rauca unwrap", mesh)
     layer = bpy.context.view_layer
-    active = layer.objects.active
+    active, selected = layer.objects.active, list(layer.objects.selected)
+    for other in selected:  # edit mode takes in whatever is selected, and would lay it out anew as well
+        other.select_set(False)
     try:
         mesh.from_pydata(vehicle.positions[used].tolist(), [], compact.reshape(-1, 3).tolist())
         mesh.uv_layers.new(name="flat")
@@ -39,5 +41,7 @@ def smart_project(vehicle: contract.Vehicle) -> NDArray[np.float64]:
     finally:
         bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
+        for other in selected:
+            other.select_set(True)
         layer.objects.active = active
     return uvs.reshape(-1, 3, 2).astype(np.float64)

@@ -79,6 +79,16 @@ def test_the_round_trip_is_seen_alike_on_a_car(bake, tmp_path):
     assert seen.vehicle_db > seen.paint_db
 
 
+def test_a_new_layer_leaves_the_selected_vehicles_own_alone(bake, tmp_path):
+    box = painted_box(tmp_path)
+    box.select_set(True)
+    before = [tuple(corner.vector) for corner in box.data.uv_layers[0].uv]
+    assert bpy.ops.rauca.new_uv_layer() == {"FINISHED"}
+    assert [tuple(corner.vector) for corner in box.data.uv_layers[0].uv] == before
+    assert box.select_get()
+    assert bpy.ops.rauca.bake() == {"FINISHED"}
+
+
 def test_the_only_other_layer_is_taken_and_of_several_one_is_asked_for(bake, tmp_path):
     box = painted_box(tmp_path)
     assert "has no UV layer beside the camouflage's own" in refused(bake, tmp_path)

@@ -134,6 +134,7 @@ def test_step_6_applies_the_camouflage(desk: Sidebar) -> None:
     desk.press("rauca.apply_camouflage(", lambda: coat(blender))
     textures = f"{VIEW}\nvalue = space.shading.color_type == 'TEXTURE'"
     desk.press("color_type", lambda: blender.ask(textures))  # Show Textures
+    look_at_the_vehicle(desk)
     blender.shoot("6-camouflage")
     assert coat(blender)["shown"] == "CAMOUFLAGE"
     desk.press("rauca.show_paint(which='ORIGINAL'", lambda: coat(blender)["shown"] == "ORIGINAL")
@@ -226,6 +227,13 @@ def back_to_solid(desk: Sidebar) -> None:
 
 def begun(blender: Blender, job: str) -> bool:
     return bool(blender.ask(f"value = own('background.watch').job({job!r}) is not None"))
+
+
+def look_at_the_vehicle(desk: Sidebar) -> None:
+    """Turn the view and frame what is selected, with the number pad."""
+    desk.screen.move(*desk.blender.away())
+    desk.screen.key("KP_1", "KP_4", "KP_4", "KP_4", "KP_8", "KP_Decimal")
+    time.sleep(3)
 
 
 def idle(blender: Blender) -> Gaps:
