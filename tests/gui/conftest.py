@@ -2,6 +2,7 @@
 
 ``RAUCA_BLENDER`` is its program, ``RAUCA_BLENDER_ROOT`` the folder of the system it lives in if that is not this one
 (a chroot), ``RAUCA_PYTHON`` the Python with rauca and torch as that system sees it; without one step 5 is left out.
+Into a chroot, bind-mount the repository and its Python read-only at the places they have here; unmount them afterwards.
 ``RAUCA_PICTURES`` is where the screenshots go.
 """
 
