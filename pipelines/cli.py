@@ -94,7 +94,7 @@ def optimize(
     method: Annotated[
         str | None,
         typer.Option(
-            help="settings of das, fca, dta, active, rauca-base or rauca-final; options given here win over them"
+            help="settings of das, fca, dta, active, rauca-base, rauca-final or ours; options given here win over them"
         ),
     ] = None,
     steps: int = 1000,
@@ -120,6 +120,9 @@ def optimize(
         str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
     ] = "project",
     roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
+    augmentation: Annotated[
+        str, typer.Option(help="its ranges: rauca (as published), active, or ours (mirrored, and near and far)")
+    ] = "rauca",
     rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
     palette_of: PaletteOption = None,

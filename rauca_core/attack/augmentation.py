@@ -19,7 +19,7 @@ from . import augmentation_cpu
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
 
 
-AugmentationName = Literal["rauca", "active"]
+AugmentationName = Literal["rauca", "active", "ours"]
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Ranges:
         brightness: either way, added, in sRGB units.
         contrasts: lowest and highest, about the image's own mean.
         jitter: probability of a change of colour.
+        mirror: probability that left and right change places: as good a view, which costs no render.
     """
 
     rotation_deg: float = 5.0
@@ -41,11 +42,13 @@ class Ranges:
     brightness: float = 0.25
     contrasts: tuple[float, float] = (0.75, 1.5)
     jitter: float = 0.5
+    mirror: float = 0.0
 
 
 RANGES: dict[AugmentationName, Ranges] = {
     "rauca": Ranges(),
     "active": Ranges(rotation_deg=0.0, scales=(0.25, 1.0), jitter=1.0),
+    "ours": Ranges(scales=(0.6, 1.2), mirror=0.5),
 }
 
 
@@ -73,8 +76,10 @@ class Augmentation:
         jitter = rng.random(batch) < ranges.jitter
         brightness = np.where(jitter, rng.uniform(-ranges.brightness, ranges.brightness, batch), 0.0)
         contrast = np.where(jitter, rng.uniform(*ranges.contrasts, batch), 1.0)
+        # Drawn only where asked for: other ranges keep the random stream that they had.
+        side = np.where(rng.random(batch) < ranges.mirror, -1.0, 1.0) if ranges.mirror else np.ones(batch)
         cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
-        rows = [np.stack([cosine, -sine, shift[:, 0]], 1), np.stack([sine, cosine, shift[:, 1]], 1)]
+        rows = [np.stack([side * cosine, -sine, shift[:, 0]], 1), np.stack([side * sine, cosine, shift[:, 1]], 1)]
         matrix = torch.tensor(np.stack(rows, 1), dtype=torch.float32)
         return Augmentation(
             matrix, torch.tensor(brightness, dtype=torch.float32), torch.tensor(contrast, dtype=torch.float32)

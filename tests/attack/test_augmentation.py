@@ -5,19 +5,20 @@ import pytest
 import torch
 
 from rauca_core.attack import Augmentation
-from rauca_core.attack.augmentation import BACKDROP
+from rauca_core.attack.augmentation import BACKDROP, RANGES, AugmentationName
 from rauca_core.contract.seeding import named_rng
 
 
 @pytest.mark.parametrize(("width", "height"), [(96, 96), (140, 90)])
 @pytest.mark.parametrize("extra_turn", [0.0, 0.5])
-def test_boxes_move_with_the_picture(width: int, height: int, extra_turn: float) -> None:
+@pytest.mark.parametrize("ranges", ["rauca", "ours"])
+def test_boxes_move_with_the_picture(width: int, height: int, extra_turn: float, ranges: AugmentationName) -> None:
     """A painted rectangle, found again after the move, fills its moved box; wider turns show skew that 5 deg hides."""
     batch = 24
     boxes = torch.tensor([[32.0, 32.0, 64.0, 52.0]]).repeat(batch, 1)
     images = torch.full((batch, 3, height, width), BACKDROP)
     images[:, :, 32:52, 32:64] = 1.0
-    drawn = Augmentation.draw(named_rng("move", width), batch)
+    drawn = Augmentation.draw(named_rng("move", width), batch, RANGES[ranges])
     cosine, sine = np.cos(extra_turn), np.sin(extra_turn)
     turned = torch.tensor([[cosine, -sine], [sine, cosine]], dtype=torch.float32) @ drawn.matrix
     roa = Augmentation(turned, torch.zeros(batch), torch.ones(batch))
@@ -49,6 +50,23 @@ def test_ranges_and_share_of_relit_images() -> None:
     assert 0.46 < relit.float().mean() < 0.54
     assert roa.brightness.abs().max() <= 0.25
     assert 0.75 <= roa.contrast.min() < roa.contrast.max() <= 1.5
+
+
+def test_ours_mirrors_half_of_the_pictures() -> None:
+    roa = Augmentation.draw(named_rng("mirror"), 4000, RANGES["ours"])
+    sides = torch.linalg.det(roa.matrix[:, :, :2]).sign()
+    assert 0.46 < (sides < 0).float().mean() < 0.54
+    as_published = Augmentation.draw(named_rng("mirror"), 4000)
+    assert (torch.linalg.det(as_published.matrix[:, :, :2]) > 0).all()
+    assert torch.equal(roa.brightness, as_published.brightness)  # drawn after the rest, whose stream stays as it was
+
+
+def test_a_mirrored_picture_is_the_picture_flipped() -> None:
+    flip = torch.tensor([[[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    images = torch.rand(1, 3, 8, 10, generator=torch.Generator().manual_seed(1))
+    seen, boxes = Augmentation(flip, torch.zeros(1), torch.ones(1))(images, torch.tensor([[1.0, 2.0, 4.0, 6.0]]))
+    assert torch.allclose(seen, images.flip(3), atol=1e-6)
+    assert boxes.tolist() == [[6.0, 2.0, 9.0, 6.0]]
 
 
 def test_same_name_same_draw() -> None:
