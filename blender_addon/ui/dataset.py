@@ -12,7 +12,7 @@ from ..operators.generate_dataset import JOB
 from ..operators.without_denoiser import samples_without_denoiser
 from .cameras import timing
 from .job_view import draw_job, draw_open_folder, job_state
-from .panel import StepPanel, paragraph
+from .panel import SidebarPanel, StepPanel, paragraph
 from .state import State
 
 PICTURE = f"{JOB}.frame"
@@ -94,26 +94,20 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
         layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
 
 
-class RAUCA_PT_dataset_more(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Settings that are seldom changed"""
 
     bl_idname = "RAUCA_PT_dataset_more"
     bl_parent_id = "RAUCA_PT_dataset"
     bl_label = "More"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Rauca"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return not watch.busy(JOB)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         for name in ("light", "workers", "seed", "retry"):
-            self.layout.prop(context.scene.rauca.dataset, name)
+            layout.prop(context.scene.rauca.dataset, name)
 
 
 CLASSES = (RaucaDataset, RAUCA_PT_dataset, RAUCA_PT_dataset_more)

@@ -10,7 +10,7 @@ from ..background import pictures, watch
 from ..operators.optimise_camouflage import JOB
 from ..preferences import CHECK, draw_python, preferences
 from .job_view import draw_job, draw_open_folder, job_state
-from .panel import StepPanel
+from .panel import SidebarPanel, StepPanel
 from .state import State
 
 
@@ -118,28 +118,22 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
                 figures.label(text=words.format(value=found.history[name][-1]), translate=False)
 
 
-class RAUCA_PT_optimise_more(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_optimise_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Settings that are seldom changed"""
 
     bl_idname = "RAUCA_PT_optimise_more"
     bl_parent_id = "RAUCA_PT_optimise"
     bl_label = "More"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Rauca"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settled = preferences(context)
         return not watch.busy(JOB) and settled is not None and settled.ready
 
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         for name in ("batch", "map_size", "seed"):
-            self.layout.prop(context.scene.rauca.optimise, name)
-        draw_python(context, self.layout)
+            layout.prop(context.scene.rauca.optimise, name)
+        draw_python(context, layout)
 
 
 CLASSES = (RaucaOptimise, RAUCA_PT_optimise, RAUCA_PT_optimise_more)

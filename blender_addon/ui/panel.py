@@ -1,4 +1,4 @@
-"""The look that the seven panels share: number, name and state in the header, the state's words on top."""
+"""The look that the panels share: a step's has its number, name and state in the header, the state's words on top."""
 
 from __future__ import annotations
 
@@ -14,19 +14,33 @@ LETTER_PX = 6.4  # mean width of a letter of the interface's font, at scale 1
 MARGINS_PX = 64.0  # of the sidebar beside a line of text: borders, icon, tabs
 
 
-class StepPanel:
-    """Base of a step's panel; the subclass also derives from ``bpy.types.Panel``.
-
-    A subclass gives ``number``, ``bl_label``, ``bl_idname`` and ``step_state = staticmethod(state)``.
-    """
+class SidebarPanel:
+    """Base of a panel in Rauca's tab of the sidebar; the subclass also derives from ``bpy.types.Panel``."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Rauca"
     # The whole order of work shows at a glance: only the first step is open to begin with.
     bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
-    number: int
     layout: bpy.types.UILayout
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        self.draw_inside(context, self.layout)
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        """The settings and buttons; names stand beside their settings."""
+        raise NotImplementedError
+
+
+class StepPanel(SidebarPanel):
+    """Base of a step's panel.
+
+    A subclass gives ``number``, ``bl_label``, ``bl_idname`` and ``step_state = staticmethod(state)``.
+    """
+
+    number: int
 
     @staticmethod
     def step_state(context: bpy.types.Context) -> State:
@@ -36,14 +50,13 @@ class StepPanel:
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.label(text=str(self.number), icon=ICONS[self.step_state(context).kind], translate=False)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
-        paragraph(context, self.layout, self.step_state(context).words)
-        self.draw_step(context, self.layout)
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        paragraph(context, layout, self.step_state(context).words)
+        self.draw_step(context, layout)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         """The step's settings and buttons."""
+        raise NotImplementedError
 
 
 def paragraph(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:

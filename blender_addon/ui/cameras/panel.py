@@ -6,7 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...jobs.pace import spoken
-from ..panel import StepPanel, paragraph
+from ..panel import SidebarPanel, StepPanel, paragraph
 from ..state import State
 from .anchor import anchor
 from .properties import RaucaCameras
@@ -41,21 +41,14 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
         _draw_estimate(context, layout)
 
 
-class RAUCA_PT_cameras_jitter(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_cameras_jitter(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Let cameras stray from their places at random, each in its own way"""
 
     bl_idname = "RAUCA_PT_cameras_jitter"
     bl_label = "Jitter"
     bl_parent_id = "RAUCA_PT_cameras"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Rauca"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         column = layout.column(align=True)
         for name in ("azimuth", "elevation", "distance", "aim", "roll"):
             column.prop(context.scene.rauca.cameras, f"jitter_{name}")

@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ...evaluation.found import NORMAL, Sight
 from ...evaluation.views import Views
 from ...scene.coating import Coat
-from ..panel import StepPanel, paragraph
+from ..panel import SidebarPanel, StepPanel, paragraph
 from .sights import ask, paint_of, same_view
 from .state import state
 
@@ -48,21 +48,15 @@ def _draw_textures_hint(context: bpy.types.Context, layout: bpy.types.UILayout) 
     layout.prop_enum(shading, "color_type", "TEXTURE", text="Show Textures")
 
 
-class RAUCA_PT_detections(bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """What detectors found in the evaluated views"""
 
     bl_idname = "RAUCA_PT_detections"
     bl_label = "What Detectors See"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Rauca"
     bl_parent_id = "RAUCA_PT_camouflage"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
 
-    def draw(self, context: bpy.types.Context) -> None:
-        settings, layout = context.scene.rauca.camouflage, self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.camouflage
         layout.prop(settings, "study")
         words = _missing(context)
         if words:

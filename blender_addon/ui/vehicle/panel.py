@@ -8,7 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...operators.unwrap_paint import unwrapping
-from ..panel import StepPanel, paragraph
+from ..panel import SidebarPanel, StepPanel, paragraph
 from .state import state
 
 FAULTS = (  # setting, words
@@ -44,27 +44,15 @@ def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name:
     row.prop(settings, name, expand=True)
 
 
-class _VehiclePart:
-    """A panel inside the vehicle's."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Rauca"
-    bl_parent_id = "RAUCA_PT_vehicle"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it as a class attribute
-    layout: bpy.types.UILayout
-
-
-class RAUCA_PT_vehicle_paint(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Say which faces may be camouflaged"""
 
     bl_idname = "RAUCA_PT_vehicle_paint"
+    bl_parent_id = "RAUCA_PT_vehicle"
     bl_label = "Paint"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        settings, layout = context.scene.rauca.vehicle, self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
         if settings.origin == "FILE":
             layout.prop(settings, "file_material")
             layout.prop(settings, "file_mask")
@@ -80,18 +68,19 @@ class RAUCA_PT_vehicle_paint(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Ble
             paragraph(context, layout, iface("Press Tab on the vehicle and select faces first"), "INFO")
 
 
-class RAUCA_PT_vehicle_uvs(_VehiclePart, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_vehicle_uvs(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Give the paint a UV map of its own, and check it"""
 
     bl_idname = "RAUCA_PT_vehicle_uvs"
+    bl_parent_id = "RAUCA_PT_vehicle"
     bl_label = "UV Map"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return bool(context.scene.rauca.vehicle.origin != "FILE")
 
-    def draw(self, context: bpy.types.Context) -> None:
-        settings, layout = context.scene.rauca.vehicle, self.layout
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
         if unwrapping():
             layout.label(text="Unwrapping; Esc stops it", icon="TIME")
         row = layout.row(align=True)
