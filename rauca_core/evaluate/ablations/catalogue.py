@@ -126,8 +126,9 @@ AUGMENTATION = Experiment(
     (
         Variant("without-roa", "Without ROA", {"roa": False}, paper_row="Without ROA"),
         Variant("with-roa", "With ROA", paper_row="With ROA"),
+        Variant("mirrored", "With ROA, mirrored, nearer and farther", {"augmentation": "ours"}, quick=False),
     ),
-    _chain("with-roa", "without-roa"),
+    (*_chain("with-roa", "without-roa"), Claim(("mirrored",), ("with-roa",), OURS)),
     "ablation-augmentation",
     seeds=3,
 )
