@@ -28,12 +28,8 @@ class BackgroundOperator(RaucaOperator):
     )
 
     @classmethod
-    def poll_idle(cls) -> bool:
-        """The part of ``poll`` that is the same for all."""
-        if watch.busy(cls.job):
-            cls.poll_message_set(rpt(cls.running))  # type: ignore[attr-defined]
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt(cls.running) if watch.busy(cls.job) else ""
 
     def begin(self, context: bpy.types.Context) -> None:
         """Start the job with :func:`watch.begin`; raises :class:`RaucaError`."""

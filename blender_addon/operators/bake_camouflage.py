@@ -14,6 +14,7 @@ from ..core import contract
 from ..scene.bake import Baked, Task, finish_bake, other_layers, prepare_bake, run_bake
 from ..scene.mesh_edits import object_mode
 from .on_vehicle import coat_shown, painted_surface
+from .operator import RaucaOperator
 
 TICK_S = 0.1
 
@@ -56,7 +57,7 @@ class _StoppedError(Exception):
 running: BakeRun | None = None
 
 
-class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
     """Carry the camouflage to another UV layer of the vehicle, as a PNG and inside this .blend; Esc stops it"""
 
     bl_idname = "rauca.bake"
@@ -64,32 +65,24 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if coat_shown(context) is None:
-            cls.poll_message_set(rpt("Apply a camouflage first"))
-            return False
+            return rpt("Apply a camouflage first")
         if running is not None:
-            cls.poll_message_set(rpt("A bake is running; press Esc in the viewport to stop it"))
-            return False
-        return True
+            return rpt("A bake is running; press Esc in the viewport to stop it")
+        return ""
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         """At once: for scripts, and in background mode."""
-        try:
-            task, path = self._prepare(context)
-            self._finish(context, task, run_bake(task, lambda done: None), path)
-        except contract.RaucaError as error:
-            self.report({"ERROR"}, rpt(str(error)))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        task, path = self._prepare(context)
+        self._finish(context, task, run_bake(task, lambda done: None), path)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         global running
         try:
             self._task, self._path = self._prepare(context)
         except contract.RaucaError as error:
-            self.report({"ERROR"}, rpt(str(error)))
-            return {"CANCELLED"}
+            return self.refuse(error)
         running = BakeRun(self._task)
         running.start()
         manager = context.window_manager
@@ -115,8 +108,7 @@ class RAUCA_OT_bake(bpy.types.Operator):  # noqa: N801 - Blender wants this form
         try:
             self._finish(context, self._task, result, self._path)
         except contract.RaucaError as mistake:
-            self.report({"ERROR"}, rpt(str(mistake)))
-            return {"CANCELLED"}
+            return self.refuse(mistake)
         return {"FINISHED"}
 
     def cancel(self, context: bpy.types.Context) -> None:

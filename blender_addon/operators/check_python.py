@@ -23,12 +23,11 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N8
     running = "The check is running"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         settings = preferences(context)
         if settings is None or not settings.python.strip():
-            cls.poll_message_set(rpt("Choose the Python in which rauca is installed"))
-            return False
-        return cls.poll_idle()
+            return rpt("Choose the Python in which rauca is installed")
+        return super().obstacle(context)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 from bpy.app.translations import pgettext_rpt as rpt
-from bpy.app.translations import pgettext_tip as tip
 
 from ..scene.mesh_edits import select_faces
 from ..scene.paint_layer import check_paint, polygons_of
-from .operator import RaucaOperator
+from .operator import RaucaOperator, tooltip
 
 KINDS = [
     ("ALL", "All", "Check the UVs and select every faulty face"),
@@ -30,14 +29,13 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: RAUCA_OT_check_uvs) -> str:
-        return tip(next(words for name, _, words in KINDS if name == properties.kind))
+        return tooltip(KINDS, properties.kind)
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.scene.rauca.vehicle.picked(context) is None:
-            cls.poll_message_set(rpt("Pick the vehicle's object or collection first"))
-            return False
-        return True
+            return rpt("Pick the vehicle's object or collection first")
+        return ""
 
     def work(self, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.vehicle

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
-from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..evaluation.found import Sight
 from ..evaluation.views import Views, camera_in_world
 from ..scene import camera
 from ..ui.camouflage.sights import load_now, nearest, same_view, vehicle_to_world
-from .operator import RaucaOperator
+from .operator import RaucaOperator, tooltip
 
 CAMERA_NAME = "rauca evaluated view"
+STEPS = [
+    ("NEAREST", "Nearest", "The evaluated view closest to the present camera"),
+    ("NEXT", "Next", "The next evaluated view"),
+    ("PREVIOUS", "Previous", "The evaluated view before"),
+    ("WEATHER", "Weather", "The same view in the next weather"),
+]
 
 
 class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -22,32 +27,18 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     bl_idname = "rauca.evaluated_view"
     bl_label = "Look Through an Evaluated View"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
-    step: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="View",
-        items=[
-            ("NEAREST", "Nearest", "The evaluated view closest to the present camera"),
-            ("NEXT", "Next", "The next evaluated view"),
-            ("PREVIOUS", "Previous", "The evaluated view before"),
-            ("WEATHER", "Weather", "The same view in the next weather"),
-        ],
-        options={"SKIP_SAVE"},
-    )
+    step: bpy.props.EnumProperty(name="View", items=STEPS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        item = cls.bl_rna.properties["step"].enum_items.get(properties.step) if hasattr(cls, "bl_rna") else None
-        return tip(item.description) if item is not None else ""
+    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_evaluated_view) -> str:
+        return tooltip(STEPS, properties.step)
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.camouflage
         if settings.coat is None:
-            cls.poll_message_set(rpt("Apply a camouflage first"))
-            return False
-        if not settings.study:
-            cls.poll_message_set(rpt("Choose the folder of an evaluation first"))
-            return False
-        return True
+            return rpt("Apply a camouflage first")
+        return rpt("Choose the folder of an evaluation first") if not settings.study else ""
 
     def work(self, context: bpy.types.Context) -> None:
         scene = context.scene

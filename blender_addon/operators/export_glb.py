@@ -24,12 +24,9 @@ class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     filter_glob: bpy.props.StringProperty(default="*.glb", options={"HIDDEN"})  # type: ignore[valid-type]
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         coat = coat_shown(context)
-        if coat is None or coat.image("baked") is None:
-            cls.poll_message_set(rpt("Bake the camouflage first"))
-            return False
-        return True
+        return rpt("Bake the camouflage first") if coat is None or coat.image("baked") is None else ""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self.filepath:

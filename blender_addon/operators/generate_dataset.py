@@ -31,11 +31,10 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
     running = "A dataset is being rendered; stop it first"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if not context.scene.rauca.dataset.folder:
-            cls.poll_message_set(rpt("Choose a folder for the dataset"))
-            return False
-        return cls.poll_idle()
+            return rpt("Choose a folder for the dataset")
+        return super().obstacle(context)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.dataset

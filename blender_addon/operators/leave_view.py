@@ -17,11 +17,8 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if context.scene.rauca.cameras.camera is None:
-            cls.poll_message_set(rpt("No view is being looked through"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("No view is being looked through") if context.scene.rauca.cameras.camera is None else ""
 
     def work(self, context: bpy.types.Context) -> None:
         leave(context.scene, context.scene.rauca.cameras)

@@ -30,11 +30,10 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         return tip(str(cls.__doc__))
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.scene.library is not None:
-            cls.poll_message_set(rpt("This scene is linked from another file: open that file"))
-            return False
-        return True
+            return rpt("This scene is linked from another file: open that file")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.cameras

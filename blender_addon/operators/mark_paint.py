@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
-from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..scene.mesh_edits import (
@@ -15,7 +14,7 @@ from ..scene.mesh_edits import (
     select_faces,
     selected_faces,
 )
-from .operator import RaucaOperator
+from .operator import RaucaOperator, tooltip
 
 ACTIONS = [
     ("ASSIGN", "Assign", "The selected faces are paint"),
@@ -34,14 +33,13 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: RAUCA_OT_mark_paint) -> str:
-        return tip(next(words for name, _, words in ACTIONS if name == properties.action))
+        return tooltip(ACTIONS, properties.action)
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.mode != "EDIT_MESH":
-            cls.poll_message_set(rpt("Select the vehicle and press Tab: faces are selected in edit mode"))
-            return False
-        return True
+            return rpt("Select the vehicle and press Tab: faces are selected in edit mode")
+        return ""
 
     def work(self, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.vehicle

@@ -21,11 +21,8 @@ class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     bl_label = "Measure by the Last Dataset"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.rauca.dataset.folder:
-            cls.poll_message_set(rpt("Choose a dataset's folder in step 4 first"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("Choose a dataset's folder in step 4 first") if not context.scene.rauca.dataset.folder else ""
 
     def work(self, context: bpy.types.Context) -> str:
         folder = Path(bpy.path.abspath(context.scene.rauca.dataset.folder))

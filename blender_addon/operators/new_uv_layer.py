@@ -19,11 +19,8 @@ class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if coat_shown(context) is None:
-            cls.poll_message_set(rpt("Apply a camouflage first"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("Apply a camouflage first") if coat_shown(context) is None else ""
 
     def work(self, context: bpy.types.Context) -> str:
         with object_mode(context):

@@ -24,11 +24,10 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         return bpy.app.translations.pgettext_tip(str(cls.__doc__))
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if not context.scene.rauca.weather.listed():
-            cls.poll_message_set(rpt("The list of weathers is empty: choose another list or file"))
-            return False
-        return True
+            return rpt("The list of weathers is empty: choose another list or file")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather

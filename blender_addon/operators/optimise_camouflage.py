@@ -28,23 +28,19 @@ class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
     running = "A camouflage is being optimised; stop it first"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         found, steps = preferences(context), context.scene.rauca
-        reason = None
         if found is None or not found.python.strip():
-            reason = "Choose the Python in which rauca is installed"
-        elif not found.ready:
-            reason = "Press Check: the chosen Python is not known to have what it needs"
-        elif not found.chosen_detectors():
-            reason = "Choose a detector"
-        elif not steps.optimise.dataset_folder(context):
-            reason = "Choose a dataset"
-        elif not steps.optimise.folder:
-            reason = "Choose a folder for the camouflage"
-        if reason:
-            cls.poll_message_set(rpt(reason))
-            return False
-        return cls.poll_idle()
+            return rpt("Choose the Python in which rauca is installed")
+        if not found.ready:
+            return rpt("Press Check: the chosen Python is not known to have what it needs")
+        if not found.chosen_detectors():
+            return rpt("Choose a detector")
+        if not steps.optimise.dataset_folder(context):
+            return rpt("Choose a dataset")
+        if not steps.optimise.folder:
+            return rpt("Choose a folder for the camouflage")
+        return super().obstacle(context)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings, found = context.scene.rauca.optimise, preferences(context)

@@ -20,11 +20,8 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if coat_shown(context) is None:
-            cls.poll_message_set(rpt("There is no camouflage to remove"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("There is no camouflage to remove") if coat_shown(context) is None else ""
 
     def work(self, context: bpy.types.Context) -> None:
         coat = coat_shown(context)

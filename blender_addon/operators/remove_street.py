@@ -17,14 +17,12 @@ class RAUCA_OT_remove_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.mode != "OBJECT":
-            cls.poll_message_set(rpt("Leave edit mode first"))
-            return False
+            return rpt("Leave edit mode first")
         if context.scene.rauca.weather.street is None:
-            cls.poll_message_set(rpt("This scene has no street"))
-            return False
-        return True
+            return rpt("This scene has no street")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather

@@ -17,11 +17,8 @@ class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.rauca.weather.shown.on:
-            cls.poll_message_set(rpt("This scene shows no weather"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("This scene shows no weather") if not context.scene.rauca.weather.shown.on else ""
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather

@@ -18,14 +18,12 @@ class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.mode != "OBJECT":
-            cls.poll_message_set(rpt("Leave edit mode first"))
-            return False
+            return rpt("Leave edit mode first")
         if context.scene.rauca.weather.street is not None:
-            cls.poll_message_set(rpt("This scene has a street: remove it first"))
-            return False
-        return True
+            return rpt("This scene has a street: remove it first")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         steps = context.scene.rauca

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
-from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from .on_vehicle import coat_shown
-from .operator import RaucaOperator
+from .operator import RaucaOperator, tooltip
+
+LOOKS = [
+    ("TOGGLE", "Toggle", "The original paint if the camouflage shows, else the camouflage"),
+    ("ORIGINAL", "Original", "The vehicle's own paint"),
+    ("CAMOUFLAGE", "Camouflage", "The camouflage, in the UV layer that it was made for"),
+    ("BAKED", "Baked", "The baked image, in its own UV layer"),
+]
 
 
 class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -17,29 +23,15 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
     bl_idname = "rauca.show_paint"
     bl_label = "Original / Camouflage"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
-    which: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Show",
-        items=[
-            ("TOGGLE", "Toggle", "The original paint if the camouflage shows, else the camouflage"),
-            ("ORIGINAL", "Original", "The vehicle's own paint"),
-            ("CAMOUFLAGE", "Camouflage", "The camouflage, in the UV layer that it was made for"),
-            ("BAKED", "Baked", "The baked image, in its own UV layer"),
-        ],
-        options={"SKIP_SAVE"},
-    )
+    which: bpy.props.EnumProperty(name="Show", items=LOOKS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        items = cls.bl_rna.properties["which"].enum_items if hasattr(cls, "bl_rna") else {}
-        item = items.get(properties.which) if items else None
-        return tip(item.description) if item is not None else ""
+    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_show_paint) -> str:
+        return tooltip(LOOKS, properties.which)
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if coat_shown(context) is None:
-            cls.poll_message_set(rpt("Apply a camouflage first"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("Apply a camouflage first") if coat_shown(context) is None else ""
 
     def work(self, context: bpy.types.Context) -> None:
         coat = coat_shown(context)

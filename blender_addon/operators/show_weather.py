@@ -16,11 +16,10 @@ class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if context.scene.library is not None:
-            cls.poll_message_set(rpt("This scene is linked from another file: open that file"))
-            return False
-        return True
+            return rpt("This scene is linked from another file: open that file")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         context.scene.rauca.weather.show()

@@ -31,14 +31,12 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def obstacle(cls, context: bpy.types.Context) -> str:
         if unwrapping():
-            cls.poll_message_set(rpt("The paint is being unwrapped; Esc stops it"))
-            return False
+            return rpt("The paint is being unwrapped; Esc stops it")
         if context.scene.rauca.vehicle.picked(context) is None:
-            cls.poll_message_set(rpt("Pick the vehicle's object or collection first"))
-            return False
-        return True
+            return rpt("Pick the vehicle's object or collection first")
+        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         """Without a window: unwrap here and now."""
@@ -53,8 +51,7 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
             with object_mode(context):
                 _child = UnwrapChild(to_unwrap(_reading(context)))
         except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.refuse(error)
         self._timer = context.window_manager.event_timer_add(INTERVAL_S, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -71,8 +68,7 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
             with object_mode(context):
                 self._write(context, _reading(context), fresh, fresh.notes[-1])
         except contract.RaucaError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.refuse(error)
         finally:
             self.cancel(context)
         return {"FINISHED"}

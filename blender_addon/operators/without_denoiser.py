@@ -25,11 +25,8 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N80
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.rauca.dataset.denoise:
-            cls.poll_message_set(rpt("Denoise is off already"))
-            return False
-        return True
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("Denoise is off already") if not context.scene.rauca.dataset.denoise else ""
 
     def work(self, context: bpy.types.Context) -> str | None:
         settings = context.scene.rauca.dataset
