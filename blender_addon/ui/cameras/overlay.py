@@ -1,12 +1,6 @@
-"""The camera ring drawn over the viewport.
-
-The handler belongs to the add-on, not to a file, and reads the open scene at every redraw: loading and undo cannot lose
-it. It is removed with the add-on.
-"""
+"""The camera ring drawn over the viewport."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import bpy
 import gpu
@@ -14,6 +8,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...scene.ring_lines import RingLines, ring_lines
+from ..viewport import DrawnOver
 from .anchor import Anchor, anchor
 from .properties import RaucaCameras
 
@@ -24,20 +19,7 @@ STYLES = {
     "cameras": ((0.45, 0.72, 1.0, 0.95), 1.5),
     "chosen": ((1.0, 0.75, 0.15, 1.0), 2.5),
 }
-_handlers: list[Any] = []
 _drawn: dict[tuple[object, ...], dict[str, gpu.types.GPUBatch]] = {}
-
-
-def register() -> None:
-    if not bpy.app.background:  # without a window there is nothing to draw on
-        _handlers.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
-
-
-def unregister() -> None:
-    for handler in _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
-    _handlers.clear()
-    _drawn.clear()
 
 
 def wanted(context: bpy.types.Context) -> bool:
@@ -96,3 +78,12 @@ def _on_card(lines: RingLines) -> dict[str, gpu.types.GPUBatch]:
         if len(ends):
             batches[name] = batch_for_shader(shader, "LINES", {"pos": ends})
     return batches
+
+
+_ring = DrawnOver(_draw, "POST_VIEW")
+register = _ring.register
+
+
+def unregister() -> None:
+    _ring.unregister()
+    _drawn.clear()

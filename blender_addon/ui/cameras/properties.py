@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ...core import contract
 from ...scene import looking
 from ...scene.ring import Viewpoint, viewpoint
+from ..fields import angle
 from .anchor import anchor
 
 
@@ -28,11 +30,7 @@ def _changed(self: RaucaCameras, context: bpy.types.Context) -> None:
     self.follow(context)
 
 
-def _angle(name: str, tip: str, default_deg: float, low_deg: float, high_deg: float) -> bpy.props._PropertyDeferred:
-    low, high, default = (math.radians(x) for x in (low_deg, high_deg, default_deg))
-    return bpy.props.FloatProperty(
-        name=name, description=tip, subtype="ANGLE", default=default, min=low, max=high, step=100, update=_changed
-    )
+_angle = partial(angle, update=_changed)
 
 
 def _metres(name: str, tip: str, default: float, low: float, high: float) -> bpy.props._PropertyDeferred:

@@ -13,6 +13,7 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ...evaluation.found import Detection, Sight
+from ..viewport import DrawnOver
 from .sights import loaded, paint_of, same_view
 
 # Okabe and Ito's colours, told apart by colour-blind people too; then lighter ones.
@@ -21,18 +22,6 @@ COLOURS = (
     *((0.95, 0.45, 0.1), (0.85, 0.5, 0.7), (0.75, 0.75, 0.75), (0.6, 0.9, 0.6), (0.8, 0.65, 0.95)),
 )
 FONT, TEXT_PX, LINE_PX = 0, 11, 2.0
-
-_handlers: list[object] = []
-
-
-def register() -> None:
-    if not bpy.app.background:  # there is no GPU to draw with
-        _handlers.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL"))
-
-
-def unregister() -> None:
-    while _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
 
 
 def colour_of(sight: Sight, detector: str) -> tuple[float, float, float]:
@@ -131,3 +120,7 @@ def _label(
     blf.color(FONT, 0.05, 0.05, 0.05, 1.0)
     blf.position(FONT, x + pad, y + 5 * scale, 0)
     blf.draw(FONT, text)
+
+
+_boxes = DrawnOver(_draw, "POST_PIXEL")
+register, unregister = _boxes.register, _boxes.unregister

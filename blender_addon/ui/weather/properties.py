@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -11,6 +12,7 @@ import bpy
 from ...core import contract, seeding
 from ...own_folder import own_folder
 from ...scene import shown_weather, street
+from ..fields import angle
 from . import lists
 from .pictures import Item, gallery
 
@@ -54,16 +56,12 @@ def _other_list(self: RaucaWeather, context: bpy.types.Context) -> None:
         self.pick(weathers[0])
 
 
+_angle = partial(angle, update=_moved)
+
+
 def _slider(name: str, tip: str, default: float = 0.0, top: float = 100.0) -> bpy.props._PropertyDeferred:
     return bpy.props.FloatProperty(
         name=name, description=tip, default=default, min=0.0, max=top, precision=1, step=100, update=_moved
-    )
-
-
-def _angle(name: str, tip: str, default_deg: float, low_deg: float, high_deg: float) -> bpy.props._PropertyDeferred:
-    low, high, default = (math.radians(x) for x in (low_deg, high_deg, default_deg))
-    return bpy.props.FloatProperty(
-        name=name, description=tip, subtype="ANGLE", default=default, min=low, max=high, step=100, update=_moved
     )
 
 

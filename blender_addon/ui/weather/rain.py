@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 import gpu
 import numpy as np
@@ -11,23 +9,11 @@ from gpu_extras.batch import batch_for_shader
 
 from ...core import contract
 from ...scene.rain_picture import rain_picture
+from ..viewport import DrawnOver
 
 WIDTH_STEP_PX = 64  # a viewport that is dragged wider gets a new picture only so often
 
-_handlers: list[Any] = []
 _drawn: dict[tuple[object, ...], gpu.types.GPUTexture] = {}
-
-
-def register() -> None:
-    if not bpy.app.background:  # without a window there is nothing to draw on
-        _handlers.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL"))
-
-
-def unregister() -> None:
-    for handler in _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
-    _handlers.clear()
-    _drawn.clear()
 
 
 def falling(context: bpy.types.Context) -> contract.Weather | None:
@@ -69,3 +55,12 @@ def _texture(weather: contract.Weather, aspect: float) -> gpu.types.GPUTexture:
         pixels = gpu.types.Buffer("FLOAT", picture.size, np.ascontiguousarray(picture).ravel())
         _drawn[key] = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
     return _drawn[key]
+
+
+_rain = DrawnOver(_draw, "POST_PIXEL")
+register = _rain.register
+
+
+def unregister() -> None:
+    _rain.unregister()
+    _drawn.clear()
