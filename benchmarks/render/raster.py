@@ -65,10 +65,7 @@ def time_raster(scene: Scene, repeats: int, moved: Callable[[], None]) -> Raster
             lambda o=origins, d=directions: caster.intersector.intersects_first(o, d),  # type: ignore[misc]
         ]
         times = np.median([[elapsed_ms(work) for work in works] for _ in range(repeats + 1)][1:], axis=0)
-        raster = rasterize(vehicle.positions, vehicle.triangles, camera)
-        whole = np.full((camera.height, camera.width), -1, np.int32)
-        height, width = raster.face_ids.shape
-        whole[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
+        whole = rasterize(vehicle.positions, vehicle.triangles, camera).whole(camera.width, camera.height)
         theirs = caster.first_faces(origins, directions).reshape(y1 - y0, x1 - x0)
         rows.append((len(directions), *times, float((whole[y0:y1, x0:x1] == theirs).mean())))
         moved()

@@ -87,9 +87,7 @@ def embree_sees(caster: RayCaster, camera: Camera) -> See:
 def raster_sees(vehicle: Vehicle, camera: Camera, samples: int) -> See:
     """Visibility by the rasteriser under test, to tell how much it matters who looks."""
     raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(samples, "grid"))
-    height, width = raster.face_ids.shape
-    whole = np.full((camera.height * samples, camera.width * samples), -1, np.int32)
-    whole[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
+    whole = raster.whole(camera.width, camera.height)
 
     def see(x: NDArray[np.float64], y: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.int32]:
         return np.ascontiguousarray(whole[(y * samples).astype(int), (x * samples).astype(int)])

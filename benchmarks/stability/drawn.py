@@ -67,10 +67,7 @@ def draw_frame(
     vehicle: Vehicle, camera: Camera, frame_id: str, view: int, weather: Weather, look: Look = AS_IT_IS
 ) -> tuple[Frame, FramePasses]:
     """Lambert shading with sharp edges: A on the paint, B a street of two greys and the rest of the vehicle."""
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera)
-    ids = np.full((camera.height, camera.width), -1)
-    height, width = raster.face_ids.shape
-    ids[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
+    ids = rasterize(vehicle.positions, vehicle.triangles, camera).whole(camera.width, camera.height)
     seen, paint = ids >= 0, np.zeros(ids.shape, bool)
     paint[seen] = vehicle.paint_faces()[ids[seen]]
     A, B = look.light(*_shaded(vehicle, ids, paint, 1.0 if weather.sun_altitude_angle > 30 else 0.4))
@@ -99,7 +96,7 @@ def make_dataset(
     return Dataset(folder)
 
 
-def _shaded(vehicle: Vehicle, ids: NDArray[np.int64], paint: NDArray[np.bool_], brightness: float) -> tuple[Maps, Maps]:
+def _shaded(vehicle: Vehicle, ids: NDArray[np.int32], paint: NDArray[np.bool_], brightness: float) -> tuple[Maps, Maps]:
     sun = np.array([0.3, 0.5, 0.8]) * brightness
     shade = 0.15 + 0.8 * np.abs(vehicle.normals.mean(1) @ sun)
     A, B = np.zeros((*ids.shape, 3), np.float32), np.full((*ids.shape, 3), 0.35, np.float32)

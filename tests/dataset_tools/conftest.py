@@ -50,10 +50,7 @@ def render(vehicle: Vehicle, plan: Plan, planned: PlannedFrame) -> tuple[Frame, 
     """A frame as the real ones are: Lambert light on the box, sky above grass, a truck at the left of view 0."""
     centre = ((vehicle.positions.min(axis=0) + vehicle.positions.max(axis=0)) / 2).astype(np.float64)
     seen_by = viewpoint(plan, planned.location, planned.view, POSE, centre)
-    raster = rasterize(vehicle.positions, vehicle.triangles, seen_by.camera.relative_to(POSE))
-    faces = np.full((SIZE, SIZE), -1)
-    height, width = raster.face_ids.shape
-    faces[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
+    faces = rasterize(vehicle.positions, vehicle.triangles, seen_by.camera.relative_to(POSE)).whole(SIZE, SIZE)
     seen = faces >= 0
     paint = seen & vehicle.paint_faces()[faces]
     light = np.abs(vehicle.normals.mean(axis=1) @ [0.3, 0.5, 0.8]) * (1.0 if planned.weather.name == "day" else 0.3)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.stability.drawn import around
 from rauca_core.contract import (
     Camera,
     Dataset,
@@ -33,10 +34,7 @@ REFERENCE = (140, 140, 140)
 
 def draw_frame(vehicle: Vehicle, camera: Camera, light: np.ndarray, fog: float) -> FramePasses:
     """Lambert shading from one direction, then fog: A = t * shade, B = t * rest + (1 - t) * airlight."""
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera)
-    ids = np.full((camera.height, camera.width), -1)
-    height, width = raster.face_ids.shape
-    ids[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
+    ids = rasterize(vehicle.positions, vehicle.triangles, camera).whole(camera.width, camera.height)
     shade = 0.15 + 0.8 * np.maximum(vehicle.normals.mean(1) @ light, 0)
     seen, paint = ids >= 0, np.zeros(ids.shape, bool)
     paint[seen] = vehicle.paint_faces()[ids[seen]]
@@ -60,9 +58,7 @@ def draw_dataset(
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
     for frame_id, location, view, weather in plan.frame_ids():
-        azimuth, sun = np.radians(40 + 360 * view / views), location * 1.3
-        eye = np.array([6.8 * np.cos(azimuth), 6.8 * np.sin(azimuth), 2.2])
-        camera = Camera.look_at(eye, np.array([0, 0, 0.7]), 45, size, size)
+        camera, sun = around(40 + 360 * view / views, size), location * 1.3
         passes = draw_frame(vehicle, camera, np.array([np.cos(sun), np.sin(sun), 0.6]) / 1.2, weather.fog_density / 160)
         rows, columns = np.nonzero(passes.vehicle)
         box = tuple(float(v) for v in (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1))

@@ -19,11 +19,7 @@ from ..raster.atlas import rasterize_atlas
 
 def texel_faces(uvs: NDArray[np.floating], size: int) -> NDArray[np.int32]:
     """Face (size, size) int32 under each texel's centre, row 0 at the top, or -1; the lowest where charts overlap."""
-    raster = rasterize_atlas(uvs, size)
-    result = np.full((size, size), -1, np.int32)
-    height, width = raster.face_ids.shape
-    result[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width] = raster.face_ids
-    return result
+    return rasterize_atlas(uvs, size).whole(size, size)
 
 
 @njit(cache=True, nogil=True)
