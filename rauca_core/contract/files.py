@@ -28,16 +28,26 @@ TEMPORARY_PREFIX = ".partial-"
 
 @contextlib.contextmanager
 def disk_errors(target: Path) -> Iterator[None]:
-    """Turn the disk's refusals (full, read-only, not permitted) into a :class:`RaucaError` that names ``target``."""
+    """Turn the disk's refusals into a :class:`RaucaError` that names ``target``.
+
+    They are: full, read-only, not permitted, a file too large, failing.
+    """
     try:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise RaucaError(
-                f"{target}: no space left on the disk; free some and run the same command again"
+                f"{_lasting(target)}: no space left on the disk; free some and run the same command again"
             ) from error
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-            raise RaucaError(f"{target}: not writable; choose another output folder") from error
+            raise RaucaError(f"{_lasting(target)}: not writable; choose another output folder") from error
+        if error.errno == errno.EFBIG:
+            raise RaucaError(
+                f"{_lasting(target)}: larger than files may be here; raise the limit (`ulimit -f`) or choose another "
+                "disk, and run the same command again"
+            ) from error
+        if error.errno == errno.EIO:
+            raise RaucaError(f"{_lasting(target)}: the disk fails (input/output error); choose another one") from error
         raise
 
 
@@ -148,6 +158,14 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8, 0 if pixels.ndim == 2 else 2, 0, 0, 0)
     body = zlib.compress(filtered.tobytes(), 6)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def _lasting(target: Path) -> Path:
+    """What of a path the reader of a message will find: files under a temporary name are gone by then."""
+    for path in (target, *target.parents):
+        if path.name.startswith(TEMPORARY_PREFIX):
+            return path.parent
+    return target
 
 
 def _flush(path: Path) -> None:

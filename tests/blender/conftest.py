@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 
 from rauca_core.contract import Plan, Quality, Ring, Weather
@@ -55,3 +59,19 @@ def addon(bpy_module):
     bpy_module.context.preferences.addons.remove(enabled)
     blender_addon.unregister()
     assert not hasattr(bpy_module.types.Scene, "rauca")
+
+
+@pytest.fixture
+def small_disk() -> Iterator[Path]:
+    """A disk of 3 MB, mounted where only a process of its own sees it, which every process may go through."""
+    mount = "mount -t tmpfs -o size=3m tmpfs /mnt && echo mounted && exec sleep 1000"
+    command = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", mount]
+    try:
+        keeper = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    except FileNotFoundError:
+        pytest.skip("this system has no unshare")
+    with keeper:
+        if not keeper.stdout.readline():
+            pytest.skip("this user may not mount a disk")
+        yield Path(f"/proc/{keeper.pid}/root/mnt")
+        keeper.kill()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -72,6 +75,13 @@ def until(reached, seconds: float = 900.0) -> float:
     return longest
 
 
+def fill(disk: Path) -> None:
+    """Leave no byte free."""
+    with (disk / "filler").open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(4096))
+
+
 def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, headless, tmp_path):
     from blender_addon.background import pictures, watch
     from blender_addon.ui.dataset import PICTURE, state
@@ -136,6 +146,35 @@ def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon,
     start()
     until(lambda: not watch.busy("dataset"))
     assert watch.job("dataset").phase == "done"
+    assert content(tmp_path / "set") == headless
+
+
+def test_a_disk_that_runs_full_is_told_and_what_is_finished_goes_on_elsewhere(
+    addon, steps, headless, small_disk, tmp_path
+):
+    from blender_addon.background import watch
+    from blender_addon.ui.dataset import state
+
+    def start(folder):
+        steps().dataset.folder = str(folder)
+        assert addon.ops.rauca.generate_dataset(wait=False) == {"FINISHED"}
+        return watch.job("dataset")
+
+    job = start(small_disk / "set")
+    until(lambda: job.done >= 1)
+    fill(small_disk)
+    until(lambda: not job.alive)
+    assert job.phase == "failed"
+    words = job.ending.text.format(**job.ending.values)
+    assert re.search(r"set/frames(/[^.]\S*)?: no space left on the disk; free some and start again$", words), words
+    assert state(addon.context).kind == "ready"
+    left = [p.name for p in (small_disk / "set" / "frames").iterdir()]
+    assert len(left) == job.done < job.total
+    assert not any(name.startswith(".") for name in left)
+
+    shutil.copytree(small_disk / "set", tmp_path / "set")
+    start(tmp_path / "set")
+    until(lambda: not watch.busy("dataset"))
     assert content(tmp_path / "set") == headless
 
 

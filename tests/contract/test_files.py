@@ -37,6 +37,9 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
         write_json(target, {"new": 2})
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
     assert "old" in target.read_text()
+    # A file of a folder that is gone when the message is read: the folder above is named.
+    with pytest.raises(RaucaError, match=f"^{tmp_path}: no space left"), atomic_folder(tmp_path / "b") as temporary:
+        write_bytes(temporary / "c.png", b"")
 
 
 def test_json_refuses_nan(tmp_path):
