@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,21 +10,17 @@ import torch
 
 from rauca_core.attack import make_settings, optimise
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
-from rauca_core.contract import Dataset, RaucaError, load_camouflage, load_vehicle
+from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.detect import Detector, car_score, fetch, load_detector
+from rauca_core.detect import Detector, car_score, load_detector
 from rauca_core.images import read_image
 from rauca_core.render import Canvas, undisplay
+from tests.published import published_weights
 
 
 @pytest.fixture(scope="module")
 def yolo() -> Detector:
-    try:
-        fetch("yolov3-tiny")
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    published_weights("yolov3-tiny")
     return load_detector("yolov3-tiny", 256)
 
 

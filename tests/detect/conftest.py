@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.contract import RaucaError
-from rauca_core.detect import DarknetDetector, fetch
+from rauca_core.detect import DarknetDetector
 from rauca_core.detect.layers import Convolution
 from rauca_core.detect.network import DarknetNetwork
+from tests.published import published_weights
 
 torch.set_num_threads(1)  # small images: more threads only get in each other's way
 cv2.setNumThreads(1)
@@ -23,12 +22,7 @@ TINY = ("yolov2-tiny", "yolov3-tiny", "yolov4-tiny")
 @pytest.fixture(scope="session")
 def tiny_weights() -> dict[str, Path]:
     """The three tiny networks' published weights, fetched through the registry once."""
-    try:
-        return {name: fetch(name) for name in TINY}
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    return published_weights(*TINY)
 
 
 # Every layer type, activation and padding rule at once, in a net that stays small.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from rauca_core.contract import (
     FramePasses,
     Plan,
     Quality,
-    RaucaError,
     Ring,
     Vehicle,
     Weather,
@@ -31,7 +29,8 @@ from rauca_core.contract import (
 )
 from rauca_core.contract.colour import srgb_from_linear, to_bytes
 from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.detect import Detector, fetch, load_detector
+from rauca_core.detect import Detector, load_detector
+from tests.published import published_weights
 
 torch.set_num_threads(1)  # small images: more threads only get in each other's way
 
@@ -53,15 +52,7 @@ class Scene:
 
 @pytest.fixture(scope="session")
 def detectors() -> list[Detector]:
-    names = ("yolov4-tiny", "yolov2-tiny")
-    try:
-        for name in names:
-            fetch(name)
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
-    return [load_detector(name, SIZE) for name in names]
+    return [load_detector(name, SIZE) for name in published_weights("yolov4-tiny", "yolov2-tiny")]
 
 
 @pytest.fixture

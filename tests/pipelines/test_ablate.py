@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -13,25 +12,17 @@ from pipelines.ablate_clock import Clock
 from pipelines.ablate_workspace import alone, linked_part, pour
 from pipelines.cli import app
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.detect import fetch
 from rauca_core.evaluate.study import load_study
+from tests.published import published_weights
 
 
 def ablate(*arguments: object) -> str:
-    done = CliRunner().invoke(app, ["ablate", *map(str, arguments)])
-    if done.exception and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return done.output
+    return CliRunner().invoke(app, ["ablate", *map(str, arguments)], catch_exceptions=False).output
 
 
 @pytest.fixture(scope="module")
 def _weights() -> None:
-    try:
-        fetch("yolov3-tiny")
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    published_weights("yolov3-tiny")
 
 
 def written(folder: Path) -> dict[str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ from pipelines.cli import app
 from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
-from rauca_core.detect import fetch
 from rauca_core.evaluate.study import load_study
 from rauca_core.images import read_image
+from tests.published import published_weights
 
 SEDAN = assets_folder() / "vehicles" / "sedan"
 
@@ -28,20 +27,12 @@ def paint(path: Path, colour: tuple[int, int, int], vehicle: Path = SEDAN) -> Pa
 
 
 def evaluate(*arguments: object) -> str:
-    done = CliRunner().invoke(app, ["evaluate", *map(str, arguments)])
-    if done.exception and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return done.output
+    return CliRunner().invoke(app, ["evaluate", *map(str, arguments)], catch_exceptions=False).output
 
 
 @pytest.fixture(scope="module")
 def _weights() -> None:
-    try:
-        fetch("yolov4-tiny")
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    published_weights("yolov4-tiny")
 
 
 @pytest.mark.usefixtures("_weights")

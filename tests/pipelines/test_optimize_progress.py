@@ -10,19 +10,14 @@ from typer.testing import CliRunner
 
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from rauca_core.contract import OptimiseProgress, RaucaError, Vehicle, parse_optimise_progress
-from rauca_core.detect import fetch
+from rauca_core.contract import OptimiseProgress, Vehicle, parse_optimise_progress
 from rauca_core.images import read_image
+from tests.published import published_weights
 
 
 @pytest.fixture
 def yolo() -> str:
-    try:
-        fetch("yolov3-tiny")
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    published_weights("yolov3-tiny")
     return "yolov3-tiny"
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from pipelines.tradeoff import points
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle
-from tests.attack.conftest import make_dataset
 
 
 def test_points_differ_in_one_thing_each() -> None:
