@@ -8,7 +8,7 @@ from pathlib import Path
 from torch import nn
 
 from ...contract import RaucaError
-from ..catalogue import find_source
+from ..catalogue import SOURCES, find_source
 from ..classes import class_list
 from ..interface import Detector
 from ..load import load_detector, resolve
@@ -66,6 +66,9 @@ def origin_of(detector: str) -> Origin:
     Raises:
         RaucaError: another kind of detector, or missing or damaged files.
     """
+    source = SOURCES.get(detector.partition("=")[0])
+    if source is not None and source.family not in ("synth", "darknet"):
+        raise _refusal(detector)  # before its weights are asked for
     found = resolve(detector)
     weights, fingerprint = found.files[0], load_detector(detector).fingerprint
     if found.family == "synth":
@@ -77,7 +80,11 @@ def origin_of(detector: str) -> Origin:
             found.name, class_list("coco-80"), DARKNET_SIZE, f"{found.name} of darknet", "public domain"
         )
         return Origin(detector, weights, sha256_of(weights), card, DARKNET_LR, fingerprint)
-    raise RaucaError(
+    raise _refusal(detector)
+
+
+def _refusal(detector: str) -> RaucaError:
+    return RaucaError(
         f"{detector}: rauca hardens its own detectors ({', '.join(RECIPES)}), darknet networks with a name, such as "
         "yolov3-tiny, and what it hardened before; choose one of these"
     )
