@@ -296,6 +296,17 @@ def bench_jobs_command(
     _benchmark("jobs").bench_jobs(json, quick)
 
 
+@bench_app.command("stability")
+def bench_stability_command(
+    quick: Annotated[bool, typer.Option("--quick", help="10 steps a case of the optimiser, not 100")] = False,
+    docs: Annotated[Path | None, typer.Option(help="renew the figures of stability.md in this folder too")] = None,
+    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/stability.json"),
+) -> None:
+    """Every hard case in three precisions: what must come of it and what does. Exit code 1 if one fails."""
+    if not _benchmark("stability.bench").bench_stability(json, quick, docs):
+        raise typer.Exit(1)
+
+
 def _benchmark(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"benchmarks.{name}")

@@ -92,7 +92,7 @@ def _agreement(run: Path) -> dict[str, str]:
 def _commands(run: Path) -> list[str]:
     return [
         f"rauca report {run.as_posix()}",
-        f"rauca bench render {run.as_posix()}/train --camouflage {run.as_posix()}/rauca/camouflage.json",
+        f"rauca bench agreement {run.as_posix()}/train --camouflage {run.as_posix()}/rauca/camouflage.json",
     ]
 
 

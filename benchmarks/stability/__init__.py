@@ -1,1 +1,1 @@
-"""The optimiser's loop on frames and detectors that are hard to stay finite on."""
+"""Hard cases of rasteriser, renderer, environment, losses and optimiser: tests and `rauca bench stability` try them."""

@@ -73,8 +73,8 @@ def nothing(found: DensePredictions) -> DensePredictions:
 
 
 def unseen(found: DensePredictions) -> DensePredictions:
-    """Probabilities that a sigmoid of float32 rounds to 0."""
-    return DensePredictions(found.boxes, (found.objectness - 200).sigmoid(), (found.classes - 200).sigmoid())
+    """Probabilities that a sigmoid rounds to 0, of float64 too."""
+    return DensePredictions(found.boxes, (found.objectness - 1000).sigmoid(), (found.classes - 1000).sigmoid())
 
 
 def elsewhere(found: DensePredictions) -> DensePredictions:
@@ -83,7 +83,7 @@ def elsewhere(found: DensePredictions) -> DensePredictions:
 
 
 def saturated(box: tuple[float, float, float, float]) -> Answer:
-    """A box in the very place, and probabilities that a sigmoid of float32 rounds to 1."""
+    """A box in the very place, and probabilities that a sigmoid rounds to 1, of float64 too."""
     return lambda found: DensePredictions(
         torch.tensor(box).to(found.boxes) + 0.0 * found.boxes,
         (found.objectness + 40).sigmoid(),

@@ -48,11 +48,14 @@ class Endured:
     largest_gradient: float
 
 
-def endure(case: HardCase, vehicle: Vehicle, folder: Path, steps: int = STEPS, **chosen: Any) -> Endured:
+def endure(
+    case: HardCase, vehicle: Vehicle, folder: Path, steps: int = STEPS, double: bool = False, **chosen: Any
+) -> Endured:
     """Optimise on a case by the real loop: files, taps, light, augmentation, detector, Adam.
 
     Args:
         folder: for its data set; made where it is not there.
+        double: begin with a texture of float64, whose precision all that follows takes on.
         chosen: settings of the optimiser, before those of the case.
     """
     settings = make_settings(**{**SMALL, **chosen, **case.settings, "steps": steps})
@@ -60,6 +63,9 @@ def endure(case: HardCase, vehicle: Vehicle, folder: Path, steps: int = STEPS, *
     dataset = Dataset(folder) if made else make_dataset(folder, vehicle, SIZE, AZIMUTHS, look=case.look)
     panel = Panel([Answering(case.answer)], settings.target, None, settings.precision, settings.objective)
     run = Run(dataset, panel, settings)
+    if double:
+        run.texture.parameter = run.texture.parameter.detach().double().requires_grad_()
+        run.adam = torch.optim.Adam([run.texture.parameter], lr=settings.lr, fused=True)
     try:
         with threads(1):
             return _watch(run, steps)

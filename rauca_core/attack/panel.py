@@ -94,6 +94,8 @@ class Panel:
             half = torch.autocast(images.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
             with half, watching(layer) as seen:
                 found = detector.dense(images)
+            # A network in bfloat16 may answer in it; there 1 - 1e-6 is 1, and a certain detection's loss infinite.
+            found = found.to(images.dtype)
             found_score = detection_score(found, boxes, label)
             sight = Sight(found, boxes, label, found_score, seen[-1] if seen else None)
             loss = weight * self._objective(sight)

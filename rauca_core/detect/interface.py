@@ -23,6 +23,10 @@ class DensePredictions:
     objectness: Tensor
     classes: Tensor
 
+    def to(self, dtype: torch.dtype) -> DensePredictions:
+        """The same in another precision."""
+        return DensePredictions(self.boxes.to(dtype), self.objectness.to(dtype), self.classes.to(dtype))
+
 
 @dataclass
 class Detections:

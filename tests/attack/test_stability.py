@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from benchmarks.stability.cases import CASES, SIZE, HardCase
+from benchmarks.stability.cases import CASES, SIZE
 from benchmarks.stability.detectors import Answering
 from benchmarks.stability.drawn import WEATHERS, draw_frame
-from benchmarks.stability.endure import AZIMUTHS, STEPS, Endured, endure
+from benchmarks.stability.endure import AZIMUTHS, STEPS, endure
+from benchmarks.stability.loop import judge
 from rauca_core.attack.objectives import OBJECTIVES
 from rauca_core.contract import Vehicle
 
@@ -27,27 +28,24 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cases")
 
 
-def check(case: HardCase, found: Endured) -> None:
-    assert found.finite
-    assert found.in_range
-    assert found.stray == 0
-    assert found.moved == found.learnt
-    assert (found.learnt > 0.05) == case.learns
-
-
 @pytest.mark.parametrize("name", ASKED_FOR)
 def test_five_hundred_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, STEPS))
+    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, STEPS))
 
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_sixty_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 60))
+    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 60))
 
 
 @pytest.mark.parametrize("name", BY_NAME)
 def test_half_precision(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    check(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 25, precision="bfloat16"))
+    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 25, precision="bfloat16"))
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_double_precision(name: str, box_vehicle: Vehicle, folders: Path) -> None:
+    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 8, double=True))
 
 
 @pytest.mark.parametrize(
@@ -57,6 +55,16 @@ def test_every_objective_and_limit(box_vehicle: Vehicle, folders: Path, objectiv
     for case in CASES:
         found = endure(case, box_vehicle, folders / case.name, 5, objective=objective, limit=limit)
         assert (found.finite, found.in_range, found.stray) == (True, True, 0), case.name
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_every_objective_of_a_certain_answer_in_half_precision(
+    box_vehicle: Vehicle, folders: Path, objective: str
+) -> None:
+    """In bfloat16 a confidence of 1 less a millionth is 1: losses are taken in float32."""
+    for name in ("certain", "certain, steep"):
+        chosen = {"objective": objective, "precision": "bfloat16"}
+        assert endure(BY_NAME[name], box_vehicle, folders / name, 3, **chosen).finite, name
 
 
 def test_smoothness_moves_what_the_attack_cannot_see(box_vehicle: Vehicle, folders: Path) -> None:

@@ -57,10 +57,3 @@ def test_missing_or_misshapen_maps_are_named(tmp_path: Path) -> None:
         load_exact(*write(tmp_path / "missing", None, None))
     with pytest.raises(RaucaError, match=r"A has shape \(8, 8, 3\)"):
         load_exact(*write(tmp_path / "small", MAPS[0, :8, :8], MAPS[1]))
-
-
-def test_values_that_are_not_finite_are_named(tmp_path: Path) -> None:
-    bad = MAPS.copy()
-    bad[1, 3, 3] = np.nan
-    with pytest.raises(RaucaError, match="B holds NaN"):
-        load_exact(*write(tmp_path, bad[0], bad[1]))

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -36,9 +40,21 @@ from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.evaluate.detection_cache import DetectionSettings
 from rauca_core.evaluate.results import AXES, MEAN, FrameRow, ImageRow, Results
 from rauca_core.evaluate.scores import Bootstrap, score_table
-from rauca_core.evaluate.study import Entry, Study
+from rauca_core.evaluate.study import Entry, Study, save_study
 from rauca_core.evaluate.tables import paper_tables
 from rauca_core.images import read_image
+
+# The ablation of the study in this folder, by a process of its own.
+WRITE_AGAIN = """
+from pathlib import Path
+from rauca_core.evaluate.ablations import Findings, experiment_named, write_ablation
+from rauca_core.evaluate.study import load_study
+
+study, experiment = load_study(Path(".")), experiment_named("augmentation")
+runs = {name: [name] for name in study.entries[0].results.paints}
+found = Findings(experiment, (experiment.variant("with-roa"),), study, runs, ("yolov4-tiny",))
+write_ablation(found, Path("ablation.html"))
+"""
 
 FRAMES, BOX = 24, (10.0, 10.0, 50.0, 40.0)
 
@@ -223,3 +239,11 @@ def test_the_page_holds_the_table_the_papers_and_every_picture(
         assert stored["scores"]["seen"][paint]["Average"]["ap"] == pytest.approx(results.table[paint][MEAN].ap)
     rows = list(csv.DictReader(lines.read_text(encoding="utf-8").splitlines()))
     assert {row["row"] for row in rows} == {"Normal", "Random", "With ROA"}
+
+    save_study(out / "study.json", found.study.command, [entry])
+    moved = tmp_path / "elsewhere"
+    shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere", "ablation.*"))
+    environment = {**os.environ, "PYTHONHASHSEED": "3", "PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", WRITE_AGAIN], cwd=moved / "out", env=environment, check=True, timeout=300)
+    for path in (page, numbers, lines):
+        assert (moved / "out" / path.name).read_bytes() == path.read_bytes(), path.name

@@ -5,8 +5,11 @@ from __future__ import annotations
 import base64
 import copy
 import io
+import os
 import re
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -179,6 +182,19 @@ def test_links_lead_to_files_and_rows_that_are_there(study: Study, tmp_path: Pat
         assert link[1:] in page.ids if link.startswith("#") else (out.parent / link).is_file(), link
     assert {"seen/none/results.json", "unseen/bits/results.json", "report.csv", "report.json"} <= set(page.links)
     assert str(tmp_path) not in out.read_text()  # nothing of the machine gets in
+
+
+def test_another_process_in_another_folder_writes_the_same_bytes(study: Study, tmp_path: Path) -> None:
+    """No date, no path, no order of a set gets in."""
+    report_run(tmp_path / "study", latex=True)
+    moved = tmp_path / "elsewhere"
+    shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere", "report.*"))
+    code = "from pathlib import Path; from pipelines.report import report_run; report_run(Path('study'), True)"
+    other = {"PYTHONHASHSEED": "3", "TZ": "Asia/Tokyo", "PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", code], cwd=moved, env={**os.environ, **other}, check=True, timeout=300)
+    for suffix in (".html", ".csv", ".json", ".tex"):
+        written = [(folder / "study" / "report").with_suffix(suffix).read_bytes() for folder in (tmp_path, moved)]
+        assert written[0] == written[1], suffix
 
 
 def test_the_numbers_are_those_of_the_study(study: Study, detectors: list[Detector], tmp_path: Path) -> None:

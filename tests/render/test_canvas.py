@@ -60,16 +60,6 @@ def test_two_canvases_may_be_in_work(pyramid: Pyramid, views: list[Taps]) -> Non
     assert not next(iter(pyramid.spare.values())).any()
 
 
-def test_nan_does_not_stay_in_the_buffer(pyramid: Pyramid, views: list[Taps]) -> None:
-    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    operators = [view.rows for view in views]
-    pixels = Canvas(pyramid, texels).see(operators)
-    (bad,) = torch.autograd.grad(pixels, texels, torch.full_like(pixels, torch.nan))
-    assert bad.isnan().any()
-    (good,) = torch.autograd.grad(Canvas(pyramid, texels).see(operators).sum(), texels)
-    assert torch.isfinite(good).all()
-
-
 def test_an_unused_canvas_has_no_gradient(pyramid: Pyramid) -> None:
     texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
     pixels = Canvas(pyramid, texels).see([])

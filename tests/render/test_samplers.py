@@ -159,30 +159,3 @@ def test_pixels_of_a_facet_chain_are_one_operator(box_vehicle: Vehicle) -> None:
     texels = np.random.default_rng(0).uniform(size=(pyramid.count, 3))
     assert np.allclose(whole(torch.from_numpy(texels)).numpy(), colours(found, texels), atol=1e-6)
     assert whole.columns.max() < len(pyramid.texels)  # the tensor is filled from the map itself, not from its mips
-
-
-@pytest.mark.parametrize("sampler", list(Sampler))
-def test_hard_uvs_and_a_near_camera_stay_finite(box_vehicle: Vehicle, sampler: Sampler) -> None:
-    box_vehicle.uvs[:2] += 3.0
-    box_vehicle.uvs[2:4] = 0.2
-    pyramid = Pyramid.of(box_vehicle, SIZE)
-    texels = np.random.default_rng(0).uniform(size=(pyramid.count, 3))
-    inside = ([1.9, 0.2, 0.7], [2.0, -1.0, 0.7], 120)
-    for eye, target, fov in (([5.0, 3.5, 2.0], [0.0, 0.0, 0.7], 50), inside):
-        camera = Camera.look_at(np.array(eye), np.array(target), fov, 40, 32)
-        found = look_up(box_vehicle, rasterize(box_vehicle.positions, box_vehicle.triangles, camera), pyramid, sampler)
-        read = colours(found, texels)
-        assert len(read) > 100
-        assert np.isfinite(read).all()
-        assert np.isfinite(found.fragments.paint).all()
-        assert read.min() >= 0
-        assert read.max() <= 1 + 1e-5
-
-
-@pytest.mark.parametrize("sampler", list(Sampler))
-def test_a_view_of_nothing_has_no_fragments(box_vehicle: Vehicle, sampler: Sampler) -> None:
-    away = Camera.look_at(np.array([5.0, 0.0, 1.0]), np.array([9.0, 0.0, 1.0]), 50, 16, 16)
-    raster = rasterize(box_vehicle.positions, box_vehicle.triangles, away)
-    found = look_up(box_vehicle, raster, Pyramid.of(box_vehicle, SIZE), sampler)
-    assert len(found.fragments.paint) == 0
-    assert (found.fragments.index < 0).all()

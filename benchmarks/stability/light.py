@@ -1,0 +1,220 @@
+"""Frames whose light is hard to split, with each way to split it: the precision is that of network and pictures."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rauca_core.contract import FramePasses, RaucaError, load_frame, save_frame
+from rauca_core.environment import load_exact
+from rauca_core.environment.affine_transfer import transfer_light
+from rauca_core.environment.extractor import LightSplitter
+from rauca_core.environment.focus import split_light, surroundings
+from rauca_core.environment.losses import light_loss, weighted_bce, weighted_mse
+from rauca_core.environment.published import PublishedEfe, fuse_published
+from rauca_core.render.composite import display, undisplay
+
+from .box import painted_box
+from .checks import Check, expect
+from .drawn import make_dataset
+
+SIZE = 37  # no multiple of anything
+GREY = torch.full((2, 3), 0.26)
+KINDS = ("plain", "black", "white", "one pixel", "no vehicle", "faint edge")
+BACK = 1e-5  # sRGB, of the reference given back: the maps are float32, whatever the network is
+
+
+def frames(kind: str) -> tuple[Tensor, Tensor]:
+    """Two frames (2, 3, H, W) and masks (2, 1, H, W) of a kind that happens."""
+    generator = torch.Generator().manual_seed(0)
+    image = torch.rand(2, 3, SIZE, SIZE, generator=generator)
+    mask = torch.zeros(2, 1, SIZE, SIZE)
+    mask[:, :, 8:30, 5:33] = 1.0
+    if kind == "black":
+        image = torch.zeros_like(image)
+    if kind == "white":
+        image = torch.ones_like(image)
+    if kind == "one pixel":
+        mask = torch.zeros_like(mask)
+        mask[:, :, 20, 20] = 1.0
+    if kind == "no vehicle":
+        mask = torch.zeros_like(mask)
+    if kind == "faint edge":
+        mask = mask * 1e-3
+    return image, mask
+
+
+def _network(dtype: torch.dtype) -> LightSplitter:
+    """One that has not learnt anything and says all the more."""
+    torch.manual_seed(0)
+    net = LightSplitter()
+    torch.nn.init.normal_(net.head.weight)
+    return net.double() if dtype == torch.float64 else net
+
+
+def _half(dtype: torch.dtype) -> torch.autocast:
+    """bfloat16 as in training: the network's layers, not its pictures or weights."""
+    return torch.autocast("cpu", torch.bfloat16, enabled=dtype == torch.bfloat16)
+
+
+def _wide(dtype: torch.dtype) -> torch.dtype:
+    return torch.float64 if dtype == torch.float64 else torch.float32
+
+
+def _our_maps(kind: str) -> Callable[[torch.dtype], str]:
+    def attempt(dtype: torch.dtype) -> str:
+        image, mask = (t.to(_wide(dtype)) for t in frames(kind))
+        with _half(dtype), torch.no_grad():
+            A, B = _network(dtype)(image, mask, GREY)
+        expect(torch.isfinite(A).all() and torch.isfinite(B).all(), "maps are not finite")
+        expect((A >= 0).all() and (B >= 0).all(), "light below 0")
+        expect((A[(mask == 0).expand_as(A)] == 0).all(), "A reaches beyond the paint")
+        unclipped = (image.amax(dim=1, keepdim=True) < 0.98).expand_as(A)
+        again = display(A * GREY[:, :, None, None] + B)
+        off = float((again - image)[unclipped].abs().max()) if unclipped.any() else 0.0
+        expect(off <= BACK, f"the reference comes back {off:.1e} off")
+        return f"reference off by {off:.0e}" if unclipped.any() else "finite; every pixel clipped"
+
+    return attempt
+
+
+def _around_the_vehicle(kind: str) -> Callable[[torch.dtype], str]:
+    def attempt(dtype: torch.dtype) -> str:
+        net = _network(dtype)
+        image, mask = (t.to(_wide(dtype)) for t in frames(kind))
+        borders = ((image, 0.4), (mask, 0.0))
+        image, mask = (torch.nn.functional.pad(t[0], (60, 60, 70, 30), value=v) for t, v in borders)
+        with _half(dtype), torch.no_grad():
+            A, B = split_light(net, image, mask, GREY[0])
+            expect(torch.isfinite(A).all() and torch.isfinite(B).all(), "maps are not finite")
+            expect((A[(mask == 0).expand_as(A)] == 0).all(), "A reaches beyond the paint")
+            window = surroundings(mask[0] > 0)
+            if window is None:
+                expect(kind == "no vehicle", "the vehicle is not found")
+                off = float((B - undisplay(image)).abs().max())
+                expect(off < 1e-6, f"B is {off:.1e} from the frame")
+                return "A = 0, B the frame"
+            inside = (..., *window)
+            alone = net(image[inside][None], mask[inside][None], GREY[:1])[0][0]
+        expect(torch.equal(A[inside], alone), "differs from the vehicle's surroundings alone")
+        expect(abs(float(mask.sum() - mask[inside].sum())) < 1e-6, "paint outside the window")
+        expect(torch.allclose(B[0, 0, 0].double(), undisplay(image[0, 0, 0]).double()), "the corner is not the frame's")
+        return "as its surroundings alone, to the bit"
+
+    return attempt
+
+
+def _training(kind: str) -> Callable[[torch.dtype], str]:
+    def attempt(dtype: torch.dtype) -> str:
+        torch.manual_seed(1)
+        net, published = LightSplitter().to(_wide(dtype)), PublishedEfe((4, 6, 8)).to(_wide(dtype))
+        image, mask = (t.to(_wide(dtype)) for t in frames(kind))
+        A, B = undisplay(image) * mask, undisplay(image)
+        with _half(dtype):
+            predicted, latent = net(image, mask, GREY), published(image * mask)
+        losses = []
+        for texture in (0.0, 1.0, 0.4):
+            albedo = torch.full((3, 2, 3, 1, 1), texture, dtype=_wide(dtype))
+            losses.append(light_loss(predicted, (A * 0, B * 1e4), albedo, mask))  # dense fog, a mirrored sun
+            losses.append(light_loss(predicted, (A, B), albedo, mask))
+            shown = fuse_published(torch.full_like(image, texture), *(m.to(image) for m in latent))
+            losses += [weighted_bce(shown, image * mask, mask), weighted_mse(shown, image * mask, mask)]
+        torch.stack(losses).sum().backward()
+        gradients = [p.grad for p in (*net.parameters(), *published.parameters())]
+        expect(all(torch.isfinite(loss) for loss in losses), f"losses {[float(x.detach()) for x in losses]}")
+        expect(all(g is not None and torch.isfinite(g).all() for g in gradients), "gradients are not finite")
+        return f"largest loss {max(float(x.detach()) for x in losses):.2g}"
+
+    return attempt
+
+
+def _colour_transfer(dtype: torch.dtype) -> str:
+    for value in (0.0, 1.0, 100.0):
+        image = torch.full((3, SIZE, SIZE), value, dtype=dtype)
+        for cover in (0.0, 1.0, 0.3):
+            for albedo in (torch.zeros(3), torch.ones(3)):
+                A, B = transfer_light(image, torch.full((1, SIZE, SIZE), cover, dtype=dtype), albedo.to(dtype))
+                where = f"light {value:g}, coverage {cover:g}, albedo {albedo[0]:g}"
+                expect(torch.isfinite(A).all() and torch.isfinite(B).all(), f"maps are not finite: {where}")
+                expect((A >= 0).all(), f"A below 0: {where}")
+    return "18 frames, finite, A never below 0"
+
+
+def _wrong_end(dtype: torch.dtype) -> str:
+    x = torch.zeros(1, 3, 4, 4, dtype=dtype, requires_grad=True)
+    ones = torch.ones(1, 3, 4, 4, dtype=dtype)
+    loss = weighted_bce(x, ones, ones[:, :1])
+    loss.backward()
+    assert x.grad is not None
+    expect(torch.isfinite(loss), "the loss is not finite")
+    expect(torch.isfinite(x.grad).all() and (x.grad < 0).all(), "the gradient does not lead away")
+    return f"loss {float(loss.detach()):.1f}, gradient {float(x.grad.sum()):.0f}"
+
+
+def _stored_maps(spoil: Callable[[FramePasses], None]) -> str:
+    with TemporaryDirectory() as folder:
+        dataset = make_dataset(Path(folder) / "data", painted_box(), 16, (40.0,))
+        frame_id = next(iter(dataset.plan.frame_ids()))[0]
+        where = dataset.frame_folder(frame_id)
+        stored = np.load(where / "passes.npz")
+        A, B = stored["A"].astype(np.float32), stored["B"].astype(np.float32)
+        flat = np.zeros(A.shape[:2], np.float32)
+        passes = FramePasses(np.zeros_like(A), flat, flat, flat, A, B)
+        spoil(passes)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "overflow encountered in cast", RuntimeWarning)
+            save_frame(where, load_frame(where), passes)
+        try:
+            light = load_exact(dataset, frame_id)
+        except RaucaError as error:
+            expect("passes.npz: B holds NaN or infinity" in str(error), f"the file is not named: {error}")
+            return "refused, the file named"
+        return f"read, up to {light.B.max():.0f}"
+
+
+def _nan_in_the_file(dtype: torch.dtype) -> str:
+    def spoil(passes: FramePasses) -> None:
+        assert passes.B is not None
+        passes.B[3, 3] = np.nan
+
+    told = _stored_maps(spoil)
+    expect(told.startswith("refused"), told)
+    return told
+
+
+def _sun_in_the_mirror(dtype: torch.dtype) -> str:
+    def spoil(passes: FramePasses) -> None:
+        assert passes.B is not None
+        passes.B[3, 3] = 1e6
+
+    told = _stored_maps(spoil)
+    expect(told == "read, up to 65504", told)
+    return told
+
+
+NO_QUANTILES = {torch.bfloat16: "frames are never bfloat16, and torch takes no quantiles of it"}
+STORED = dict.fromkeys((torch.bfloat16, torch.float64), "files hold light as float16, read as float32")
+WAYS = (
+    ("our extractor", "finite, at least 0, the reference given back", _our_maps),
+    ("our extractor in a large frame", "as around its vehicle alone", _around_the_vehicle),
+    ("training both extractors", "losses and gradients finite", _training),
+)
+
+
+def _checks() -> Iterator[Check]:
+    for way, expected, make in WAYS:
+        for kind in KINDS:
+            yield Check("environment", f"{way}: {kind}", expected, make(kind))
+    yield Check("environment", "colour transfer: flat frames", "finite, A at least 0", _colour_transfer, NO_QUANTILES)
+    yield Check("environment", "Eq. 5 at a wrong 0", "finite, with a gradient that leads away", _wrong_end)
+    yield Check("environment", "exact maps with NaN", "refused by name", _nan_in_the_file, STORED)
+    yield Check("environment", "exact maps beyond float16", "held at its largest, 65504", _sun_in_the_mirror, STORED)
+
+
+CHECKS = tuple(_checks())

@@ -1,0 +1,244 @@
+"""Views and textures that are hard to look up: the precision is that of the texels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rauca_core.contract import Camera, RaucaError
+from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.render import Canvas, Pyramid, build_taps, display, rasterize, undisplay
+from rauca_core.render.sampling.sampler import Sampler, look_up
+
+from .box import painted_box
+from .checks import Check, expect
+
+MAP = 64
+ASIDE = Camera.look_at(np.array([5.0, 3.5, 2.0]), np.array([0.0, 0.0, 0.7]), 50, 72, 64)
+AHEAD = Camera.look_at(np.array([0.0, -6.0, 0.7]), np.array([0.0, 0.0, 0.7]), 40, 32, 32)
+FAR = Camera.look_at(np.array([30.0, 20.0, 8.0]), np.zeros(3), 50, 64, 64)  # coarse mip levels
+GRAZING = Camera.look_at(np.array([6.0, 1.25, 0.8]), np.array([0.0, 1.0, 0.7]), 50, 48, 48)
+TOUCHING = Camera.look_at(np.array([1.9, 0.2, 0.7]), np.array([2.0, -1.0, 0.7]), 120, 40, 32)
+AWAY = Camera.look_at(np.array([5.0, 0.0, 1.0]), np.array([9.0, 0.0, 1.0]), 50, 32, 32)
+ROUNDING = {torch.float32: 1e-5, torch.bfloat16: 4e-3, torch.float64: 1e-6}  # of a colour; weights are float32
+
+
+def _random_texels(pyramid: Pyramid, dtype: torch.dtype) -> Tensor:
+    return torch.rand(len(pyramid.texels), 3, generator=torch.Generator().manual_seed(0)).to(dtype)
+
+
+def _nothing_in_view(dtype: torch.dtype) -> str:
+    pyramid = Pyramid.of(painted_box(), MAP)
+    taps = build_taps(painted_box(), AWAY, MAP, pyramid=pyramid)
+    texels = _random_texels(pyramid, dtype).requires_grad_()
+    Canvas(pyramid, texels).see([taps.rows]).sum().backward()
+    assert texels.grad is not None
+    expect(len(taps) == 0, f"{len(taps)} pixels have taps")
+    expect(not texels.grad.any(), "texels have a gradient")
+    return "no taps, gradient exactly 0"
+
+
+def _no_fragments(dtype: torch.dtype) -> str:
+    box = painted_box()
+    raster, pyramid = rasterize(box.positions, box.triangles, AWAY), Pyramid.of(box, MAP)
+    for sampler in Sampler:
+        found = look_up(box, raster, pyramid, sampler).fragments
+        expect(len(found.paint) == 0, f"{sampler}: {len(found.paint)} fragments")
+        expect((found.index < 0).all(), f"{sampler}: samples point at fragments")
+    return f"no fragment with any of {len(Sampler)} samplers"
+
+
+def _empty_mask(dtype: torch.dtype) -> str:
+    box = painted_box()
+    try:
+        build_taps(replace(box, paint_mask=np.zeros_like(box.paint_mask)), AHEAD, MAP)
+    except RaucaError as error:
+        expect("paint" in str(error), f"the message does not say what is missing: {error}")
+        return "refused by one line"
+    expect(False, "taps without paint")
+    return ""
+
+
+def _uv_outside_the_map(dtype: torch.dtype) -> str:
+    box = painted_box()
+    box.paint_mask[:] = 255
+    pyramid = Pyramid.of(box, MAP)
+    box.uvs[:2, :, 0] += 7.0  # the wall that the camera faces
+    uv_map = torch.zeros(3, MAP, MAP, dtype=dtype)
+    uv_map[:, :, -8:] = 1.0
+    taps = build_taps(box, AHEAD, MAP, pyramid=pyramid)
+    inside = torch.from_numpy(taps.alpha > 0.99)
+    expect(int(inside.sum()) > 100, "the wall is not in the picture")
+    off = float((taps.rows(pyramid(pyramid.from_map(uv_map)))[inside] - 1).abs().max())
+    expect(off <= ROUNDING[dtype], f"{off:.1e} from the border's colour")
+    return f"the border's colour, off by {off:.0e}"
+
+
+def _no_uv_area(dtype: torch.dtype) -> str:
+    box = painted_box()
+    pyramid = Pyramid.of(box, MAP)
+    box.uvs[:2] = 0.25
+    taps = build_taps(box, AHEAD, MAP, pyramid=pyramid)
+    seen = taps.rows(pyramid(_random_texels(pyramid, dtype)))
+    expect(len(seen) > 100, "the wall is not in the picture")
+    spread = float((seen - seen[:1]).abs().max())
+    expect(spread <= 1e-5, f"colours differ by {spread:.1e}")
+    return "one colour all over"
+
+
+def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
+    box = painted_box()
+    box.uvs[:2] += 3.0
+    box.uvs[2:4] = 0.2
+    pyramid = Pyramid.of(box, MAP)
+    levels = pyramid(_random_texels(pyramid, dtype))
+    for sampler in Sampler:
+        for camera in (ASIDE, TOUCHING):
+            found = look_up(box, rasterize(box.positions, box.triangles, camera), pyramid, sampler)
+            listed = found.inner(levels) if found.inner else levels
+            weights = torch.from_numpy(found.fragments.weights).to(listed)
+            read = (weights[..., None] * listed[torch.from_numpy(found.fragments.texels.astype(np.int64))]).sum(1)
+            expect(len(read) > 100, f"{sampler}: nothing in the picture")
+            expect(torch.isfinite(read).all(), f"{sampler}: colours are not finite")
+            expect(np.isfinite(found.fragments.paint).all(), f"{sampler}: coverage is not finite")
+            expect(float(read.min()) >= 0 and float(read.max()) <= 1 + 1e-5, f"{sampler}: colours outside [0, 1]")
+    return f"finite and in range with all {len(Sampler)} samplers"
+
+
+def _gutters(dtype: torch.dtype) -> str:
+    box = painted_box()
+    pyramid = Pyramid.of(box, MAP)
+    uv_map = torch.ones(3, MAP, MAP, dtype=dtype)
+    uv_map.view(3, -1)[:, torch.from_numpy(pyramid.texels)] = 0.25
+    seen = build_taps(box, FAR, MAP, pyramid=pyramid).rows(pyramid(pyramid.from_map(uv_map)))
+    off = float((seen - 0.25).abs().max())
+    expect(off <= ROUNDING[dtype], f"{off:.1e} of the gutters' colour")
+    return f"the paint's colour, off by {off:.0e}"
+
+
+def _grazing(dtype: torch.dtype) -> str:
+    box = painted_box()
+    pyramid = Pyramid.of(box, 2 * MAP)
+    texels = _random_texels(pyramid, dtype)
+
+    def image(samples: int) -> Tensor:
+        taps = build_taps(box, GRAZING, 2 * MAP, samples, pyramid=pyramid)
+        paint = taps.rows(pyramid(texels)) * torch.from_numpy(taps.alpha)[:, None]
+        return taps.to_image(paint, paint.new_zeros(3, 48, 48))
+
+    best = image(16)
+    errors = [float((image(s) - best).square().mean()) for s in (1, 2, 4)]
+    expect(errors[0] > 2 * errors[1] > 4 * errors[2], f"squared errors {errors}")
+    return "RMS error at 1, 2, 4 samples: " + ", ".join(f"{error**0.5:.3f}" for error in errors)
+
+
+def _constant(dtype: torch.dtype) -> str:
+    box = painted_box()
+    pyramid = Pyramid.of(box, MAP)
+    taps = build_taps(box, ASIDE, MAP, pyramid=pyramid)
+    colour = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
+    seen = taps.rows(pyramid(colour.expand(len(pyramid.texels), 3).contiguous()))
+    off = float((seen - colour).abs().max())
+    expect(off <= ROUNDING[dtype], f"{off:.1e} from the colour")
+    return f"the colour, off by {off:.0e}"
+
+
+def _adjoint(dtype: torch.dtype) -> str:
+    rows = build_taps(painted_box(), ASIDE, MAP).rows
+    generator = torch.Generator().manual_seed(0)
+    x = torch.randn(rows.shape[1], 3, generator=generator).to(dtype).requires_grad_()
+    seen = rows(x)
+    y = torch.randn(rows.shape[0], 3, generator=generator).to(seen)
+    (seen * y).sum().backward()
+    assert x.grad is not None
+    forward, backward = float((seen * y).double().sum().detach()), float((x.detach().double() * x.grad.double()).sum())
+    scale = float(seen.detach().double().norm() * y.double().norm())
+    off, bound = abs(forward - backward) / scale, {torch.float64: 1e-12, torch.float32: 1e-6}.get(dtype, 1e-3)
+    expect(off <= bound, f"<Kx, y> and <x, K'y> differ by {off:.1e} of |Kx||y|")
+    return f"<Kx, y> and <x, K'y> differ by {off:.0e}"
+
+
+def _small_gradients(dtype: torch.dtype) -> str:
+    rows = build_taps(painted_box(), ASIDE, MAP).rows
+    x = torch.rand(rows.shape[1], 3).to(dtype).requires_grad_()
+    asked = torch.full((rows.shape[0], 3), 1e-7)
+    (rows(x) * asked).sum().backward()
+    assert x.grad is not None
+    wanted = rows.transpose(asked.double())
+    reached = wanted > 1e-12
+    off = float(((x.grad.double() - wanted).abs() / wanted)[reached].max())
+    bound = {torch.bfloat16: 4e-3}.get(dtype, 1e-5)
+    expect(x.grad.dtype == dtype, f"the gradient is {x.grad.dtype}")
+    expect(off <= bound, f"sums are off by {off:.1e}")
+    return f"sums off by {off:.0e} from float64's"
+
+
+def _nan_in_a_gradient(dtype: torch.dtype) -> str:
+    box = painted_box()
+    pyramid = Pyramid.of(box, MAP)
+    rows = build_taps(box, ASIDE, MAP, pyramid=pyramid).rows
+    texels = _random_texels(pyramid, dtype).requires_grad_()
+    seen = Canvas(pyramid, texels).see([rows])
+    (bad,) = torch.autograd.grad(seen, texels, torch.full_like(seen, torch.nan))
+    expect(bad.isnan().any(), "NaN is hidden")
+    (good,) = torch.autograd.grad(Canvas(pyramid, texels).see([rows]).sum(), texels)
+    expect(torch.isfinite(good).all(), "NaN stays in the buffer")
+    return "shown in its own step, gone in the next"
+
+
+def _display_at_its_ends(dtype: torch.dtype) -> str:
+    linear = torch.tensor([-1.0, 0.0, 1e-9, 0.003, 0.0032, 0.2, 1.0, 1.5, 1e6], dtype=dtype, requires_grad=True)
+    shown = display(linear)
+    shown.sum().backward()
+    assert linear.grad is not None
+    off = np.abs(shown.detach().double().numpy() - srgb_from_linear(linear.detach().double().numpy())).max()
+    bound = {torch.bfloat16: 8e-3}.get(dtype, 1e-6)
+    expect(off <= bound, f"{off:.1e} from the curve")
+    expect(torch.isfinite(linear.grad).all(), "slopes are not finite")
+    beyond = linear.grad[torch.tensor([0, 7, 8])]
+    expect(not beyond.any(), "a slope beyond the range")
+    expect(abs(float(linear.grad[1]) - 12.92) < 0.05, f"slope {float(linear.grad[1]):.3g} at black")
+    expect(display(torch.tensor(float("nan"), dtype=dtype)).isnan(), "NaN is hidden")
+    return f"off by {off:.0e}, slope 12.9 at black, 0 beyond the range, NaN shown"
+
+
+def _undisplay_at_its_ends(dtype: torch.dtype) -> str:
+    srgb = torch.tensor([-0.2, 0.0, 0.03, 0.5, 1.0, 1.3], dtype=dtype, requires_grad=True)
+    found = undisplay(srgb)
+    found.sum().backward()
+    assert srgb.grad is not None
+    expect(found[0] == 0 and found[5] == 1, "not clipped")
+    expect(torch.isfinite(srgb.grad).all(), "slopes are not finite")
+    expect(srgb.grad[0] == 0 and srgb.grad[5] == 0, "a slope beyond the range")
+    expect((srgb.grad[1:5] > 0).all(), "no slope within the range")
+    return "clipped, slopes finite, above 0 from black to white and 0 beyond"
+
+
+Attempt = Callable[[torch.dtype], str]
+_NO_TEXELS = dict.fromkeys((torch.bfloat16, torch.float64), "no texel is read")
+
+
+def _check(name: str, expected: str, attempt: Attempt, texels: bool = True) -> Check:
+    return Check("renderer", name, expected, attempt, {} if texels else _NO_TEXELS)
+
+
+CHECKS = (
+    _check("no paint in view", "no taps, no gradient", _nothing_in_view),
+    _check("no paint in view, all samplers", "no fragments", _no_fragments, texels=False),
+    _check("empty paint mask", "refused by name", _empty_mask, texels=False),
+    _check("UV outside the map", "reads the map's border", _uv_outside_the_map),
+    _check("face without UV area", "reads one constant", _no_uv_area),
+    _check("hard UVs, camera at the paint", "finite, in [0, 1], with every sampler", _hard_uvs_near_the_camera),
+    _check("seams at coarse levels", "no colour of the gutters", _gutters),
+    _check("grazing angle", "the error falls with the samples", _grazing),
+    _check("constant texture", "its colour, to rounding", _constant),
+    _check("operator and gradient", "adjoint, to rounding", _adjoint),
+    _check("gradients of 1e-7", "summed without loss, in float32 at least", _small_gradients),
+    _check("NaN in a gradient", "shown, and not kept for the next step", _nan_in_a_gradient),
+    _check("display: black, white, beyond, NaN", "the sRGB curve with finite slopes", _display_at_its_ends),
+    _check("decoding: black, white, beyond", "clipped, with finite slopes", _undisplay_at_its_ends),
+)

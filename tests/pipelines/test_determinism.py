@@ -1,0 +1,88 @@
+"""The same seed, version and device: the same UV map, in processes of their own. What other thread counts change."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.stability.box import painted_box
+from benchmarks.stability.drawn import make_dataset
+from rauca_core.attack import read_history
+from rauca_core.contract import RaucaError
+from rauca_core.detect import fetch
+from rauca_core.images import read_image
+
+STEPS = 3
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six frames of a box, before any taps are built."""
+    try:
+        fetch("yolov3-tiny")
+    except RaucaError as error:
+        if os.environ.get("RAUCA_OFFLINE") == "1":
+            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
+        raise
+    folder = tmp_path_factory.mktemp("determinism") / "data"
+    make_dataset(folder, painted_box(), 64, (40.0, 130.0, 250.0))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return optimised(data, tmp_path_factory.mktemp("first"), threads=1, hash_seed=1)
+
+
+def optimised(data: Path, where: Path, threads: int, hash_seed: int) -> Path:
+    """The folder of ``rauca optimize``, run in ``where`` by a process of its own."""
+    arguments = ["--out", "out", "--steps", STEPS, "--batch", 2, "--map-size", 64, "--samples", 2, "--seed", 5]
+    command = [sys.executable, "-m", "pipelines.optimize_camouflage", data, *arguments, "--threads", threads]
+    environment = {
+        **os.environ, "PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": str(Path(__file__).parents[2]),
+        "OMP_NUM_THREADS": str(threads),
+    }  # fmt: skip
+    done = subprocess.run(
+        list(map(str, command)), cwd=where, env=environment, capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return where / "out"
+
+
+def untimed(folder: Path) -> list[dict[str, Any]]:
+    """The history without the seconds that steps took."""
+    return [{k: v for k, v in row.items() if "seconds" not in k and k != "stages"} for row in read_history(folder)]
+
+
+def test_two_processes_make_the_same_bytes(data: Path, first: Path, tmp_path: Path) -> None:
+    again = optimised(data, tmp_path, threads=1, hash_seed=2)  # the taps come from the cache this time
+    assert again.joinpath("camouflage.png").read_bytes() == first.joinpath("camouflage.png").read_bytes()
+    assert again.joinpath("camouflage.json").read_bytes() == first.joinpath("camouflage.json").read_bytes()
+    tensors = [sorted((folder / "checkpoints").glob("*.safetensors"))[-1] for folder in (first, again)]
+    assert tensors[0].name == tensors[1].name
+    assert tensors[0].read_bytes() == tensors[1].read_bytes()
+    assert untimed(again) == untimed(first)
+    assert len(untimed(again)) == STEPS
+
+
+def test_another_seed_makes_others(first: Path) -> None:
+    """What is compared above depends on the seed at all."""
+    assert json.loads(first.joinpath("camouflage.json").read_text())["made"]["seed"] == 5
+    assert len(np.unique(read_image(first / "camouflage.png"))) > 100
+
+
+def test_another_number_of_threads_rounds_otherwise_and_no_more(data: Path, first: Path, tmp_path: Path) -> None:
+    """Sums of the detector's convolutions are split by threads; nothing else of a step is."""
+    other = optimised(data, tmp_path, threads=2, hash_seed=1)
+    losses = np.array([[row["loss"] for row in untimed(folder)] for folder in (first, other)])
+    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+    maps = [read_image(folder / "camouflage.png").astype(int) for folder in (first, other)]
+    assert np.abs(maps[0] - maps[1]).max() <= round(STEPS * 2 * 0.01 * 255)  # Adam's first steps are +-lr each
+    assert (maps[0] != maps[1]).mean() < 0.05
