@@ -182,8 +182,9 @@ def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Itera
     """
     if (out / "dataset.json").is_file():
         contract.claim_folder(out, plan)
-        yield out
-        return
+        if (out / "vehicle" / "vehicle.json").is_file():  # else it was damaged and removed
+            yield out
+            return
     with scratch_folder() as draft:
         vehicle.save(draft / "vehicle")
         contract.claim_folder(draft, plan)

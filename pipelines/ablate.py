@@ -30,6 +30,7 @@ from rauca_core.evaluate.ablations import Experiment, Findings, Sizes, Variant, 
 from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, keep_copy
 from rauca_core.evaluate.images_of import ImageOf
 from rauca_core.evaluate.study import FILE_NAME, Entry, load_study, save_study
+from rauca_core.folder_lock import alone_in
 from rauca_core.images import read_image
 
 RANDOM_SEED, RANDOM_CELL = 1, 8  # as in `rauca evaluate`
@@ -77,7 +78,12 @@ class Repeat:
 
 
 def run_ablation(asked: Ablation) -> Path:
-    """Run or resume an ablation; returns its page."""
+    """Run or resume an ablation; returns its page. Raises :class:`RaucaError` if another process is at work there."""
+    with alone_in(asked.out):
+        return _run(asked)
+
+
+def _run(asked: Ablation) -> Path:
     repeats = _repeats(asked)
     made = {}
     for number, repeat in enumerate(repeats, start=1):

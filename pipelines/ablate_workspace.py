@@ -37,6 +37,7 @@ from rauca_core.environment.published_fit import fit_published
 from rauca_core.evaluate.ablations.sizes import Sizes
 from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
 from rauca_core.evaluate.contestants import Contestant, VehicleChoice, keep_copy
+from rauca_core.evaluate.renders import discard_damaged
 from rauca_core.evaluate.views import balanced_frames
 from rauca_core.images import read_image
 
@@ -126,6 +127,8 @@ class Workspace:
         folders = {label: out / path.stem for label, path in paints.items()}
         frames = [frame.id for frame in views.dataset.frames() if frame.id in set(views.ids)]
         with alone(out):
+            for folder in folders.values():
+                discard_damaged(folder, frames)
             missing = {
                 paints[label].stem: paints[label]
                 for label, folder in folders.items()

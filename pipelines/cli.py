@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
 from pathlib import Path
-from types import ModuleType
-from typing import Annotated
+from types import FrameType, ModuleType
+from typing import Annotated, NoReturn
 
 import typer
 from rich.console import Console
@@ -61,11 +62,23 @@ def run(*command: str) -> None:
     Args:
         command: put before what the user typed, for programs that stand for one command.
     """
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         app([*command, *sys.argv[1:]])
     except RaucaError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        complaint = str(error)
+    except OSError as error:  # of a file that nobody else speaks for
+        where = error.filename or "a file"
+        complaint = f"{where}: {error.strerror or error}; see to the disk or choose another, then run the same command"
+    else:
+        return
+    print(f"error: {complaint}", file=sys.stderr)
+    sys.exit(2)
+
+
+def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
+    """SIGTERM is Ctrl-C: what a job has started is stopped, what is finished is kept."""
+    raise KeyboardInterrupt
 
 
 @app.command("apply", context_settings=PASS_ON)

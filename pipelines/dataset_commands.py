@@ -13,7 +13,14 @@ from rich.table import Column, Table
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract.files import write_json
 from rauca_core.contract.recolour import find_colours
-from rauca_core.dataset_tools import CheckResult, check_dataset, export_dataset, recolour_dataset, view_dataset
+from rauca_core.dataset_tools import (
+    CheckResult,
+    check_dataset,
+    export_dataset,
+    recolour_dataset,
+    remove_damaged,
+    view_dataset,
+)
 from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
 
 from .blender_process import run_blender
@@ -50,6 +57,9 @@ def dataset_check(
         MIN_PSNR_DB
     ),
     unfinished: Annotated[bool, typer.Option("--unfinished", help="frames not rendered yet are no finding")] = False,
+    remove: Annotated[
+        bool, typer.Option("--remove-damaged", help="damaged frames; `rauca dataset make` then renders them again")
+    ] = False,
     json: Annotated[Path | None, typer.Option(help="write the findings to this file too")] = None,
 ) -> None:
     """Read every file and hold it against the others, the plan and the ledger; exit code 2 if anything is wrong."""
@@ -60,6 +70,8 @@ def dataset_check(
     Console().print(_table(folder, result))
     for finding in result.findings:
         print(finding)
+    for name in remove_damaged(folder, result) if remove else ():
+        console.print(f"removed: {name}", highlight=False, soft_wrap=True)
     if result.findings:
         raise typer.Exit(2)
 

@@ -29,9 +29,10 @@ from rauca_core.evaluate import DetectionSettings, evaluate, reference_images
 from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, keep_copy
 from rauca_core.evaluate.defences import Defence
 from rauca_core.evaluate.images_of import ImageOf
-from rauca_core.evaluate.renders import RenderRecord
+from rauca_core.evaluate.renders import RenderRecord, discard_damaged
 from rauca_core.evaluate.study import FILE_NAME, Entry, save_study
 from rauca_core.evaluate.views import HeldOut, balanced_frames
+from rauca_core.folder_lock import alone_in
 from rauca_core.images import read_image
 
 FRAMES = "frames.txt"
@@ -100,15 +101,16 @@ class Views:
 
 
 def run_study(request: Request) -> list[Entry]:
-    """Run or resume a study; returns its entries."""
+    """Run or resume a study; returns its entries. Raises :class:`RaucaError` if another process is at work there."""
     entries: list[Entry] = []
-    for vehicle, contestants in request.contestants.items():
-        copies = _copies(request, vehicle, contestants)
-        for views in _views(request, vehicle):
-            _render(request, vehicle, views, copies)
-            for defence in request.defences:
-                entries.append(_evaluate(request, vehicle, views, copies, defence))
-                save_study(request.out / FILE_NAME, request.command, entries)
+    with alone_in(request.out):
+        for vehicle, contestants in request.contestants.items():
+            copies = _copies(request, vehicle, contestants)
+            for views in _views(request, vehicle):
+                _render(request, vehicle, views, copies)
+                for defence in request.defences:
+                    entries.append(_evaluate(request, vehicle, views, copies, defence))
+                    save_study(request.out / FILE_NAME, request.command, entries)
     return entries
 
 
@@ -159,6 +161,8 @@ def _render(request: Request, vehicle: VehicleChoice, views: Views, copies: Mapp
     frames = [frame.id for frame in dataset.frames() if frame.id in wanted]
     record = RenderRecord.of(dataset.plan, list(copies.values()))
     renders = views.folder / "renders"
+    for label in copies:
+        discard_damaged(renders / label, frames)
     if not copies or record.holds(renders, frames):
         return
     record.forget(renders)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from torch import Tensor
 
 from .contract import RaucaError
 from .contract.files import sweep_partials, write_bytes, write_json
+from .contract.schema import Fields
 
 POINTER = "checkpoint.json"
 
@@ -28,20 +30,32 @@ def write_checkpoint(
     (name, version), (counted, done, digits) = form, count
     file = f"{counted}-{done:0{digits}d}.safetensors"
     kept = {key: value.detach().cpu().contiguous() for key, value in tensors.items()}
-    write_bytes(folder / file, safetensors.torch.save(kept))
+    data = safetensors.torch.save(kept)
+    write_bytes(folder / file, data)
     opening = {"format": name, "version": version, counted: done}
-    write_json(folder / POINTER, {**opening, "tensors": file, **fields})
+    digest = hashlib.sha256(data).hexdigest()
+    write_json(folder / POINTER, {**opening, "tensors": file, "sha256": digest, **fields})
     for old in folder.glob(f"{counted}-*.safetensors"):
         if old.name != file:
             old.unlink()
     sweep_partials(folder)
 
 
-def read_tensors(path: Path, remedy: str) -> dict[str, Tensor]:
-    """Tensors of a checkpoint; raises :class:`RaucaError` with the ``remedy`` when they are missing or damaged."""
+def read_tensors(folder: Path, fields: Fields, remedy: str) -> dict[str, Tensor]:
+    """Tensors of the checkpoint whose JSON is ``fields``.
+
+    Raises:
+        RaucaError: they are missing, damaged, or not the bytes that were written; with the ``remedy``.
+    """
+    path = folder / fields.file_name("tensors")
+    # Checkpoints of earlier versions do not say.
+    digest = fields.text("sha256") if fields.has("sha256") else None
     try:
-        tensors: dict[str, Tensor] = safetensors.torch.load(path.read_bytes())
-    except (OSError, SafetensorError) as error:
+        data = path.read_bytes()
+        if digest is not None and hashlib.sha256(data).hexdigest() != digest:
+            raise RaucaError("its bytes are not those that were written")
+        tensors: dict[str, Tensor] = safetensors.torch.load(data)
+    except (RaucaError, OSError, SafetensorError) as error:
         raise RaucaError(f"{path}: missing or damaged ({error}); {remedy}") from error
     return tensors
 

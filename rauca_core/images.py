@@ -20,6 +20,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         RaucaError: missing, damaged or absurdly large file.
     """
     try:
+        _verify(path)
         with Image.open(path) as image:
             if image.width * image.height > MAX_PIXELS:
                 raise RaucaError(f"{path}: {image.width}x{image.height} pixels; at most 16384x16384 are read")
@@ -28,3 +29,18 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         raise RaucaError(f"{path}: not found") from None
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
         raise RaucaError(f"{path}: not a readable image ({error})") from error
+
+
+def is_whole(path: Path) -> bool:
+    """Whether an image is there with the bytes that were written, as far as its format can tell: PNG can."""
+    try:
+        _verify(path)
+    except Exception:
+        return False
+    return True
+
+
+def _verify(path: Path) -> None:
+    """Hold a PNG against its own checksums, which Pillow passes over when it decodes: a flipped bit shows otherwise."""
+    with Image.open(path) as image:
+        image.verify()

@@ -46,11 +46,11 @@ def load_checkpoint(folder: Path) -> Checkpoint:
     """Read the latest checkpoint; raises :class:`RaucaError` when there is none or it is damaged."""
     fields = read_json(folder / POINTER)
     fields.format(*FORMAT)
-    step, path, identity = fields.integer("step"), folder / fields.file_name("tensors"), fields.raw("identity")
+    step, identity = fields.integer("step"), fields.raw("identity")
+    tensors = read_tensors(folder, fields, OTHER_RUN)
     fields.done()
-    tensors = read_tensors(path, OTHER_RUN)
     if set(tensors) != set(_TENSORS):
-        raise RaucaError(f"{path}: not a checkpoint of this rauca; {OTHER_RUN}")
+        raise RaucaError(f"{folder / POINTER}: not a checkpoint of this rauca; {OTHER_RUN}")
     return Checkpoint(step, identity, tensors)
 
 

@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from torch import Tensor
-from torch.utils.tensorboard import SummaryWriter
 
+from ..board import Board
 from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
 from .preview import SIDE, shrunk
 
 HISTORY = "history.jsonl"
-FLUSH_S = 5  # a tensorboard that watches the run is at most so far behind
 
 
 @dataclass(frozen=True)
@@ -51,17 +50,17 @@ class Journal:
         if self._path.is_file():
             write_bytes(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
         self._pending: list[str] = []
-        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1, flush_secs=FLUSH_S)
+        self._board = Board(folder / "tensorboard", step + 1)
 
     def add(self, report: StepReport) -> None:
         self._pending.append(json.dumps(asdict(report)))
-        for name in ("loss", "attack", "smooth", "prior", "score"):
-            self._board.add_scalar(name, getattr(report, name), report.step)
+        curves = ("loss", "attack", "smooth", "prior", "score")
+        self._board.scalars({name: getattr(report, name) for name in curves}, report.step)
 
     def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
         """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
-        self._board.add_image("uv_map", shrunk(uv_map_srgb, SIDE), step)
-        self._board.add_image("frame", image_srgb.clamp(0, 1).cpu(), step)
+        self._board.picture("uv_map", shrunk(uv_map_srgb, SIDE), step)
+        self._board.picture("frame", image_srgb.clamp(0, 1).cpu(), step)
 
     def flush(self) -> None:
         if self._pending:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from ..contract import Dataset, RaucaError
 from ..contract.files import sweep_partials
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
+from ..folder_lock import alone_in
 from ..stopping import stop_request
 from ..team import ALONE, Team
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
@@ -20,7 +23,7 @@ from .result import write_result
 from .run import Run
 from .settings import OptimiserSettings
 
-CHECKPOINTS = "checkpoints"
+CHECKPOINTS, TAPS = "checkpoints", "taps"
 OnStep = Callable[[StepReport], None]
 OnView = Callable[[int, int], None]
 
@@ -53,32 +56,40 @@ def optimise(
         The path of ``camouflage.json``.
 
     Raises:
-        RaucaError: unusable data set, detector or folder; a loss or gradient that is not finite (the frame is named);
-            a stop by Ctrl-C or SIGTERM, after a checkpoint.
+        RaucaError: unusable data set, detector or folder, or another process at work there; a loss or gradient that is
+            not finite (the frame is named); a stop by Ctrl-C or SIGTERM, after a checkpoint.
     """
     out = Path(out)
+    with alone_in(out) if team.leads else contextlib.nullcontext():
+        _require_state(out, resume)
+        if settings.tap_folder is None and not os.access(dataset.folder, os.W_OK):  # a data set on a read-only disk
+            settings = settings.model_copy(update={"tap_folder": out / TAPS})
+        keep_large_blocks()
+        moved = [detector.to(team.device) for detector in detectors]
+        panel = Panel(moved, settings.target, settings.weights, settings.precision, settings.objective)
+        with threads(settings.threads):
+            run = Run(dataset, panel, settings, team)
+            try:
+                if resume:
+                    checkpoint = load_checkpoint(out / CHECKPOINTS)
+                    check_identity(out, checkpoint.identity, run.identity)
+                    run.restore(checkpoint)
+                with run.store.warming(run.order.upcoming(), on_view):
+                    _loop(run, out, on_step)
+            finally:
+                run.close()
+            texels = run.texture.texels()
+            if not team.leads:
+                return out / "camouflage.json"
+            return write_result(out, run.store.vehicle, run.store.pyramid, texels, settings, panel.name)
+
+
+def _require_state(out: Path, resume: bool) -> None:
+    """Refuse to start where a run is, and to resume where none is."""
     started = (out / CHECKPOINTS / POINTER).is_file()
     if started != resume:
         hint = "resume it or choose another folder" if started else "start it without resuming"
         raise RaucaError(f"{out}: holds {'a' if started else 'no'} run with checkpoints; {hint}")
-    keep_large_blocks()
-    moved = [detector.to(team.device) for detector in detectors]
-    panel = Panel(moved, settings.target, settings.weights, settings.precision, settings.objective)
-    with threads(settings.threads):
-        run = Run(dataset, panel, settings, team)
-        try:
-            if resume:
-                checkpoint = load_checkpoint(out / CHECKPOINTS)
-                check_identity(out, checkpoint.identity, run.identity)
-                run.restore(checkpoint)
-            with run.store.warming(run.order.upcoming(), on_view):
-                _loop(run, out, on_step)
-        finally:
-            run.close()
-        texels = run.texture.texels()
-        if not team.leads:
-            return out / "camouflage.json"
-        return write_result(out, run.store.vehicle, run.store.pyramid, texels, settings, panel.name)
 
 
 def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:

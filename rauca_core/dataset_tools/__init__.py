@@ -1,9 +1,18 @@
 """Looking after data sets: check them, look at them, hand them to other tools. NumPy and Pillow only."""
 
-from .check import CheckResult, check_dataset
+from .check import CheckResult, check_dataset, remove_damaged
 from .export import FORMATS, export_dataset
 from .findings import Finding
 from .recolouring import recolour_dataset
 from .view import view_dataset
 
-__all__ = ["FORMATS", "CheckResult", "Finding", "check_dataset", "export_dataset", "recolour_dataset", "view_dataset"]
+__all__ = [
+    "FORMATS",
+    "CheckResult",
+    "Finding",
+    "check_dataset",
+    "export_dataset",
+    "recolour_dataset",
+    "remove_damaged",
+    "view_dataset",
+]

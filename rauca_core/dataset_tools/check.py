@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,10 +24,10 @@ from ..contract import (
     planned_frames,
     read_ledger,
 )
-from ..contract.files import TEMPORARY_PREFIX
+from ..contract.files import TEMPORARY_PREFIX, disk_errors
 from ..images import read_image
 from .check_frame import FrameResult, check_frame, checksums
-from .findings import MAKE_AGAIN, Finding
+from .findings import MAKE_AGAIN, RENDER_AGAIN, Finding
 from .ledger_lines import check_ledgers
 
 MIN_PSNR_DB = 30.0
@@ -117,6 +119,19 @@ def check_dataset(
     return CheckResult(findings, weathers)
 
 
+def remove_damaged(folder: Path, result: CheckResult) -> list[str]:
+    """Remove the frames, and the vehicle, that findings are about; the same `rauca dataset make` makes them again.
+
+    Returns:
+        The folders removed, below the data set's.
+    """
+    removed = sorted({finding.again for finding in result.findings if finding.again})
+    for name in removed:
+        with disk_errors(folder / name), contextlib.suppress(FileNotFoundError):
+            shutil.rmtree(folder / name)
+    return removed
+
+
 def _examined(
     dataset: Dataset, frames: list[PlannedFrame], vehicle: Vehicle | None, progress: Callable[[Progress], None]
 ) -> Iterator[tuple[PlannedFrame, FrameResult]]:
@@ -134,7 +149,7 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
     found: list[Finding] = []
     vehicle = dataset.vehicle_folder
     names = {"dataset.json", *(f"vehicle/{path.name}" for path in vehicle.glob("*"))}
-    checksums(lambda file, what: found.append(Finding(file, what, MAKE_AGAIN)), dataset.folder, names)
+    checksums(lambda file, what: found.append(_of_top_level(file, what)), dataset.folder, names)
     yield from found
     frames = dataset.folder / "frames"
     known = {frame_id for frame_id, *_ in dataset.plan.frame_ids()}
@@ -145,12 +160,20 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
             yield Finding(f"frames/{path.name}", "is no frame of the plan", "remove it")
 
 
+def _of_top_level(file: str, what: str) -> Finding:
+    """The plan says what everything is and cannot be made again beside it; the vehicle is written once more."""
+    if file.startswith("vehicle/"):
+        return Finding(file, what, RENDER_AGAIN, again="vehicle")
+    return Finding(file, what, MAKE_AGAIN)
+
+
 def _vehicle(dataset: Dataset, findings: list[Finding]) -> Vehicle | None:
     """The data set's vehicle, or None and a finding."""
     try:
         vehicle = load_vehicle(dataset.vehicle_folder, read_image)
     except RaucaError as error:
-        findings.append(Finding("vehicle", str(error).removeprefix(f"{dataset.vehicle_folder}/"), MAKE_AGAIN))
+        told = str(error).removeprefix(f"{dataset.vehicle_folder}/")
+        findings.append(Finding("vehicle", told, RENDER_AGAIN, again="vehicle"))
         return None
     if vehicle.atlas_id != dataset.plan.atlas_id:
         findings.append(Finding("vehicle", "its UV atlas is not the one the plan was made with", MAKE_AGAIN))

@@ -56,7 +56,8 @@ class _Examination:
         return FrameResult(tuple(self._findings), squared_error, values)
 
     def _report(self, file: str, what: str) -> None:
-        self._findings.append(Finding(f"frames/{self._planned.id}/{file}", what, RENDER_AGAIN))
+        frame = f"frames/{self._planned.id}"
+        self._findings.append(Finding(f"{frame}/{file}", what, RENDER_AGAIN, again=frame))
 
     def _contents(self) -> tuple[float, int]:
         """Hold the files against each other; returns the recolouring check's squared error and number of values."""

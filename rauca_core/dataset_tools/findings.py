@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-RENDER_AGAIN = "remove the frame's folder and run the same `rauca dataset make` again"
+RENDER_AGAIN = "check with --remove-damaged and run the same `rauca dataset make` again"
 MAKE_AGAIN = "make the data set again in another folder"
 
 Report = Callable[[str, str], None]
@@ -20,11 +20,13 @@ class Finding:
         file: path below the data set's folder.
         what: is wrong with it.
         remedy: what to do about it.
+        again: folder below the data set's that `rauca dataset make` makes again once it is gone; "" if none.
     """
 
     file: str
     what: str
     remedy: str
+    again: str = ""
 
     def __str__(self) -> str:
         return f"{self.file}: {self.what}; {self.remedy}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import time
@@ -13,14 +14,16 @@ from typing import Any
 import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
-from torch.utils.tensorboard import SummaryWriter
 
+from ..board import Board
 from ..checkpoint_files import POINTER
 from ..contract import RaucaError
 from ..contract.files import append_line
 from ..contract.recolour import TEST
 from ..contract.seeding import named_rng
 from ..cpu import keep_large_blocks, threads
+from ..folder_lock import alone_in
+from ..stopping import StopRequest, stop_request
 from ..team import Team
 from .averaging import WeightAverage
 from .convergence import converged_epoch
@@ -114,25 +117,26 @@ def train(
         on_step: called with the steps done and the steps of the epoch.
 
     Raises:
-        RaucaError: a folder that holds a run, or none to resume; a loss or gradient that is not finite, which names
-            the frame.
+        RaucaError: a folder that holds a run, or none to resume, or another process at work there; a loss or gradient
+            that is not finite, which names the frame; a stop by Ctrl-C or SIGTERM, after the step in progress.
     """
-    started = (job.out / CHECKPOINTS / POINTER).is_file()
-    if started != resume:
-        hint = "resume it or choose another folder" if started else "start it without resuming"
-        raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
     if not job.train or not job.test:
         raise RaucaError(f"{job.out}: no frames to {'train' if not job.train else 'test'} on; make a larger data set")
-    keep_large_blocks()
-    with threads(job.settings.threads):
-        return _Training(job, team, on_step).run(resume, on_epoch)
+    with alone_in(job.out) if team.leads else contextlib.nullcontext():
+        started = (job.out / CHECKPOINTS / POINTER).is_file()
+        if started != resume:
+            hint = "resume it or choose another folder" if started else "start it without resuming"
+            raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
+        keep_large_blocks()
+        with threads(job.settings.threads), stop_request() as stop:
+            return _Training(job, team, on_step, stop).run(resume, on_epoch)
 
 
 class _Training:
     """A run in progress."""
 
-    def __init__(self, job: Job, team: Team, on_step: Callable[[int, int], None]) -> None:
-        self.job, self.team, self.on_step = job, team, on_step
+    def __init__(self, job: Job, team: Team, on_step: Callable[[int, int], None], stop: StopRequest) -> None:
+        self.job, self.team, self.on_step, self.stop = job, team, on_step, stop
         self.net = job.learner.net.to(team.device)
         self.wrapped = team.wrap(self.net)
         self.average = WeightAverage(self.net, job.settings.average)
@@ -157,7 +161,7 @@ class _Training:
             restore(self.net, self.optimiser, state.tensors, folder)
             self.average.restore(state.tensors)
             self.errors = state.errors
-        board = SummaryWriter(str(job.out / "tensorboard"), purge_step=len(self.errors)) if self.team.leads else None
+        board = Board(job.out / "tensorboard", len(self.errors)) if self.team.leads else None
         try:
             if not resume:
                 self._test(0, math.nan, 0.0, board, on_epoch)
@@ -184,6 +188,11 @@ class _Training:
             chosen = [self.items[i] for i in order[step * settings.batch : (step + 1) * settings.batch]]
             losses += self._step(epoch, step, chosen)
             self.on_step(step + 1, self.steps)
+            if self.team.any(bool(self.stop)):
+                raise RaucaError(
+                    f"{self.job.out}: stopped in epoch {epoch}; those before it are kept, run the same command with "
+                    "--resume"
+                )
         return losses / self.steps
 
     def _step(self, epoch: int, step: int, items: list[Item]) -> float:
@@ -236,7 +245,7 @@ class _Training:
         epoch: int,
         loss: float,
         seconds: float,
-        board: SummaryWriter | None,
+        board: Board | None,
         on_epoch: Callable[[EpochReport], None],
     ) -> None:
         """Measure, keep the best, write the checkpoint. The leading process does; all learn the error."""
@@ -259,12 +268,10 @@ class _Training:
         on_epoch(report)
 
 
-def _record(board: SummaryWriter, report: EpochReport, found: dict[str, Error]) -> None:
-    if not math.isnan(report.loss):
-        board.add_scalar("loss", report.loss, report.epoch)
-    board.add_scalar("test/mae", report.error, report.epoch)
-    for weather, error in found.items():
-        board.add_scalar(f"psnr_db/{weather}", error.psnr_db, report.epoch)
+def _record(board: Board, report: EpochReport, found: dict[str, Error]) -> None:
+    curves = {} if math.isnan(report.loss) else {"loss": report.loss}
+    curves |= {"test/mae": report.error} | {f"psnr_db/{weather}": error.psnr_db for weather, error in found.items()}
+    board.scalars(curves, report.epoch)
     board.flush()
 
 

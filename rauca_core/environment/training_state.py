@@ -73,10 +73,10 @@ def load_state(folder: Path, identity: dict[str, Any]) -> TrainingState:
     """
     fields = read_json(folder / POINTER)
     fields.format(*FORMAT)
-    epoch, path = fields.integer("epoch"), folder / fields.file_name("tensors")
+    epoch, tensors = fields.integer("epoch"), read_tensors(folder, fields, OTHER_RUN)
     errors = fields.array("errors", (epoch + 1,)).tolist()
     found = fields.raw("identity")
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
-    return TrainingState(epoch, errors, found, read_tensors(path, OTHER_RUN))
+    return TrainingState(epoch, errors, found, tensors)

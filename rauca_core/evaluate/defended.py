@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..contract import Frame
 from ..contract.files import png_bytes, write_bytes
+from ..images import is_whole
 from .defences import Defence
 from .images_of import read_frame_image
 
@@ -26,7 +27,7 @@ def defended_images(
     folder: Path,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Path]:
-    """Defend the images of frames that were not defended before; returns the paths of all.
+    """Defend the images of frames that were not defended before, or whose result is damaged; returns the paths of all.
 
     A result is named by the defence's fingerprint and the image's hash, so that neither can change unnoticed. It is
     8-bit sRGB: what a detector behind the defence would be handed as a picture.
@@ -41,7 +42,7 @@ def defended_images(
     results = [folder / f"{_key(defence, image_sha256)}.png" for image_sha256 in hashes]
     for done, (frame, path, result) in enumerate(zip(frames, paths, results, strict=True)):
         report(done, len(results))
-        if not result.is_file():
+        if not is_whole(result):
             write_bytes(result, png_bytes(_defend(defence, read_frame_image(path, frame))))
     report(len(results), len(results))
     return results

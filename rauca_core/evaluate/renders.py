@@ -11,6 +11,7 @@ from pathlib import Path
 from ..contract import Plan, load_camouflage
 from ..contract.files import write_json
 from ..detect.weights_file import sha256_of
+from ..images import is_whole
 
 FILE_NAME = "rendered.json"
 
@@ -48,6 +49,13 @@ class RenderRecord:
     def forget(folder: Path) -> None:
         """To be called before anything is rendered: a killed run must not leave a record that no longer holds."""
         (folder / FILE_NAME).unlink(missing_ok=True)
+
+
+def discard_damaged(folder: Path, frames: Sequence[str]) -> None:
+    """Remove renders of a camouflage that a disk has damaged since: what is missing is rendered again."""
+    for path in (folder / f"{frame}.png" for frame in frames):
+        if path.is_file() and not is_whole(path):
+            path.unlink()
 
 
 def _recorded(folder: Path) -> RenderRecord | None:

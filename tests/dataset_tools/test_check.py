@@ -187,7 +187,7 @@ def test_what_valid_files_may_not_say_is_found(mini, spoil, what):
     save_frame(mini.frame_folder(frame.id), *spoil(frame, stored(mini, frame.id)))
     texts = told(check_dataset(mini.folder))
     assert any(re.match(f"frames/{frame.id}/{what}", text) for text in texts), texts
-    assert all("; remove the frame's folder and run" in text for text in texts)
+    assert all("; check with --remove-damaged and run" in text for text in texts)
 
 
 def test_a_colour_that_the_light_maps_do_not_predict_fails_its_weather(mini):

@@ -31,7 +31,7 @@ def test_check_tells_by_exit_code_table_and_json(mini, tmp_path):
     lines = [line for line in broken.stdout.splitlines() if line.startswith("frames/")]
     assert len(lines) == 1
     assert "passes.npz: its bytes are not those that were written" in lines[0]
-    assert "remove the frame's folder" in lines[0]
+    assert "check with --remove-damaged and run" in lines[0]
 
 
 def test_check_accepts_an_unfinished_set_only_when_told(mini):

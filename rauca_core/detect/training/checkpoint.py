@@ -42,12 +42,11 @@ def restore_run(
     """
     fields = read_json(folder / POINTER)
     fields.format(*FORMAT)
-    step, path = fields.integer("step"), folder / fields.file_name("tensors")
+    step, tensors = fields.integer("step"), read_tensors(folder, fields, OTHER_RUN)
     found = fields.raw("identity")
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
-    tensors = read_tensors(path, OTHER_RUN)
     restore(network, optimiser, tensors, folder)
     try:
         average.load_state_dict({n.removeprefix(_MEAN): t for n, t in tensors.items() if n.startswith(_MEAN)})

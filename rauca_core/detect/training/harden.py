@@ -21,6 +21,7 @@ from ...contract import RaucaError, load_camouflage
 from ...contract.files import write_json
 from ...contract.schema import read_json
 from ...environment.frames import LightFrames, SplitBy
+from ...folder_lock import alone_in
 from ...render import TapSettings
 from ..interface import Detector
 from ..weights_file import sha256_of
@@ -104,10 +105,11 @@ def harden(
     """
     origin = origin_of(wanted.detector)
     rounds = _Rounds(wanted, origin)
-    _claim(wanted.out, rounds.identity, resume)
-    target = wanted.out / f"hardened-{origin.card.name}.safetensors"
-    if not target.with_suffix(".json").is_file():
-        rounds.run(target, on_test, on_step)
+    with alone_in(wanted.out):
+        _claim(wanted.out, rounds.identity, resume)
+        target = wanted.out / f"hardened-{origin.card.name}.safetensors"
+        if not target.with_suffix(".json").is_file():
+            rounds.run(target, on_test, on_step)
     return target
 
 

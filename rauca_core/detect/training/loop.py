@@ -20,6 +20,7 @@ from ...contract import RaucaError
 from ...contract.files import append_line
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
+from ...folder_lock import alone_in
 from ...stopping import StopRequest, stop_request
 from .checkpoint import restore_run, save_run
 from .measure import ALL, Findings
@@ -78,18 +79,19 @@ def train(
     stopped. Ctrl-C and SIGTERM end the step in progress, write a checkpoint and raise.
 
     Raises:
-        RaucaError: a folder that holds a run, or none to resume; a loss or gradient that is not finite, with its step
-            and frames; a stop.
+        RaucaError: a folder that holds a run, or none to resume, or another process at work there; a loss or gradient
+            that is not finite, with its step and frames; a stop.
     """
-    started = (job.out / CHECKPOINTS / POINTER).is_file()
-    if started != resume:
-        hint = "resume it or choose another folder" if started else "start it without resuming"
-        raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
-    keep_large_blocks()
-    if job.settings.threads:
-        cv2.setNumThreads(job.settings.threads)
-    with threads(job.settings.threads), stop_request() as stop:
-        return _Training(job).run(resume, stop, on_round, on_step)
+    with alone_in(job.out):
+        started = (job.out / CHECKPOINTS / POINTER).is_file()
+        if started != resume:
+            hint = "resume it or choose another folder" if started else "start it without resuming"
+            raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
+        keep_large_blocks()
+        if job.settings.threads:
+            cv2.setNumThreads(job.settings.threads)
+        with threads(job.settings.threads), stop_request() as stop:
+            return _Training(job).run(resume, stop, on_round, on_step)
 
 
 class _Training:

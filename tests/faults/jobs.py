@@ -1,0 +1,140 @@
+"""The long jobs, each as a command line with a tiny input, and how to tell what it is doing and what it has made."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Content = dict[str, Any]
+POINTER = "checkpoints/checkpoint.json"
+NO_BLENDER = pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="the bpy wheel is not installed")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What jobs work on.
+
+    Attributes:
+        data: a data set.
+        detector: weights of a small network.
+    """
+
+    data: Path
+    detector: Path
+
+
+@dataclass(frozen=True)
+class Job:
+    """One long job.
+
+    Attributes:
+        name: what stands after ``rauca``.
+        options: that make it small.
+        pulse: a value that changes in the folder of a job each time that it has got further.
+        content: what a finished folder holds, equal for equal work.
+        reads: it works on a data set.
+        detector: the option that names one; "" for none.
+        resumes: it goes on with ``--resume``; else by the same command.
+        marks: of the test parameter.
+    """
+
+    name: str
+    options: str
+    pulse: Callable[[Path], object]
+    content: Callable[[Path], Content]
+    reads: bool = True
+    detector: str = ""
+    resumes: bool = False
+    marks: tuple[pytest.MarkDecorator, ...] = ()
+
+    def words(self, inputs: Inputs, out: Path) -> list[str]:
+        """What a user types after ``rauca``, the first time or after a fault: resuming where there is something."""
+        given = [str(inputs.data)] if self.reads else []
+        given += [self.detector, str(inputs.detector)] if self.detector else []
+        given += ["--resume"] if self.resumes and (out / POINTER).is_file() else []
+        return [*self.name.split(), *given, *self.options.split(), "--out", str(out)]
+
+
+def files(folder: Path, *patterns: str) -> Content:
+    """The bytes of files below a folder."""
+    found = (path for pattern in patterns for path in folder.glob(pattern) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+def each(*jobs: Job) -> pytest.MarkDecorator:
+    """Runs a test once for each job."""
+    return pytest.mark.parametrize(
+        "job", [pytest.param(job, id=job.name.replace(" ", "-"), marks=job.marks) for job in jobs]
+    )
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def _optimised(out: Path) -> Content:
+    history = [(line["step"], line["loss"], line["score"]) for line in _lines(out / "history.jsonl")]
+    return files(out, "camouflage.*", "checkpoints/*") | {"history": history}
+
+
+def _pictured(out: Path) -> int:
+    picture = out / "preview.png"  # renewed at steps and checkpoints
+    return picture.stat().st_mtime_ns if picture.is_file() else 0
+
+
+def _trained(out: Path) -> Content:
+    card = json.loads((out / "light-splitter.json").read_text())
+    errors = {line["epoch"]: line["mae"] for line in _lines(out / "epochs.jsonl")}
+    return files(out, "*.safetensors", "checkpoints/*") | {"metrics": card["metrics"], "errors": errors}
+
+
+def _epochs(out: Path) -> int:
+    return int(json.loads((out / POINTER).read_text())["epoch"]) if (out / POINTER).is_file() else -1
+
+
+def _detected(out: Path) -> int:
+    return sum(len(path.read_bytes().splitlines()) for path in out.glob("box/*/*/detections/*.jsonl"))
+
+
+def _rendered(out: Path) -> int:
+    return sum((frame / "frame.json").is_file() for frame in out.glob("frames/L*"))
+
+
+MAKE = Job(
+    "dataset make",
+    "--azimuths 5 --elevations 15 --distances 6 --weathers single --size 64 --samples 1 --no-denoise --min-visible 0",
+    _rendered,
+    lambda out: files(out, "dataset.json", "SHA256SUMS", "vehicle/*", "frames/*/*"),
+    reads=False,
+    marks=(NO_BLENDER,),
+)
+OPTIMIZE = Job(
+    "optimize",
+    "--steps 24 --batch 1 --map-size 32 --samples 2 --threads 1",
+    _pictured,
+    _optimised,
+    detector="--detector",
+    resumes=True,
+)
+TRAIN = Job(
+    "efe train",
+    "--epochs 3 --batch 3 --split view --crop 16 --threads 1",
+    _epochs,
+    _trained,
+    resumes=True,
+)
+EVALUATE = Job(
+    "evaluate",
+    "--defences none,bits,jpeg --resamples 10",
+    _detected,
+    lambda out: files(out, "box/*/*/results.json", "box/*/*/images/*"),
+    detector="--detectors",
+)
+LEARNING = (OPTIMIZE, TRAIN, EVALUATE)  # from a drawn data set: no Blender
+JOBS = (MAKE, *LEARNING)

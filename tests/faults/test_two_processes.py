@@ -1,0 +1,64 @@
+"""Two processes on one folder: the second is told who is at work there, the first is not disturbed.
+
+Data sets may be shared by processes that render other cameras: tests/pipelines/test_jobs.py has theirs.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.folder_lock import LOCK_FILE, alone_in
+from tests.faults.jobs import LEARNING, Content, Inputs, Job, each
+from tests.faults.running import Running, rauca
+
+Whole, Begun = Callable[[Job], Content], Callable[[Job, Path], Path]
+
+
+@each(*LEARNING)
+def test_second_process(job: Job, inputs: Inputs, whole: Whole, begun: Begun, tmp_path: Path) -> None:
+    out = begun(job, tmp_path / "out")
+    before = job.pulse(out)
+    first = Running(job.words(inputs, out), tmp_path / "log")
+    first.until(lambda: job.pulse(out) != before).signal(signal.SIGSTOP)
+    complaint = rauca(job.words(inputs, out), tmp_path / "log of the second").complaint
+    assert f"{out}: process {first.pid} on {socket.gethostname()} is at work here" in complaint
+    first.signal(signal.SIGCONT)
+    ended = first.wait()
+    assert ended.code == 0, ended.said
+    assert job.content(out) == whole(job)
+    assert not (out / LOCK_FILE).exists()
+
+
+def test_a_lock_leaves_nothing_behind(tmp_path: Path) -> None:
+    with alone_in(tmp_path / "new" / "folder"):
+        assert (tmp_path / "new" / "folder" / LOCK_FILE).is_file()
+    assert not (tmp_path / "new" / "folder").exists()
+    (tmp_path / "kept").touch()
+    with pytest.raises(ZeroDivisionError), alone_in(tmp_path):
+        _ = 1 / 0
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["kept"]
+
+
+def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with alone_in(tmp_path):
+            os.write(write, b".")
+            signal.pause()
+    os.read(read, 1)
+    with pytest.raises(RaucaError, match=f"process {child} on .* is at work here; wait for it"), alone_in(tmp_path):
+        pass
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert (tmp_path / LOCK_FILE).is_file()
+    with alone_in(tmp_path):
+        pass
+    assert not (tmp_path / LOCK_FILE).exists()
