@@ -89,19 +89,19 @@ def evaluate(
     files = [path for path in given or () if path.suffix in (".json", ".png")]
     datasets = [Dataset(path) for path in given or () if path not in files]
     reserved = ("normal", "random") if random else ("normal",)
-    contestants = read_contestants([*_split(camouflage), *map(str, files)], reserved)
+    contestants = read_contestants([*split_names(camouflage), *map(str, files)], reserved)
     vehicles = _vehicles(vehicle, datasets)
     matched = match(contestants, vehicles, everyone=bool(vehicle or datasets))
     if not matched:
         raise RaucaError("evaluate: nothing to evaluate; give camouflages, a data set or a --vehicle")
-    names = _split_defences(defences) or ["none"]
+    names = split_defences(defences) or ["none"]
     request = Request(
         command=shlex.join(["rauca", *sys.argv[1:]]),
         out=out,
         contestants=matched,
         detectors={},
         defences=[make_defence(name) for name in dict.fromkeys(names)],
-        weathers=weather_sets(_split(weathers), bool(datasets)),
+        weathers=weather_sets(split_names(weathers), bool(datasets)),
         held_out=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
         datasets=_by_atlas(datasets),
         random=RandomPaint(random_seed, random_cell) if random else None,
@@ -110,19 +110,19 @@ def evaluate(
         blender=blender,
         scene=scene,
     )
-    loaded = _detectors(_split(detectors), list(matched), device)
+    loaded = _detectors(split_names(detectors), list(matched), device)
     _print(run_study(replace(request, detectors=loaded)), out)
 
 
-def _split(given: Sequence[str] | None) -> list[str]:
+def split_names(given: Sequence[str] | None) -> list[str]:
     """Values of a repeatable option, each of which may be several, comma separated."""
     return [part for value in given or () for part in value.split(",") if part]
 
 
-def _split_defences(given: Sequence[str] | None) -> list[str]:
+def split_defences(given: Sequence[str] | None) -> list[str]:
     """The same for defences, whose parameters have commas too: ``none,lgs:block=9,overlap=3`` are two."""
     names: list[str] = []
-    for part in _split(given):
+    for part in split_names(given):
         if names and ":" in names[-1] and "=" in part and ":" not in part:
             names[-1] += f",{part}"
         else:

@@ -14,10 +14,3 @@ def encode_mask(mask: NDArray[np.bool_]) -> dict[str, Any]:
     changes = np.flatnonzero(columns[1:] != columns[:-1]) + 1
     runs = np.diff(np.concatenate([[0], changes, [columns.size]])).tolist()
     return {"size": list(mask.shape), "counts": [0, *runs] if columns[0] else runs}
-
-
-def decode_mask(rle: dict[str, Any]) -> NDArray[np.bool_]:
-    """The mask (H, W) of an uncompressed COCO RLE."""
-    height, width = rle["size"]
-    values = np.arange(len(rle["counts"])) % 2 == 1
-    return np.repeat(values, rle["counts"]).reshape(width, height).T

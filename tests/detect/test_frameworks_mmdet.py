@@ -117,10 +117,10 @@ def test_without_mmdetection_the_error_says_how_to_install_it(tmp_path: Path) ->
 
 @pytest.mark.skipif(importlib.util.find_spec("mmdet") is None, reason="MMDetection is not installed")
 def test_a_detector_of_mmdetection_detects_and_is_differentiable(tmp_path: Path) -> None:
-    from rauca_core.detect.frameworks.mmdet_detector import _import_registry
+    from rauca_core.detect.frameworks.mmdet_detector import import_registry
 
     path = written(tmp_path / "config.json")
-    registry = _import_registry()
+    registry = import_registry()
     from mmengine.config import ConfigDict
 
     torch.manual_seed(0)

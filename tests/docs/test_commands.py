@@ -19,7 +19,7 @@ from PIL import Image
 
 from blender_addon.arguments import apply_parser, dataset_parser
 from pipelines.cli import app
-from pipelines.evaluate_command import _split, _split_defences, weather_sets
+from pipelines.evaluate_command import split_defences, split_names, weather_sets
 from pipelines.methods import chosen_settings
 from pipelines.naturalness import natural_settings
 from pipelines.slurm import slurm_parser
@@ -168,7 +168,7 @@ def _check_vehicle(name: str) -> None:
 
 
 def _check_sets(names: list[str]) -> None:
-    weather_sets(_split(names), has_datasets=False)
+    weather_sets(split_names(names), has_datasets=False)
 
 
 def _each(check: Callable[[str], Any]) -> Callable[[Any], None]:
@@ -191,7 +191,7 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("optimize", "detector"): _each(_check_detectors),
     ("evaluate", "detectors"): _each(_check_detectors),
     ("evaluate", "weathers"): _check_sets,
-    ("evaluate", "defences"): lambda given: [make_defence(name) for name in _split_defences(given)],
+    ("evaluate", "defences"): lambda given: [make_defence(name) for name in split_defences(given)],
     ("evaluate", "ring"): find_ring,
     ("evaluate", "scale"): frames_of_scale,
     ("evaluate", "vehicle"): _each(_check_vehicle),

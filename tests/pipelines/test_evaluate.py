@@ -100,9 +100,9 @@ def test_mistakes_are_told_before_anything_is_rendered(
 
 
 def test_commas_of_a_defence_stay_with_it() -> None:
-    from pipelines.evaluate_command import _split_defences
+    from pipelines.evaluate_command import split_defences
 
-    assert _split_defences(["none,lgs:block=9,overlap=3,pad", "jpeg:quality=50"]) == [
+    assert split_defences(["none,lgs:block=9,overlap=3,pad", "jpeg:quality=50"]) == [
         "none",
         "lgs:block=9,overlap=3",
         "pad",

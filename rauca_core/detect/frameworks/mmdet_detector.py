@@ -60,7 +60,7 @@ class MmdetDetector:
             RaucaError: MMDetection is missing, a configuration or checkpoint that is unreadable or does not fit.
         """
         described, self._preparation = read_config(config)
-        registry = _import_registry()
+        registry = import_registry()
         try:
             model = registry.build(importlib.import_module("mmengine.config").ConfigDict(described))
         except Exception as error:  # whatever a module's constructor makes of wrong options
@@ -119,7 +119,8 @@ class MmdetDetector:
         return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
 
 
-def _import_registry() -> Any:
+def import_registry() -> Any:
+    """MMDetection's registry of models; raises :class:`RaucaError` where it is not installed, or too old or new."""
     import_torchvision()
     try:
         importlib.import_module("mmdet.utils").register_all_modules()
