@@ -16,6 +16,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import CaffeSsdDetector
 from rauca_core.detect.graphs.caffe import read_caffe_ssd
 from rauca_core.detect.graphs.prototxt import read_prototxt
+from tests.detect.graphs.gradients import checked_gradient
 
 NAMES = ("bicycle", "car", "boat")
 SIZE = 64
@@ -149,21 +150,7 @@ def test_detections_agree_with_opencv(files: tuple[Path, Path], rng: np.random.G
 
 
 def test_gradient_matches_finite_differences(files: tuple[Path, Path]) -> None:
-    detector = CaffeSsdDetector("every", *files, NAMES)
-    detector.network.double()
-    detector.boxes.double()
-    torch.manual_seed(0)
-    images = torch.rand(2, 3, 50, 90, dtype=torch.float64, requires_grad=True)
-
-    def total(x: torch.Tensor) -> torch.Tensor:
-        found = detector.dense(x)
-        return found.classes.square().sum() + 0.01 * found.boxes.sin().sum()
-
-    (gradient,) = torch.autograd.grad(total(images), images)
-    direction = torch.randn_like(images)
-    with torch.no_grad():
-        numeric = (total(images + 1e-6 * direction) - total(images - 1e-6 * direction)) / 2e-6
-    torch.testing.assert_close((gradient * direction).sum(), numeric, rtol=1e-5, atol=1e-7)
+    checked_gradient(CaffeSsdDetector("every", *files, NAMES), 50, 90)
 
 
 def test_an_input_layer_says_the_same(files: tuple[Path, Path]) -> None:

@@ -17,6 +17,7 @@ from rauca_core.detect.graphs import TfSsdDetector
 from rauca_core.detect.graphs.layers import IMAGE, Activation, Affine, Convolution
 from rauca_core.detect.graphs.network import LayerNetwork
 from rauca_core.detect.graphs.tensorflow import read_tensorflow_ssd
+from tests.detect.graphs.gradients import checked_gradient
 
 NAMES = ("person", "bicycle", "car", "kite")
 
@@ -167,21 +168,7 @@ def test_same_padding_is_tensorflows(
 
 def test_gradient_matches_finite_differences(graph: Any, tmp_path: Path) -> None:
     detector = TfSsdDetector("small", graph.save(tmp_path / "small.pb"), NAMES)
-    detector.network.double()
-    detector.boxes.double()
-    torch.manual_seed(0)
-    images = torch.rand(2, 3, 40, 52, dtype=torch.float64, requires_grad=True)
-
-    def total(x: torch.Tensor) -> torch.Tensor:
-        found = detector.dense(x)
-        return found.classes.square().sum() + 0.01 * found.boxes.sin().sum()
-
-    (gradient,) = torch.autograd.grad(total(images), images)
-    direction = torch.randn_like(images)
-    step = 1e-6
-    with torch.no_grad():
-        numeric = (total(images + step * direction) - total(images - step * direction)) / (2 * step)
-    torch.testing.assert_close((gradient * direction).sum(), numeric, rtol=1e-5, atol=1e-7)
+    gradient = checked_gradient(detector, 40, 52)
     assert (gradient.abs().sum(1) > 0).double().mean() > 0.9
     assert not any(parameter.requires_grad for parameter in detector.network.parameters())
 
