@@ -9,10 +9,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+
+from tests.blender.timer import until
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 SMALL = ["--size", "64", "--samples", "1", "--no-denoise", "--seed", "3"]
@@ -59,20 +60,6 @@ def steps(addon):
         return found
 
     return ask
-
-
-def until(reached, seconds: float = 900.0) -> float:
-    """Let the timer's function run until ``reached``; returns the longest it took of this thread's own time."""
-    from blender_addon.background import watch
-
-    deadline, longest = time.monotonic() + seconds, 0.0
-    while not reached():
-        assert time.monotonic() < deadline
-        begin = time.thread_time()
-        watch.tick()
-        longest = max(longest, time.thread_time() - begin)
-        time.sleep(0.02)
-    return longest
 
 
 def fill(disk: Path) -> None:

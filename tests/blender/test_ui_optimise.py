@@ -6,7 +6,6 @@ import json
 import os
 import sys
 import sysconfig
-import time
 import venv
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import load_camouflage
+from tests.blender.timer import until
 
 STEPS = 6
 
@@ -45,20 +45,6 @@ def ready(addon, settings, box_vehicle, tmp_path):
 
 def _lightness(name: str) -> tuple[bool, str]:
     return name != "yolov3-tiny", name
-
-
-def until(reached, seconds: float = 900.0) -> float:
-    """Let the timer's function run until ``reached``; returns the longest it took of this thread's own time."""
-    from blender_addon.background import watch
-
-    deadline, longest = time.monotonic() + seconds, 0.0
-    while not reached():
-        assert time.monotonic() < deadline
-        begin = time.thread_time()
-        watch.tick()
-        longest = max(longest, time.thread_time() - begin)
-        time.sleep(0.02)
-    return longest
 
 
 def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path):
