@@ -6,29 +6,34 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from .contract import RaucaError
+from .contract.image_header import MAX_PIXELS
 
-MAX_PIXELS = 16384 * 16384
+FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
+"""Pillow knows some fifty; one of them (EPS) starts a program to read a file."""
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
     """Read an 8-bit image: (H, W) for grey files, else (H, W, 3) sRGB; alpha is dropped.
 
     Raises:
-        RaucaError: missing, damaged or absurdly large file.
+        RaucaError: missing, damaged or absurdly large file, a format other than :data:`FORMATS`.
     """
+    path = Path(path)
+    if not path.is_file():
+        raise RaucaError(f"{path}: {'not a readable image (no regular file)' if path.exists() else 'not found'}")
     try:
         _verify(path)
-        with Image.open(path) as image:
+        with Image.open(path, formats=FORMATS) as image:
             if image.width * image.height > MAX_PIXELS:
-                raise RaucaError(f"{path}: {image.width}x{image.height} pixels; at most 16384x16384 are read")
+                raise RaucaError(f"{path}: {image.width}x{image.height} pixels; at most 8192x8192 are read")
             return np.asarray(image.convert("L" if image.mode in ("1", "L", "I;16") else "RGB"))
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
-        raise RaucaError(f"{path}: not a readable image ({error})") from error
+    except RaucaError:
+        raise
+    except Exception as error:  # Pillow's decoders raise whatever a damaged file makes of them
+        raise RaucaError(f"{path}: not a readable image ({error or type(error).__name__})") from error
 
 
 def is_whole(path: Path) -> bool:
@@ -42,5 +47,5 @@ def is_whole(path: Path) -> bool:
 
 def _verify(path: Path) -> None:
     """Hold a PNG against its own checksums, which Pillow passes over when it decodes: a flipped bit shows otherwise."""
-    with Image.open(path) as image:
+    with Image.open(path, formats=FORMATS) as image:
         image.verify()

@@ -11,9 +11,11 @@ from torch import Tensor
 from ..board import Board
 from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
+from ..contract.reading import parse_json, read_limited
 from .preview import SIDE, shrunk
 
 HISTORY = "history.jsonl"
+MAX_HISTORY_BYTES = 2**28  # a line is some 400 bytes: half a million steps
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,18 @@ def read_history(folder: Path) -> list[dict[str, float]]:
     path = Path(folder) / HISTORY
     if not path.is_file():
         raise RaucaError(f"{path}: not found; optimise a camouflage first")
-    lines, reports = path.read_text(encoding="utf-8").splitlines(), []
+    lines, reports = read_limited(path, MAX_HISTORY_BYTES, "the history of a run").splitlines(), []
     for number, line in enumerate(lines, 1):
         try:
-            reports.append(dict(json.loads(line)))
-        except ValueError as error:
+            reports.append(_report(line))
+        except RaucaError as error:
             if number < len(lines):
                 raise RaucaError(f"{path}: line {number} is damaged; remove it") from error
     return reports
+
+
+def _report(line: bytes) -> dict[str, float]:
+    report = parse_json(line, HISTORY)
+    if not isinstance(report, dict) or not isinstance(report.get("step"), int):
+        raise RaucaError(f"{HISTORY}: no report of a step")
+    return report

@@ -99,6 +99,7 @@ class Camera:
         fields.done()
         if camera.K[0, 0] <= 0 or camera.K[1, 1] <= 0 or not np.allclose(camera.K[2], [0, 0, 1]):
             raise RaucaError(f"{fields.where}: K is not a pinhole matrix (positive focal lengths, last row 0 0 1)")
-        if not np.allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-5) or np.linalg.det(camera.R) < 0:
+        within = np.abs(camera.R).max() <= 1.001  # else the product below could overflow
+        if not within or not np.allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-5) or np.linalg.det(camera.R) < 0:
             raise RaucaError(f"{fields.where}: R is not a rotation")
         return camera

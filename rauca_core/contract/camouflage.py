@@ -11,6 +11,8 @@ from .files import write_bytes, write_json
 from .schema import read_json
 
 FORMAT = ("rauca-camouflage", 1)
+MAX_TEXELS = 8192
+"""A side of the UV map: the largest image that is read (`image_header.MAX_PIXELS`)."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,10 @@ def load_camouflage(path: Path) -> tuple[Camouflage, Path]:
     fields.format(*FORMAT)
     made = fields.raw("made")
     camouflage = Camouflage(
-        fields.text("name"),
+        fields.plain_name("name"),
         fields.text("vehicle_name"),
         fields.text("atlas_id"),
-        fields.integer("size", 1, 16384),
+        fields.integer("size", 1, MAX_TEXELS),
         fields.text("method"),
         made if isinstance(made, dict) else {},
     )

@@ -9,8 +9,11 @@ from pathlib import Path
 
 from .errors import RaucaError
 from .files import write_bytes
+from .reading import read_text
 
 SUMS_FILE = "SHA256SUMS"
+MAX_SUMS_BYTES = 2**20
+"""A folder of ours holds some ten files, of 80 bytes a line."""
 _LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
 
 
@@ -33,16 +36,16 @@ def read_sums(folder: Path) -> dict[str, str]:
         RaucaError: there is no such file, or it is damaged.
     """
     path = Path(folder) / SUMS_FILE
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found; what it covered cannot be verified") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaucaError(f"{path}: cannot be read ({error})") from error
-    found = [_LINE.fullmatch(line) for line in lines]
+    if not path.exists():
+        raise RaucaError(f"{path}: not found; what it covered cannot be verified")
+    found = [_LINE.fullmatch(line) for line in read_text(path, MAX_SUMS_BYTES).splitlines()]
     if not found or not all(found):
         raise RaucaError(f"{path}: damaged, not lines of digest and name")
-    return {match[2]: match[1] for match in found if match}
+    sums = {match[2]: match[1] for match in found if match}
+    outside = [name for name in sums if Path(name).is_absolute() or ".." in Path(name).parts]
+    if outside:
+        raise RaucaError(f"{path}: names {outside[0]!r}, which lies outside its folder")
+    return sums
 
 
 def seal_dataset(folder: Path) -> None:

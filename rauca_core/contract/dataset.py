@@ -25,6 +25,8 @@ from .weather import Weather
 FORMAT = ("rauca-dataset", 2)
 TOWN = Scenery()
 FINISHES = ("own", "car_paint", "sticker")
+MAX_FRAMES = 1_000_000
+"""Of one plan: a year of rendering, and some 200 MiB as a list of frames. Every command begins by making that list."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,6 @@ class Plan:
             Weather.from_json(Fields(w, f"{fields.where}: weathers[{i}]"))
             for i, w in enumerate(fields.items("weathers"))
         ]
-        red, green, blue = (int(c) for c in fields.array("reference_srgb", (3,)))
         plan = Plan(
             fields.text("name"),
             fields.text("vehicle_name"),
@@ -183,7 +184,7 @@ class Plan:
             tuple(weathers),
             Ring.from_json(fields.nested("ring")),
             fields.integer("locations", 1, 10000),
-            (red, green, blue),
+            fields.srgb("reference_srgb"),
             fields.number("min_visible", 0, 1),
             fields.integer("seed"),
             fields.text("blender"),
@@ -194,6 +195,9 @@ class Plan:
         fields.done()
         if plan.finish not in FINISHES:
             raise RaucaError(f"{fields.where}: finish must be one of {', '.join(FINISHES)}, not {plan.finish!r}")
+        planned = plan.locations * len(plan.weathers) * len(plan.ring)
+        if planned > MAX_FRAMES:
+            raise RaucaError(f"{fields.where}: plans {planned} frames; at most {MAX_FRAMES} are made in one data set")
         return plan
 
 

@@ -107,7 +107,6 @@ class Frame:
     def from_json(fields: Fields) -> Frame:
         fields.format(*FORMAT, oldest=2)
         box = None if fields.is_null("box_xyxy") else fields.array("box_xyxy", (4,)).tolist()
-        check = None if fields.is_null("check_srgb") else fields.array("check_srgb", (3,)).astype(int).tolist()
         instances = (
             Instance.from_json(Fields(item, f"{fields.where}: instances[{i}]"))
             for i, item in enumerate(fields.items("instances"))
@@ -126,7 +125,7 @@ class Frame:
             visible=fields.number("visible", 0, 1),
             seed=fields.integer("seed"),
             instances=tuple(instances),
-            check_srgb=None if check is None else (check[0], check[1], check[2]),
+            check_srgb=None if fields.is_null("check_srgb") else fields.srgb("check_srgb"),
             exposure_stops=fields.number("exposure_stops", -16, 16),
         )
         fields.done()
@@ -207,5 +206,9 @@ def load_frame(folder: Path) -> Frame:
 
 
 def load_passes(folder: Path, names: tuple[str, ...] = ("A", "B", "distance")) -> dict[str, NDArray[np.float16]]:
-    """Read arrays of ``passes.npz`` as stored (float16)."""
-    return load_arrays(Path(folder) / "passes.npz", names)
+    """Read arrays of ``passes.npz`` as stored (float16); raises :class:`RaucaError` when missing or damaged."""
+    path = Path(folder) / "passes.npz"
+    arrays = load_arrays(path, names)
+    if strange := [name for name, array in arrays.items() if array.dtype.kind != "f"]:
+        raise RaucaError(f"{path}: {strange[0]} holds values of type {arrays[strange[0]].dtype}; make it again")
+    return arrays

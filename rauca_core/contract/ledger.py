@@ -9,8 +9,12 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from .errors import RaucaError
 from .files import append_line
+from .reading import parse_json, read_limited
 
+MAX_LEDGER_BYTES = 2**28
+"""A line is some 100 bytes; the largest plan, tried twice, makes 200 MB."""
 STATES = ("done", "occluded", "failed", "quarantined")
 
 
@@ -66,11 +70,11 @@ def frame_states(folder: Path) -> dict[str, str]:
 
 def _last_lines(path: Path) -> dict[str, LedgerEntry]:
     entries = {}
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in read_limited(path, MAX_LEDGER_BYTES, "a ledger").splitlines():
         try:
-            entry = LedgerEntry(**json.loads(line))
-        except (json.JSONDecodeError, TypeError):
+            entry = LedgerEntry(**parse_json(line, path.name))
+        except (RaucaError, TypeError):
             continue  # the line in flight when a job was killed
-        if entry.state in STATES:
+        if isinstance(entry.frame, str) and entry.state in STATES:
             entries[entry.frame] = entry
     return entries

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+from .errors import RaucaError
+from .reading import parse_json
+
 
 @dataclass(frozen=True)
 class OptimiseProgress:
@@ -40,7 +43,7 @@ class OptimiseProgress:
 def parse_optimise_progress(line: str) -> OptimiseProgress | None:
     """The progress that a line tells, or None for any other line; fields of later versions are left out."""
     try:
-        told = json.loads(line)
+        told = parse_json(line, "progress")
         return OptimiseProgress(**{name: told[name] for name in OptimiseProgress.__dataclass_fields__})
-    except (ValueError, KeyError, TypeError):
+    except (RaucaError, KeyError, TypeError):
         return None

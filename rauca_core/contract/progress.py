@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+from .errors import RaucaError
+from .reading import parse_json
+
 _MARK = "rauca-progress "
 
 
@@ -26,4 +29,7 @@ def parse_progress(line: str) -> Progress | None:
     """The progress a line tells, or None for any other line."""
     if not line.startswith(_MARK):
         return None
-    return Progress(**json.loads(line.removeprefix(_MARK)))
+    try:
+        return Progress(**parse_json(line.removeprefix(_MARK), "progress"))
+    except (RaucaError, TypeError):  # two processes wrote at once, or it is none of ours
+        return None

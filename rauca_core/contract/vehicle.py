@@ -29,7 +29,17 @@ from .schema import Fields, read_json
 
 FORMAT = ("rauca-vehicle", 1)
 # What a flipped byte makes of an archive; the last two: it seems encrypted, or packed in another way.
-_DAMAGED = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
+_DAMAGED = (
+    *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError),
+    *(KeyError, TypeError, MemoryError, OverflowError),  # a lone array instead of an archive; a shape beyond memory
+)
+MAX_UNPACKED_BYTES = 2**30
+"""Of the arrays in one archive: light maps and distances of the largest frame, 8192 pixels a side, take 0.9 GiB."""
+MAX_EXTENT_M = 1e5
+"""From the vehicle's origin; float32 is exact to a centimetre there, and no vehicle is longer."""
+MAX_UV = 1e4
+"""Tiles from the origin: beyond, float32 no longer tells texels apart."""
+_KINDS_OF_NUMBER = {"positions": "f", "triangles": "iu", "uvs": "f", "normals": "f", "material": "iu"}  # numpy's
 KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
 
 
@@ -144,13 +154,14 @@ class Vehicle:
 
     def check(self, where: str) -> None:
         """Raise :class:`RaucaError` naming ``where`` unless the vehicle can be rendered and painted."""
-        faces = len(self.triangles)
+        faces = len(self.triangles) if self.triangles.ndim else 0
         if faces == 0:
             raise RaucaError(f"{where}: the mesh has no faces; export it with its geometry")
-        bad = int((~np.isfinite(self.positions)).any(axis=1).sum())
-        if bad:
-            raise RaucaError(f"{where}: {bad} of {len(self.positions)} vertices are NaN or infinite; repair the mesh")
+        for name, kinds in _KINDS_OF_NUMBER.items():
+            if getattr(self, name).dtype.kind not in kinds:
+                raise RaucaError(f"{where}: {name} holds values of type {getattr(self, name).dtype}; make it again")
         shapes = {
+            "positions": (self.positions.shape, (len(self.positions) if self.positions.ndim else 0, 3)),
             "uvs": (self.uvs.shape, (faces, 3, 2)),
             "normals": (self.normals.shape, (faces, 3, 3)),
             "material": (self.material.shape, (faces,)),
@@ -159,10 +170,17 @@ class Vehicle:
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise RaucaError(f"{where}: {name} has shape {found}, expected {wanted}")
+        bad = int((~np.isfinite(self.positions)).any(axis=1).sum())
+        if bad:
+            raise RaucaError(f"{where}: {bad} of {len(self.positions)} vertices are NaN or infinite; repair the mesh")
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.positions):
             raise RaucaError(f"{where}: a face refers to a vertex that does not exist")
         if not np.isfinite(self.uvs).all() or not np.isfinite(self.normals).all():
             raise RaucaError(f"{where}: UVs or normals are NaN or infinite; repair the mesh")
+        if np.abs(self.positions).max() > MAX_EXTENT_M or np.abs(self.uvs).max() > MAX_UV:
+            raise RaucaError(
+                f"{where}: reaches beyond {MAX_EXTENT_M:g} m, or its UVs beyond {MAX_UV:g}; repair the mesh"
+            )
         if self.material.min() < 0 or self.material.max() >= len(self.materials):
             raise RaucaError(f"{where}: a face refers to a material that does not exist")
         if not self.paint_faces().any():
@@ -224,7 +242,7 @@ def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
     names = ("positions", "triangles", "uvs", "normals", "material")
     arrays = load_arrays(folder / "mesh.npz", names)
     vehicle = Vehicle(
-        name=fields.text("name"),
+        name=fields.plain_name("name"),
         category=fields.text("category"),
         source=fields.text("source"),
         licence=fields.text("licence"),
@@ -244,11 +262,19 @@ def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
 
 
 def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
-    """Read named arrays from an .npz without unpickling; a damaged file is named."""
+    """Read named arrays from an .npz without unpickling; a damaged file is named.
+
+    Raises:
+        RaucaError: missing, damaged, or arrays that would unpack to more than :data:`MAX_UNPACKED_BYTES`.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RaucaError(f"{path}: {'cannot be read (it is no regular file)' if path.exists() else 'not found'}")
     try:
         with np.load(path, allow_pickle=False) as archive:
+            unpacked = sum(archive.zip.getinfo(f"{name}.npy").file_size for name in names)
+            if unpacked > MAX_UNPACKED_BYTES:
+                raise ValueError(f"unpacks to {unpacked / 2**20:.0f} MiB; at most {MAX_UNPACKED_BYTES >> 20} are read")
             return {name: archive[name] for name in names}
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (*_DAMAGED, KeyError) as error:
+    except _DAMAGED as error:
         raise RaucaError(f"{path}: damaged or not a rauca file ({error}); make it again") from error

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from ..contract import RaucaError, read_ledger
-from ..contract.ledger import STATES
+from ..contract.ledger import MAX_LEDGER_BYTES, STATES
+from ..contract.reading import parse_json, read_limited
 from .findings import Finding
 
 DROP_LINE = "remove the line; frames in folders are not affected"
@@ -35,7 +35,7 @@ def check_ledgers(folder: Path, planned: Collection[str], present: Collection[st
 
 
 def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
-    *lines, rest = path.read_bytes().split(b"\n")
+    *lines, rest = read_limited(path, MAX_LEDGER_BYTES, "a ledger").split(b"\n")
     if rest:
         yield Finding(path.name, "its last line is cut off", "run the same `rauca dataset make` again")
     for number, line in enumerate(lines, 1):
@@ -46,9 +46,9 @@ def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
 
 def _problem(line: bytes, planned: Collection[str]) -> str | None:
     try:
-        entry = json.loads(line.decode())
-        frame, state = entry["frame"], entry["state"]
-    except (UnicodeDecodeError, json.JSONDecodeError, TypeError, KeyError):
+        entry = parse_json(line, "ledger")
+        frame, state = str(entry["frame"]), entry["state"]
+    except (RaucaError, TypeError, KeyError):
         return "is damaged"
     if state not in STATES:
         return f"has the unknown state {state!r}"

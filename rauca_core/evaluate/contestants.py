@@ -90,7 +90,7 @@ def find_vehicles(names: Sequence[str]) -> list[VehicleChoice]:
 def read_vehicle_choice(folder: Path) -> VehicleChoice:
     """What a vehicle folder says of itself."""
     fields = read_json(folder / "vehicle.json")
-    return VehicleChoice(fields.text("name"), fields.text("category"), fields.text("atlas_id"), folder)
+    return VehicleChoice(fields.plain_name("name"), fields.text("category"), fields.text("atlas_id"), folder)
 
 
 def match(

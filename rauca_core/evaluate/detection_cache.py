@@ -16,9 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
+from ..contract.reading import parse_json, read_limited
 from ..detect import Detections, Detector, canonical
 from ..detect.scoring import class_index
+
+MAX_CACHE_BYTES = 2**30
+"""A line is some 5 kB: the detections of 200 000 images."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,7 @@ class DetectionCache:
     def _read(self) -> dict[str, Found]:
         if not self.path.is_file():
             return {}
-        lines = self.path.read_bytes().splitlines()
+        lines = read_limited(self.path, MAX_CACHE_BYTES, "a cache of detections").splitlines()
         read = {line: _read_line(line) for line in lines}
         whole = [line for line in lines if read[line] is not None]
         if whole != lines:
@@ -102,9 +107,9 @@ class DetectionCache:
 def _read_line(text: bytes) -> tuple[str, Found] | None:
     """The image's sha256 and what was found in it; None for a damaged line."""
     try:
-        line = json.loads(text)
+        line = parse_json(text, "detections")
         return str(line["image"]), _found(line)
-    except (ValueError, KeyError, TypeError):
+    except (RaucaError, ValueError, KeyError, TypeError, OverflowError):
         return None
 
 

@@ -125,11 +125,11 @@ def load_results(path: Path) -> Results:
         for paint, rows in _object(path, fields.raw("table")).items()
     }
     groups = {
-        axis: tuple(_group(row, f"{path}: groups") for row in rows)
+        axis: tuple(_group(row, f"{path}: groups") for row in _list(path, rows))
         for axis, rows in _object(path, fields.raw("groups")).items()
     }
     images = {
-        paint: tuple(_record(ImageRow, row, f"{path}: images") for row in rows)
+        paint: tuple(_record(ImageRow, row, f"{path}: images") for row in _list(path, rows))
         for paint, rows in _object(path, fields.raw("images")).items()
     }
     results = Results(
@@ -178,6 +178,8 @@ def _frame_row(fields: Fields) -> FrameRow:
 
 def _group(value: Any, where: str) -> Group:
     group = _record(Group, value, where)
+    if not isinstance(group.mean, dict):
+        raise RaucaError(f"{where}: mean must be a JSON object; evaluate again")
     mean = {paint: _record(Estimate, row, where) for paint, row in group.mean.items()}
     return replace(group, mean=mean)
 
@@ -185,6 +187,12 @@ def _group(value: Any, where: str) -> Group:
 def _object(path: Path, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, dict):
         raise RaucaError(f"{path}: expected a JSON object, found {str(value)[:40]}; evaluate again")
+    return value
+
+
+def _list(path: Path, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise RaucaError(f"{path}: expected a JSON list, found {str(value)[:40]}; evaluate again")
     return value
 
 

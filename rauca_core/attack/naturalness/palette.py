@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import RaucaError
+from ...contract.reading import read_text
 from ...contract.seeding import named_rng
 from ...images import read_image
 from ..background import cluster
@@ -22,6 +23,7 @@ from .choice import is_colour, parse_colour
 
 PIXELS = 16_384  # of a photograph, looked at for its colours
 MOST = 64
+MAX_TEXT_BYTES = 2**16  # 64 colours and room for spaces
 
 
 def read_palette(given: str, colours: int, seed: int = 0) -> tuple[str, ...]:
@@ -63,9 +65,10 @@ def colours_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
 
 def _read_text(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8").replace("\n", ",").split(",")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaucaError(f"--palette {path}: not readable ({error}); give colours, a text file or an image") from None
+        return read_text(path, MAX_TEXT_BYTES, "a list of colours").replace("\n", ",").split(",")
+    except RaucaError as error:
+        told = str(error).removeprefix(f"{path}: ")
+        raise RaucaError(f"--palette {path}: not readable ({told}); give colours, a text file or an image") from None
 
 
 class Palette:
