@@ -47,11 +47,17 @@ def session(bpy_module, box_vehicle):
 
 
 @pytest.fixture
-def addon(bpy_module):
-    """Blender with the add-on enabled, in an empty scene; yields ``bpy``."""
+def empty_scene() -> bool:
+    """Whether tests of the add-on begin in an empty scene, or in Blender's own of a cube, a lamp and a camera."""
+    return True
+
+
+@pytest.fixture
+def addon(bpy_module, empty_scene):
+    """Blender with the add-on enabled; yields ``bpy``."""
     import blender_addon
 
-    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+    bpy_module.ops.wm.read_factory_settings(use_empty=empty_scene)
     blender_addon.register()
     enabled = bpy_module.context.preferences.addons.new()
     enabled.module = blender_addon.__name__

@@ -17,13 +17,8 @@ CENTRE = np.array([0.1, 0.0, 0.7])
 
 
 @pytest.fixture
-def addon(bpy_module):
-    import blender_addon
-
-    bpy_module.ops.wm.read_factory_settings(use_empty=False)
-    blender_addon.register()
-    yield bpy_module
-    blender_addon.unregister()
+def empty_scene() -> bool:
+    return False
 
 
 @pytest.fixture

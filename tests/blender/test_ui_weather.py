@@ -14,13 +14,8 @@ FOG = Weather("mist", 30.0, 20.0, fog_density=50.0, cloudiness=40.0, wetness=30.
 
 
 @pytest.fixture
-def addon(bpy_module):
-    import blender_addon
-
-    bpy_module.ops.wm.read_factory_settings(use_empty=False)
-    blender_addon.register()
-    yield bpy_module
-    blender_addon.unregister()
+def empty_scene() -> bool:
+    return False
 
 
 @pytest.fixture
