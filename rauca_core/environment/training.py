@@ -261,10 +261,11 @@ class _Training:
             report = EpochReport(epoch, job.settings.epochs, loss, error, min(self.errors), seconds)
             if error == report.best:
                 job.keep(epoch, found)
+        # Before the checkpoint: a kill in between repeats the epoch and its line, and loses neither.
+        append_line(job.out / LEDGER, _line(report, found))
         tensors = state_tensors(self.net, self.optimiser) | self.average.tensors()
         save_state(job.out / CHECKPOINTS, TrainingState(epoch, self.errors, self.identity, tensors))
         _record(board, report, found)
-        append_line(job.out / LEDGER, _line(report, found))
         on_epoch(report)
 
 

@@ -98,6 +98,13 @@ def _epochs(out: Path) -> int:
     return int(json.loads((out / POINTER).read_text())["epoch"]) if (out / POINTER).is_file() else -1
 
 
+def _evaluated(out: Path) -> Content:
+    results = {str(path.relative_to(out)): json.loads(path.read_text()) for path in out.glob("box/*/*/results.json")}
+    for result in results.values():  # images are told by where they lie, too, and that is another place in each test
+        result["images"] = {paint: [image["sha256"] for image in rows] for paint, rows in result["images"].items()}
+    return files(out, "box/*/*/images/*") | results
+
+
 def _detected(out: Path) -> int:
     return sum(len(path.read_bytes().splitlines()) for path in out.glob("box/*/*/detections/*.jsonl"))
 
@@ -133,7 +140,7 @@ EVALUATE = Job(
     "evaluate",
     "--defences none,bits,jpeg --resamples 10",
     _detected,
-    lambda out: files(out, "box/*/*/results.json", "box/*/*/images/*"),
+    _evaluated,
     detector="--detectors",
 )
 LEARNING = (OPTIMIZE, TRAIN, EVALUATE)  # from a drawn data set: no Blender

@@ -68,9 +68,9 @@ def test_frames_of_a_data_set(inputs: Inputs, whole: Whole, begun: Callable[[Job
 @pytest.mark.parametrize(
     ("job", "name", "spoil"),
     [
-        pytest.param(OPTIMIZE, "passes.npz", flip, id="optimize"),
+        pytest.param(OPTIMIZE, "passes.npz", cut, id="optimize"),
         pytest.param(TRAIN, "image.png", flip, id="efe-train"),
-        pytest.param(EVALUATE, "image.png", cut, id="evaluate"),
+        pytest.param(EVALUATE, "image.png", flip, id="evaluate"),
     ],
 )
 def test_frames_that_are_read(
