@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from pipelines.stages import Stages
 from rauca_core.attack import read_history
-from rauca_core.contract import Dataset, RaucaError
+from rauca_core.contract import Dataset, RaucaError, load_camouflage
 from rauca_core.contract.schema import read_json
 from rauca_core.evaluate import ReportNotes, load_results, save_showcase, write_report
 from rauca_core.evaluate.study import FILE_NAME, Entry, Study, load_study
@@ -57,7 +56,7 @@ def _camouflages(run: Path) -> dict[str, Path]:
 
 def _notes(run: Path, dataset: Dataset) -> ReportNotes:
     history = read_history(run / "rauca")
-    made = read_json(run / "rauca" / "camouflage.json").raw("made")
+    made = load_camouflage(run / "rauca" / "camouflage.json")[0].made
     plan, trained = dataset.plan, Dataset(run / "train")
     return ReportNotes(
         title=f"Camouflage on the {plan.vehicle_name}",
@@ -81,10 +80,11 @@ def _agreement(run: Path) -> dict[str, str]:
     path = run / "agreement.json"
     if not path.is_file():
         return {}
-    found = json.loads(path.read_text())
-    shown = {"paint coverage, ours against Cycles": f"mean IoU {found['mean_iou']:.4f}, worst {found['worst_iou']:.4f}"}
-    if found["inside_db"] is not None:
-        colour = f"{found['inside_db']:.1f} dB inside, {found['edge_db']:.1f} dB on edges"
+    found = read_json(path)
+    overlap = f"mean IoU {found.number('mean_iou'):.4f}, worst {found.number('worst_iou'):.4f}"
+    shown = {"paint coverage, ours against Cycles": overlap}
+    if not found.is_null("inside_db"):
+        colour = f"{found.number('inside_db'):.1f} dB inside, {found.number('edge_db'):.1f} dB on edges"
         shown["camouflage, predicted against Cycles"] = colour
     return shown
 

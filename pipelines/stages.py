@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rauca_core.contract import RaucaError
 from rauca_core.contract.files import write_json
+from rauca_core.contract.schema import read_json
 
 
 class Stages:
@@ -22,8 +23,9 @@ class Stages:
         self._done: dict[str, dict[str, Any]] = {}
         if self._path.is_file():
             try:
-                self._done = json.loads(self._path.read_text())
-            except json.JSONDecodeError:
+                found = read_json(self._path)
+                self._done = {name: found.nested(name).without("") for name in found.without("")}
+            except RaucaError:
                 self._path.unlink()  # only a memory of work that can be checked again
 
     def run(self, name: str, arguments: Any, work: Callable[[], object], product: Path) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import safetensors.torch
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
+from .checkpoint_files import MAX_TENSOR_BYTES
 from .contract import RaucaError
 from .contract.files import write_bytes, write_json
+from .contract.reading import read_limited
 
 
 def save_carded(
@@ -31,7 +34,19 @@ def save_carded(
 
 def read_carded(path: Path, sha256: str, remedy: str) -> bytes:
     """The weights file as its card describes it; raises :class:`RaucaError` when it is another."""
-    data = path.read_bytes()
+    data = read_limited(path, MAX_TENSOR_BYTES, "weights")
     if hashlib.sha256(data).hexdigest() != sha256:
         raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {remedy}")
     return data
+
+
+def require_weights(build: Callable[[], nn.Module], data: bytes, path: Path, remedy: str) -> None:
+    """Refuse a card whose network is larger than its file, before any of it is made. Weights are half floats at least.
+
+    Raises:
+        RaucaError: more parameters than the file can hold.
+    """
+    with torch.device("meta"):
+        wanted = sum(parameter.numel() for parameter in build().parameters())
+    if 2 * wanted > len(data):
+        raise RaucaError(f"{path}: does not hold the {wanted} parameters that its card describes; {remedy}")

@@ -12,9 +12,13 @@ from torch import Tensor
 
 from .contract import RaucaError
 from .contract.files import sweep_partials, write_bytes, write_json
+from .contract.reading import read_limited
 from .contract.schema import Fields
 
 POINTER = "checkpoint.json"
+MAX_TENSOR_BYTES = 2**32  # the largest: a hardened YOLOv3 with its average and Adam's two moments, 1 GB
+# Of safetensors: its own, of a header that is no text, of a type that torch does not have, of a tensor beyond memory.
+TENSOR_DAMAGE = (SafetensorError, ValueError, KeyError, TypeError, RuntimeError, OverflowError, MemoryError)
 
 
 def write_checkpoint(
@@ -51,15 +55,18 @@ def read_tensors(folder: Path, fields: Fields, remedy: str) -> dict[str, Tensor]
     # Checkpoints of earlier versions do not say.
     digest = fields.text("sha256") if fields.has("sha256") else None
     try:
-        data = path.read_bytes()
+        data = read_limited(path, MAX_TENSOR_BYTES, "a checkpoint")
         if digest is not None and hashlib.sha256(data).hexdigest() != digest:
             raise RaucaError("its bytes are not those that were written")
         tensors: dict[str, Tensor] = safetensors.torch.load(data)
-    except (RaucaError, OSError, SafetensorError) as error:
-        raise RaucaError(f"{path}: missing or damaged ({error}); {remedy}") from error
+    except (RaucaError, *TENSOR_DAMAGE) as error:
+        told = str(error).removeprefix(f"{path}: ")
+        raise RaucaError(f"{path}: missing or damaged ({told}); {remedy}") from error
     return tensors
 
 
 def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[str]:
-    """Names of what a run depends on that differ between two identities."""
+    """Names of what a run depends on that differ between two identities; all of it when one is no such thing."""
+    if not isinstance(found, dict):
+        return ["identity"]
     return [key for key in sorted({*found, *wanted}) if found.get(key) != wanted.get(key)]

@@ -10,6 +10,7 @@ from PIL import Image
 
 from .contract import RaucaError
 from .contract.image_header import MAX_PIXELS
+from .contract.reading import require_file
 
 FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
 """Pillow knows some fifty; one of them (EPS) starts a program to read a file."""
@@ -22,8 +23,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         RaucaError: missing, damaged or absurdly large file, a format other than :data:`FORMATS`.
     """
     path = Path(path)
-    if not path.is_file():
-        raise RaucaError(f"{path}: {'not a readable image (no regular file)' if path.exists() else 'not found'}")
+    require_file(path)
     try:
         _verify(path)
         with Image.open(path, formats=FORMATS) as image:

@@ -17,6 +17,12 @@ MAX_JSON_DEPTH = 64
 """The deepest file of ours nests ten levels; recursive code (``json.dumps``, ``==``) fails at some hundreds."""
 
 
+def require_file(path: Path) -> None:
+    """Raise :class:`RaucaError` unless a regular file is there: opening a pipe waits, reading a device never ends."""
+    if not path.is_file():
+        raise RaucaError(f"{path}: {'cannot be read (it is no regular file)' if path.exists() else 'not found'}")
+
+
 def read_limited(path: Path, limit: int, kind: str = "a file of this project") -> bytes:
     """All bytes of a regular file.
 
@@ -28,10 +34,8 @@ def read_limited(path: Path, limit: int, kind: str = "a file of this project") -
         RaucaError: missing, no regular file (a folder, pipe or device), larger than ``limit``, or unreadable.
     """
     path = Path(path)
+    require_file(path)
     try:
-        if not path.is_file():
-            missing = not path.exists()
-            raise RaucaError(f"{path}: not found" if missing else f"{path}: cannot be read (it is no regular file)")
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size
             if size > limit:

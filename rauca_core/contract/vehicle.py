@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
+from .reading import require_file
 from .schema import Fields, read_json
 
 FORMAT = ("rauca-vehicle", 1)
@@ -268,8 +269,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
         RaucaError: missing, damaged, or arrays that would unpack to more than :data:`MAX_UNPACKED_BYTES`.
     """
     path = Path(path)
-    if not path.is_file():
-        raise RaucaError(f"{path}: {'cannot be read (it is no regular file)' if path.exists() else 'not found'}")
+    require_file(path)
     try:
         with np.load(path, allow_pickle=False) as archive:
             unpacked = sum(archive.zip.getinfo(f"{name}.npy").file_size for name in names)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..contract import RaucaError
+from ..contract.reading import read_text
 
 MAX_CFG_BYTES = 2**20
 
@@ -106,7 +107,7 @@ def read_cfg(path: Path) -> tuple[Section, list[Section]]:
         RaucaError: missing file, unknown section or option, malformed line; names file and line.
     """
     sections: list[Section] = []
-    for number, raw in enumerate(_read_lines(path), start=1):
+    for number, raw in enumerate(read_text(path, MAX_CFG_BYTES, "a darknet cfg").splitlines(), start=1):
         line = raw.strip()
         if line and line[0] not in "#;":
             _read_line(path, number, line, sections)
@@ -115,17 +116,6 @@ def read_cfg(path: Path) -> tuple[Section, list[Section]]:
     if len(sections) == 1:
         raise RaucaError(f"{path}: holds no layers")
     return sections[0], sections[1:]
-
-
-def _read_lines(path: Path) -> list[str]:
-    try:
-        if path.stat().st_size > MAX_CFG_BYTES:
-            raise RaucaError(f"{path}: larger than 1 MiB, not a darknet cfg")
-        return path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaucaError(f"{path}: cannot be read as text ({error})") from error
 
 
 def _read_line(path: Path, number: int, line: str, sections: list[Section]) -> None:

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
+from ..contract.reading import read_text
+
+MAX_NAMES_BYTES = 2**20  # the longest list in use, LVIS, has 1203 names
 
 # COCO numbers its 80 categories up to 90; the numbers in between belong to none.
 GAP = "n/a"
@@ -51,12 +54,8 @@ def read_names(path: Path) -> tuple[str, ...]:
     Raises:
         RaucaError: missing, unreadable or empty file.
     """
-    try:
-        names = tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaucaError(f"{path}: cannot be read as text ({error})") from error
+    lines = read_text(path, MAX_NAMES_BYTES, "a list of class names").splitlines()
+    names = tuple(line.strip() for line in lines if line.strip())
     if not names:
         raise RaucaError(f"{path}: holds no class names")
     return names

@@ -9,9 +9,13 @@ import torch
 from torch import Tensor, nn
 
 from .cfg import Section, read_cfg
+from .dry_run import MAX_PARAMETERS
 from .heads import Head, concatenate
 from .interface import DensePredictions
 from .layers import ACTIVATIONS, Convolution, MaxPool, Route, Shortcut, Upsample
+
+MAX_LAYERS = 1000  # YOLOv4 has 161
+MAX_SCALE = 2**12  # from the input's pixels to the coarsest cell, or back; published networks reach 32
 
 
 class DarknetNetwork(nn.Module):
@@ -26,6 +30,8 @@ class DarknetNetwork(nn.Module):
     def __init__(self, cfg: Path) -> None:
         super().__init__()
         net, sections = read_cfg(cfg)
+        if len(sections) > MAX_LAYERS:
+            raise net.error(f"{len(sections)} layers; at most {MAX_LAYERS} are read")
         build = _Builder(net.integer("channels", 3, 3, 3))
         self.layers = nn.ModuleList([build.add(section) for section in sections])
         self.stride = int(max(build.scales))
@@ -67,6 +73,7 @@ class _Builder:
     def __init__(self, channels: int) -> None:
         self._channels = [channels]  # entry i + 1 leaves layer i
         self.scales = [1.0]
+        self._parameters = 0
         self._makers: dict[str, Callable[[Section], nn.Module]] = {
             "convolutional": self._convolution,
             "maxpool": self._maxpool,
@@ -80,6 +87,8 @@ class _Builder:
     def add(self, section: Section) -> nn.Module:
         self._next_channels, self._next_scale = self._channels[-1], self.scales[-1]
         module = self._makers[section.kind](section)
+        if not 1 / MAX_SCALE <= self._next_scale <= MAX_SCALE:
+            raise section.error(f"scales the image by more than {MAX_SCALE}")
         self._channels.append(self._next_channels)
         self.scales.append(self._next_scale)
         return module
@@ -90,6 +99,9 @@ class _Builder:
         filters = section.integer("filters", None, 1)
         normalized = bool(section.integer("batch_normalize", 0, 0, 1))
         activation = section.choice("activation", ACTIVATIONS, "linear")
+        self._parameters += filters * self._channels[-1] * size * size
+        if self._parameters > MAX_PARAMETERS:
+            raise section.error(f"more than {MAX_PARAMETERS} weights up to here; too large a network")
         self._next_channels, self._next_scale = filters, self.scales[-1] * stride
         return Convolution(self._channels[-1], filters, size, stride, padding, normalized, activation)
 

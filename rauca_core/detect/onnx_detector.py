@@ -19,6 +19,7 @@ from .onnx_session import Session
 from .single_pass import SinglePassDetector
 
 DEFAULT_SIZE = 640
+MAX_SIZE = 4096  # the largest published exports take 1536
 LARGEST_DIFFERENCE = 1e-3  # between the runtimes, of the largest output; rounding makes 1e-6
 
 
@@ -142,10 +143,16 @@ def _input_size(graph: OnnxGraph, size: int | None) -> int:
     if graph.height is not None:
         if size not in (None, graph.height):
             raise RaucaError(f"{graph.path}: exported for {graph.height} pixels, not {size}; leave size out")
-        return graph.height
+        return _checked(graph, graph.height)
     size = size or graph.image_size or DEFAULT_SIZE
     if size < 32 or size % 32:
         raise RaucaError(f"{graph.path}: input size {size} must be a multiple of 32 pixels")
+    return _checked(graph, size)
+
+
+def _checked(graph: OnnxGraph, size: int) -> int:
+    if not 1 <= size <= MAX_SIZE:
+        raise RaucaError(f"{graph.path}: takes images of {size} pixels; at most {MAX_SIZE} are made")
     return size
 
 

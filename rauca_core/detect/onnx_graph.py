@@ -14,9 +14,14 @@ from typing import TYPE_CHECKING, Any
 from torch.fx import GraphModule
 
 from ..contract import RaucaError
+from ..contract.reading import read_limited
 
 if TYPE_CHECKING:
     from onnx import GraphProto, ModelProto, TensorProto
+
+MAX_FILE_BYTES = 2**31  # protobuf's own limit
+MAX_LITERAL = 2**16  # characters of a list of class names; LVIS, the longest in use, has 20 000
+_LOOPS = {"Loop", "Scan"}
 
 
 @dataclass(frozen=True)
@@ -54,11 +59,12 @@ class OnnxGraph:
     def image_size(self) -> int | None:
         """Ultralytics exports say for which size they were made."""
         sizes = self._literal("imgsz")
-        return max(sizes) if isinstance(sizes, list) and sizes and all(isinstance(s, int) for s in sizes) else None
+        return max(sizes) if isinstance(sizes, list) and sizes and all(type(s) is int for s in sizes) else None
 
     def _literal(self, key: str) -> Any:
         try:
-            return ast.literal_eval(self.metadata.get(key, "None"))
+            text = self.metadata.get(key, "None")
+            return ast.literal_eval(text) if len(text) <= MAX_LITERAL else None
         except (ValueError, SyntaxError, MemoryError, RecursionError):
             return None
 
@@ -79,20 +85,19 @@ def read_graph(path: Path) -> OnnxGraph:
             batch; names the file. Or onnx is not installed.
     """
     onnx = extra("onnx")
+    data = read_limited(path, MAX_FILE_BYTES, "a detector's graph")
     try:
-        data = path.read_bytes()
         model = onnx.load_model_from_string(data)
-    except OSError as error:
-        raise RaucaError(f"{path}: cannot be read ({error.strerror})") from error
     except Exception as error:  # protobuf's own error type differs between its implementations
         raise RaucaError(f"{path}: not an ONNX file ({first_line(error)})") from error
     digest = hashlib.sha256(data)
+    _refuse_loops(path, model.graph)
     for outside in _external_files(path, model):
-        digest.update(outside.read_bytes())
+        digest.update(read_limited(outside, MAX_FILE_BYTES, "a detector's tensors"))
     try:
         onnx.external_data_helper.load_external_data_for_model(model, str(path.parent))
         onnx.checker.check_model(model)
-    except (onnx.checker.ValidationError, OSError, ValueError) as error:
+    except Exception as error:  # its checks are its own, and those of the C++ and protobuf below it
         raise RaucaError(f"{path}: not a graph that can run ({first_line(error)})") from error
     name, (batch, channels, height, width) = _image_input(path, model.graph)
     if channels not in (3, None):
@@ -150,8 +155,22 @@ def _external_files(path: Path, model: ModelProto) -> list[Path]:
     return list(found)
 
 
+def _refuse_loops(path: Path, graph: GraphProto) -> None:
+    """A loop may turn for ever, and no export of a detector without suppression has one."""
+    looping = sorted({node.op_type for node in graph.node} & _LOOPS)
+    if looping:
+        raise RaucaError(f"{path}: has an operator {looping[0]}; export without non-maximum suppression")
+    for node in graph.node:
+        for attribute in node.attribute:
+            for inner in (attribute.g, *attribute.graphs):
+                if inner.node:
+                    _refuse_loops(path, inner)
+
+
 def _tensors(graph: GraphProto) -> Iterator[TensorProto]:
     yield from graph.initializer
+    for sparse in graph.sparse_initializer:
+        yield from (sparse.values, sparse.indices)
     for node in graph.node:
         for attribute in node.attribute:
             yield from (attribute.t, *attribute.tensors)

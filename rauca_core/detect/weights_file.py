@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
+from ..contract.reading import require_file
 from .layers import Convolution
 from .network import DarknetNetwork
 
@@ -45,6 +46,7 @@ def _count(layer: Convolution) -> int:
 
 
 def _read_values(path: Path, count: int) -> NDArray[np.float32]:
+    require_file(path)
     try:
         found = path.stat().st_size
         with path.open("rb") as stream:
@@ -58,8 +60,6 @@ def _read_values(path: Path, count: int) -> NDArray[np.float32]:
                 )
             stream.seek(header)
             return np.fromfile(stream, "<f4", count)
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
     except OSError as error:
         raise RaucaError(f"{path}: cannot be read ({error.strerror})") from error
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import safetensors.torch
-from safetensors import SafetensorError
 
-from ..carded_weights import read_carded, save_carded
+from ..carded_weights import read_carded, require_weights, save_carded
+from ..checkpoint_files import TENSOR_DAMAGE
 from ..contract import RaucaError
 from ..contract.schema import read_json
 from .published import PublishedEfe
@@ -53,11 +53,12 @@ def load_published(path: Path) -> PublishedEfe:
     fields = read_json(card)
     fields.format(*FORMAT)
     widths, data = fields.items("widths"), read_carded(path, fields.text("sha256"), REMEDY)
-    if not 2 <= len(widths) <= 8 or not all(isinstance(w, int) and 1 <= w <= 4096 for w in widths):
+    if not 2 <= len(widths) <= 8 or not all(type(w) is int and 1 <= w <= 4096 for w in widths):
         raise RaucaError(f"{card}: widths must be 2 to 8 whole numbers up to 4096; {REMEDY}")
+    require_weights(lambda: PublishedEfe(tuple(widths)), data, path, REMEDY)
     net = PublishedEfe(tuple(widths))
     try:
         net.load_state_dict(safetensors.torch.load(data))
-    except (SafetensorError, RuntimeError, ValueError) as error:
+    except TENSOR_DAMAGE as error:
         raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
     return net.eval()

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import safetensors.torch
-from safetensors import SafetensorError
 from torch import Tensor, nn
 
 from .. import __version__
-from ..carded_weights import read_carded, save_carded
+from ..carded_weights import read_carded, require_weights, save_carded
+from ..checkpoint_files import TENSOR_DAMAGE
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Fields, read_json
@@ -76,10 +76,11 @@ def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
         raise RaucaError(f"{path}: no such weights; {REMEDY}")
     card, digest = read_card(card_path(path))
     data = read_carded(path, digest, REMEDY)
+    require_weights(lambda: LightSplitter(card.widths, card.detail), data, path, REMEDY)
     try:
         net = LightSplitter(card.widths, card.detail)
         net.load_state_dict(safetensors.torch.load(data))
-    except (SafetensorError, RuntimeError, ValueError) as error:
+    except TENSOR_DAMAGE as error:
         raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
     if not all(p.isfinite().all() for p in net.parameters()):
         raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")

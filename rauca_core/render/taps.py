@@ -94,23 +94,30 @@ class Taps:
         Raises:
             RaucaError: missing, damaged, of another format version, or of another ``key``.
         """
+        if not path.is_file():
+            raise RaucaError(f"{path}: not readable as taps (there is no such file); remove it")
         try:
             with safe_open(path, framework="np") as archive:
                 metadata = archive.metadata() or {}
                 arrays = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118 (not a dict)
-        except (OSError, SafetensorError, ValueError) as error:
+        except (OSError, SafetensorError, ValueError, TypeError, KeyError, MemoryError) as error:
             raise RaucaError(f"{path}: not readable as taps ({error}); remove the file") from None
         if metadata.get("format") != str(FORMAT) or metadata.get("key") != key:
             raise RaucaError(f"{path}: taps of another view or another version of rauca; remove the file")
         if set(arrays) != {"places", "weights", "alpha"} or metadata.get("checksum") != _checksum(arrays):
             raise RaucaError(f"{path}: damaged taps; remove the file")
-        width, height, texels = (int(metadata[name]) for name in ("width", "height", "texels"))
+        width, height, texels = (_count(metadata.get(name, "")) for name in ("width", "height", "texels"))
         places = decode(arrays["places"], len(arrays["alpha"]), len(arrays["weights"]), width * height, texels)
-        if places is None:
+        if min(width, height, texels) < 0 or places is None:
             raise RaucaError(f"{path}: damaged taps; remove the file")
         pixels, indptr, columns = places
         operator = SparseOperator(indptr, columns, from_fractions(arrays["weights"]), texels)
         return Taps(width, height, pixels, from_fractions(arrays["alpha"]), operator)
+
+
+def _count(text: str) -> int:
+    """A whole number below 2^31; -1 for anything else."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= 9 else -1
 
 
 def _checksum(arrays: dict[str, NDArray[Any]]) -> str:

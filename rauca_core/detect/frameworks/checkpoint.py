@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import pickle
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from ...contract import RaucaError
+from ...contract.reading import require_file
 
 # Where training scripts put the weights inside a checkpoint.
 _WRAPPERS = ("model", "state_dict", "model_state_dict")
@@ -26,22 +25,24 @@ def read_state(path: Path) -> Mapping[str, Tensor]:
     Raises:
         RaucaError: missing or damaged file, a checkpoint that holds other objects or no tensors.
     """
+    require_file(path)
     try:
         state = load_file(path) if path.suffix == ".safetensors" else _read_pickled(path)
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
     except pickle.UnpicklingError:
         raise RaucaError(
             f"{path}: holds objects other than tensors, which could run code; save it anew as "
             "torch.save(model.state_dict(), PATH) or as .safetensors"
         ) from None
-    except (OSError, RuntimeError, EOFError, ValueError, SafetensorError, zipfile.BadZipFile) as error:
+    except Exception as error:  # torch's readers raise whatever a damaged file makes of them
         raise RaucaError(f"{path}: cannot be read as weights ({_first_line(error)})") from error
     for wrapper in _WRAPPERS:
         if isinstance(state, Mapping) and isinstance(state.get(wrapper), Mapping):
             state = state[wrapper]
     if not isinstance(state, Mapping) or not state or not all(isinstance(one, Tensor) for one in state.values()):
         raise RaucaError(f"{path}: holds no tensors by name; expected the state_dict of a model")
+    for name, one in state.items():
+        if one.layout != torch.strided or one.untyped_storage().nbytes() < one.numel() * one.element_size():
+            raise RaucaError(f"{path}: tensor {str(name)[:80]} is larger than what the file holds of it; damaged")
     return state
 
 

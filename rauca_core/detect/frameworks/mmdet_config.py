@@ -79,7 +79,7 @@ def read_config(path: Path) -> tuple[dict[str, Any], Preparation]:
     _check_types(path, model)
     try:
         return _without_pretraining(model), _preparation(path, config, model["data_preprocessor"])
-    except (KeyError, TypeError, ValueError, IndexError, StopIteration) as error:
+    except (KeyError, TypeError, ValueError, IndexError, StopIteration, OverflowError, AttributeError) as error:
         raise RaucaError(f"{path}: its test pipeline or data_preprocessor is not understood ({error!r})") from error
 
 

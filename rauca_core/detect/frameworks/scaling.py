@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from ...contract import RaucaError
+from ...contract.reading import parse_json, read_text
+
+MAX_CONFIG_BYTES = 2**22  # transformers' have some kB, MMDetection's dumps some 100
 
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # ImageNet
 _LONGEST = 1333 / 800
@@ -102,7 +104,7 @@ def read_scaling(path: Path, default: Scaling) -> Scaling:
             scaling = replace(scaling, shortest=0, longest=0, height=int(size["height"]), width=int(size["width"]))
         mean, std = (tuple(map(float, options.get(f"image_{key}", ()))) for key in ("mean", "std"))
         mode = _MODES[options.get("resample", 2)]
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise RaucaError(f"{path}: describes a resizing that is not known here ({error!r})") from error
     if options.get("do_resize") is False:
         raise RaucaError(f"{path}: do_resize is false; detectors here take images of any size, so give a size")
@@ -113,12 +115,7 @@ def read_scaling(path: Path, default: Scaling) -> Scaling:
 
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a JSON file; raises :class:`RaucaError` for anything else."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (OSError, ValueError) as error:
-        raise RaucaError(f"{path}: cannot be read as JSON ({error})") from error
+    found = parse_json(read_text(path, MAX_CONFIG_BYTES, "a configuration"), str(path))
     if not isinstance(found, dict):
         raise RaucaError(f"{path}: expected a JSON object")
     return found

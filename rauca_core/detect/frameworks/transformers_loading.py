@@ -20,6 +20,9 @@ from .scaling import Scaling, read_json
 from .timm_backbone import translated_config, translated_state, uses_timm
 from .torchvision_ops import import_torchvision
 
+MAX_LAYERS = 256
+MAX_NUMBER = 2**16  # of any size in a configuration; the largest in use, of feed-forward layers, is 2048
+
 
 @dataclass(frozen=True)
 class Family:
@@ -86,6 +89,8 @@ def load_model(folder: Path) -> Any:
     state = read_state(weights)
     if family.may_use_timm and uses_timm(config):
         config, state = translated_config(config, path), translated_state(state)
+    _refuse_giants(path, config)
+    config |= {"use_pretrained_backbone": False}  # weights of another file, wherever its name points
     # Sizes that tables of positions would be made for beforehand; images may have any.
     config |= {key: None for key in ("anchor_image_size", "eval_size") if key in config}
     try:
@@ -98,11 +103,30 @@ def load_model(folder: Path) -> Any:
         raise RaucaError(f"{path}: transformers cannot build this model ({reason})") from error
 
 
+def _refuse_giants(path: Path, value: Any, key: str = "") -> None:
+    """Layers are made one by one before any weight is compared."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _refuse_giants(path, inner, name)
+    elif isinstance(value, list):
+        for inner in value:
+            _refuse_giants(path, inner, key)
+    elif isinstance(value, int | float):
+        most = MAX_LAYERS if "layers" in key or key == "depths" else MAX_NUMBER
+        if not abs(value) <= most:
+            raise RaucaError(f"{path}: {key} is {str(value)[:20]}; at most {most} is read")
+
+
 def _filled(kind: Any, config: Any, state: Mapping[str, Tensor], path: Path) -> Any:
     """Through transformers' loader, which knows the names that tensors had in its earlier versions."""
     for name, value in state.items():
         if value.is_floating_point() and not torch.isfinite(value).all():
             raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
+    held = sum(value.numel() for value in state.values())
+    with torch.device("meta"), _quiet():
+        wanted = sum(parameter.numel() for parameter in kind(config).parameters())
+    if wanted > 2 * held:  # a file that lacks a tensor or two is told which
+        raise RaucaError(f"{path}: holds {held} numbers for a network of {wanted}; these are another model's weights")
     with _quiet():
         model, report = kind.from_pretrained(
             None, config=config, state_dict=dict(state), output_loading_info=True, ignore_mismatched_sizes=True

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from ...contract import RaucaError
+from ...contract.reading import read_text
 
 MAX_BYTES = 2**20
 MAX_DEPTH = 16
@@ -115,13 +116,6 @@ def read_prototxt(path: Path) -> Block:
 
 
 def _tokens(path: Path) -> list[tuple[int, str]]:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise RaucaError(f"{path}: larger than 1 MiB, no caffe network in text")
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaucaError(f"{path}: cannot be read as text ({error})") from error
+    lines = read_text(path, MAX_BYTES, "a caffe network in text").splitlines()
     found = [(number, token) for number, line in enumerate(lines, 1) for token in _TOKEN.findall(line)]
     return [(number, token) for number, token in found if not token.startswith("#")]

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ...contract import RaucaError
+from ..dry_run import dry_run
 from ..interface import DensePredictions
 from ..single_pass import SinglePassDetector
 from .boxes import CentreSizeBoxes
@@ -86,6 +87,7 @@ class SsdDetector(SinglePassDetector):
     def _count_columns(self) -> int:
         """Score columns of a first run, which also proves that everything fits together."""
         count = len(self._parts.anchors)
+        dry_run(self._parts.path, self.network, self.size)
         with torch.no_grad():
             try:
                 boxes, scores = self._heads(torch.full((1, 3, self.size, self.size), 0.5))

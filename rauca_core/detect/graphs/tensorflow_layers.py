@@ -32,6 +32,7 @@ from .layers import (
 from .tensorflow_constants import UNKNOWN, evaluate
 from .tensorflow_file import Node
 
+MAX_CONSTANTS = 2**27  # half a GiB; the largest of these graphs holds 30 million, each read twice
 MAX_STEP = 64  # of strides, dilations and kernels: SAME padding would grow without bound
 
 
@@ -90,18 +91,26 @@ class _Builder:
         self.nodes = nodes
         self.layers: list[Layer] = []
         self.values = {image: Value(layer=IMAGE, channels=3)}
+        self.elements = 0
 
     def add(self, node: Node) -> None:
         inputs = [self.values[name] for name in node.inputs]
         constants = [value.constant for value in inputs if value.constant is not None]
         if node.op == "Const":
-            self.values[node.name] = Value(node.tensor())
+            self.values[node.name] = Value(self._counted(node, node.tensor()))
         elif inputs and len(constants) == len(inputs):
-            self.values[node.name] = Value(evaluate(node, constants))
+            self.values[node.name] = Value(self._counted(node, evaluate(node, constants)))
         elif node.op in _OPERATORS:
             self.values[node.name] = _OPERATORS[node.op](self, node, inputs)
         else:
             node.fail(f"is not supported; known operators are {', '.join(sorted(_OPERATORS))}")
+
+    def _counted(self, node: Node, value: NDArray[Any]) -> NDArray[Any]:
+        """Constants are kept to the end: a few bytes each may say how large they are."""
+        self.elements += value.size
+        if self.elements > MAX_CONSTANTS:
+            node.fail(f"makes more than {MAX_CONSTANTS} constants in all; too large a graph")
+        return value
 
     def emit(self, layer: Layer, channels: int | None) -> Value:
         self.layers.append(layer)

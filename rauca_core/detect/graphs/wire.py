@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import RaucaError
+from ...contract.reading import read_limited
 
-MAX_FILE_BYTES = 2**29
+MAX_FILE_BYTES = 2**29  # the largest of these detectors' files have 250 MB
+MAX_PACKED = 2**20  # integers are shapes and indices; as Python's, one byte of the file becomes forty
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _FIXED_SIZE = {_FIXED64: 8, _FIXED32: 4}
 
@@ -36,14 +38,7 @@ _DTYPE: dict[Kind, np.dtype[Any]] = {Kind.FLOAT32: np.dtype("<f4"), Kind.FLOAT64
 
 def read_file(path: Path) -> memoryview:
     """The whole file; raises :class:`RaucaError` when it is missing, unreadable, or far larger than any such graph."""
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise RaucaError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, not a detector's weights")
-        return memoryview(path.read_bytes())
-    except FileNotFoundError:
-        raise RaucaError(f"{path}: not found") from None
-    except OSError as error:
-        raise RaucaError(f"{path}: cannot be read ({error.strerror})") from error
+    return memoryview(read_limited(path, MAX_FILE_BYTES, "a detector's weights"))
 
 
 class Message:
@@ -154,8 +149,11 @@ def _varint(path: Path, data: memoryview, position: int) -> tuple[int, int]:
 
 
 def _packed(path: Path, data: memoryview) -> list[int]:
-    values, position = [], 0
+    values: list[int] = []
+    position = 0
     while position < len(data):
+        if len(values) == MAX_PACKED:
+            raise RaucaError(f"{path}: more than {MAX_PACKED} integers in one field; this is no graph of a detector")
         value, position = _varint(path, data, position)
         values.append(value)
     return values

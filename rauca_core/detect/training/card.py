@@ -9,11 +9,11 @@ from typing import Any
 
 import safetensors.torch
 import torch
-from safetensors import SafetensorError
 from torch import Tensor, nn
 
 from ... import __version__
 from ...carded_weights import read_carded, save_carded
+from ...checkpoint_files import TENSOR_DAMAGE
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.schema import Fields, read_json
@@ -22,6 +22,7 @@ from .adapter import SynthDetector
 from .networks import RECIPES, build_network, find_recipe, is_darknet
 
 FORMAT = ("rauca-detector-weights", 1)
+MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203
 REMEDY = "train it again with `rauca detectors train`"
 LICENCE = "Apache-2.0; the body began as YOLOv4-tiny's (public domain, darknet)"
 CAUTION = (
@@ -124,7 +125,7 @@ def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
     try:
         tensors = safetensors.torch.load(data)
         network.load_state_dict({name: t.float() if t.dtype == torch.half else t for name, t in tensors.items()})
-    except (SafetensorError, RuntimeError, ValueError) as error:
+    except TENSOR_DAMAGE as error:
         raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
     if not all(t.isfinite().all() for t in network.state_dict().values()):
         raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
@@ -149,10 +150,12 @@ def read_card(path: Path) -> tuple[DetectorCard, str]:
         cpu_minutes=fields.number("cpu_minutes", 0),
         metrics=_object(fields, "metrics"),
         **{n: fields.text(n) for n in ("architecture", "licence", "caution", "body", "command", "remarks", "rauca")},
-        called=fields.text("called") if fields.has("called") else "",
+        called=_called(fields),
         hardened=_object(fields, "hardened") if fields.has("hardened") else {},
     )
     fields.done()
+    if len(card.class_names) > MAX_CLASSES:
+        raise RaucaError(f"{path}: names {len(card.class_names)} classes; at most {MAX_CLASSES} are read; {REMEDY}")
     if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
         known = ", ".join(RECIPES)
         raise RaucaError(f"{path}: must name one of {known} or a darknet network, and its classes; {REMEDY}")
@@ -162,6 +165,11 @@ def read_card(path: Path) -> tuple[DetectorCard, str]:
 def _half(tensor: Tensor) -> Tensor:
     tensor = tensor.detach().cpu().contiguous()
     return tensor.half() if tensor.dtype.is_floating_point else tensor
+
+
+def _called(fields: Fields) -> str:
+    """The detector's name in tables; files of detections bear it, so it must be no path."""
+    return fields.plain_name("called") if fields.has("called") and fields.text("called") else ""
 
 
 def _object(fields: Fields, name: str) -> dict[str, Any]:
