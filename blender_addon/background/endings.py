@@ -66,6 +66,12 @@ def ending(code: int, complaints: Sequence[str]) -> Ending:
 
 def in_the_window(sentence: str) -> str:
     """A sentence of the command line as one for the window."""
+    sentence = with_buttons(sentence)
+    return sentence[:1].upper() + sentence[1:] if not sentence.startswith(("--", "/")) else sentence
+
+
+def with_buttons(sentence: str) -> str:
+    """The same sentence where it tells what to do next: buttons instead of commands."""
     for there, here in IN_THE_WINDOW:
         sentence = sentence.replace(there, here)
-    return sentence[:1].upper() + sentence[1:] if not sentence.startswith(("--", "/")) else sentence
+    return sentence

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Generator
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -10,10 +12,10 @@ from bpy.app.translations import pgettext_rpt as rpt
 
 from ..background import watch
 from ..background.folders import chosen_folder
-from ..core import contract
-from ..scene.bake import Baked, Task, finish_bake, other_layers, prepare_bake, run_bake
+from ..core import contract, files
+from ..scene.bake import Baked, Task, baked_image, other_layers, prepare_bake, run_bake, show_baked
 from ..scene.mesh_edits import object_mode
-from .on_vehicle import coat_shown, painted_surface
+from .on_vehicle import coat_shown, painted_surface, painted_vehicle, surface_of
 from .operator import RaucaOperator
 
 TICK_S = 0.1
@@ -54,6 +56,15 @@ class _StoppedError(Exception):
     pass
 
 
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What was asked for when the button was pressed: the bake, its UV layer, and the PNG's place."""
+
+    task: Task
+    layer: str
+    path: Path
+
+
 running: BakeRun | None = None
 
 
@@ -63,6 +74,7 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
     bl_idname = "rauca.bake"
     bl_label = "Bake"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+    _finishing: Generator[None] | None = None
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -74,17 +86,19 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
 
     def work(self, context: bpy.types.Context) -> None:
         """At once: for scripts, and in background mode."""
-        task, path = self._prepare(context)
-        self._finish(context, task, run_bake(task, lambda done: None), path)
+        order = self._prepare(context)
+        for _ in self._finish(context, order, run_bake(order.task, lambda done: None)):
+            pass
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         global running
         try:
-            self._task, self._path = self._prepare(context)
+            self._order = self._prepare(context)
         except contract.RaucaError as error:
             return self.refuse(error)
-        running = BakeRun(self._task)
+        running = BakeRun(self._order.task)
         running.start()
+        self._shown = -1
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK_S, window=context.window)
         manager.modal_handler_add(self)
@@ -97,25 +111,30 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        watch.redraw()
+        if (percent := int(100 * running.done)) != self._shown:
+            self._shown = percent
+            watch.redraw()
         if running.is_alive():
             return {"PASS_THROUGH"}
-        result, error = running.result, running.error
-        self._end(context)
-        if result is None:
-            self.report({"ERROR"}, rpt(error))
-            return {"CANCELLED"}
         try:
-            self._finish(context, self._task, result, self._path)
+            if running.result is None:
+                raise contract.RaucaError(running.error)
+            if self._finishing is None:
+                self._finishing = self._finish(context, self._order, running.result)
+            next(self._finishing)
+        except StopIteration:
+            self._end(context)
+            return {"FINISHED"}
         except contract.RaucaError as mistake:
+            self._end(context)
             return self.refuse(mistake)
-        return {"FINISHED"}
+        return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator itself: another file is loaded, or the window closes."""
         self._end(context)
 
-    def _prepare(self, context: bpy.types.Context) -> tuple[Task, Path]:
+    def _prepare(self, context: bpy.types.Context) -> Order:
         settings = context.scene.rauca.bake
         with object_mode(context):
             surface, coat = painted_surface(context)
@@ -124,30 +143,56 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
         settings.layer = layer
         folder = chosen_folder(settings.folder, "the baked image")
         name = bpy.path.clean_name(f"{surface.vehicle.name}-{coat.tree['rauca_camouflage']}-{layer}")
-        return task, folder / f"{name}.png"
+        return Order(task, layer, folder / f"{name}.png")
 
-    def _finish(self, context: bpy.types.Context, task: Task, baked: Baked, path: Path) -> None:
+    def _finish(self, context: bpy.types.Context, order: Order, baked: Baked) -> Generator[None]:
+        """Put the result in place, in steps between which the window draws; raises :class:`RaucaError`.
+
+        Between two steps the user may undo or delete anything: no block of Blender's is kept across them but by name.
+        """
+        image = baked_image(baked).name
+        try:
+            yield
+            _still_there(image).pack()
+            yield
+            with object_mode(context):
+                vehicle, _ = painted_vehicle(context)
+            yield
+            with object_mode(context):
+                surface, coat = surface_of(context, vehicle), coat_shown(context)
+                if coat is None or surface.vehicle.uvs[surface.paint].shape != order.task.source_uvs.shape:
+                    text = rpt("{name}: changed while it was baked; bake again")
+                    raise contract.RaucaError(text.format(name=vehicle.name))
+                picture = _still_there(image)
+                files.write_bytes(order.path, baked.png)
+                show_baked(surface, coat, order.layer, order.task.wraps, picture)
+        finally:
+            left = bpy.data.images.get(image)
+            if left is not None and left.users == 0:
+                bpy.data.images.remove(left)
         settings = context.scene.rauca.bake
-        with object_mode(context):
-            surface, coat = painted_surface(context)
-            if surface.vehicle.uvs[surface.paint].shape != task.source_uvs.shape:
-                raise contract.RaucaError(
-                    rpt("{name}: changed while it was baked; bake again").format(name=surface.vehicle.name)
-                )
-            finish_bake(surface, coat, settings.layer, task, baked, path)
-        settings.difference, settings.baked_layer, settings.file = baked.difference, settings.layer, str(path)
+        settings.difference, settings.baked_layer, settings.file = baked.difference, order.layer, str(order.path)
         text = rpt("Baked to {file}: colours differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
-        self.report({"INFO"}, text.format(file=path.name, share=baked.difference, decibels=baked.psnr_db))
+        self.report({"INFO"}, text.format(file=order.path.name, share=baked.difference, decibels=baked.psnr_db))
 
     def _end(self, context: bpy.types.Context) -> None:
         global running
         if running is not None:
             running.stop()
         running = None
+        if self._finishing is not None:
+            self._finishing.close()
         if getattr(self, "_timer", None) is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
         watch.redraw()
+
+
+def _still_there(image: str) -> bpy.types.Image:
+    found = bpy.data.images.get(image)
+    if found is None:
+        raise contract.RaucaError("The baked image was undone before it was in place; bake again")
+    return found
 
 
 def _layer(wanted: str, layers: list[str]) -> str:

@@ -63,7 +63,13 @@ def coat_shown(context: bpy.types.Context) -> Coat | None:
 
 
 def painted_surface(context: bpy.types.Context) -> tuple[Surface, Coat]:
-    """The chosen vehicle under its camouflage.
+    """The chosen vehicle under its camouflage; raises as the two steps that this takes."""
+    vehicle, coat = painted_vehicle(context)
+    return surface_of(context, vehicle), coat
+
+
+def painted_vehicle(context: bpy.types.Context) -> tuple[contract.Vehicle, Coat]:
+    """The chosen vehicle, and the camouflage that it wears.
 
     Raises:
         RaucaError: it wears none, or was changed since.
@@ -78,9 +84,18 @@ def painted_surface(context: bpy.types.Context) -> tuple[Surface, Coat]:
                 name=vehicle.name
             )
         )
+    return vehicle, coat
+
+
+def surface_of(context: bpy.types.Context, vehicle: contract.Vehicle) -> Surface:
+    """The objects of the scene that are ``vehicle``, beside it.
+
+    Raises:
+        RaucaError: they are gone, or no longer the vehicle.
+    """
     objects = objects_of(context, vehicle)
     if not objects:
         raise contract.RaucaError(
             rpt("{name}: is no longer in this scene; apply the camouflage again (step 6)").format(name=vehicle.name)
         )
-    return Surface.of(vehicle, objects), coat
+    return Surface.of(vehicle, objects)

@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 from bpy.app.translations import pgettext_tip as tip
 
+from ..background.endings import with_buttons
 from ..core import contract
 
 
@@ -44,7 +45,7 @@ class RaucaOperator:
 
     def refuse(self, error: contract.RaucaError) -> set[str]:
         """Report a mistake and end."""
-        self.report({"ERROR"}, rpt(str(error)))  # type: ignore[attr-defined]
+        self.report({"ERROR"}, rpt(with_buttons(str(error))))  # type: ignore[attr-defined]
         return {"CANCELLED"}
 
 

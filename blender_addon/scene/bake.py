@@ -14,7 +14,7 @@ from ..core import bake, colour, contract, files, geometry
 from .coating import Coat, set_baked_layer
 from .images import image_linear
 from .mesh_edits import require_own_faces
-from .paint import float_image
+from .paint import blender_pixels, image_of_pixels
 from .surface import Surface
 from .vehicle_arrays import Piece
 
@@ -66,12 +66,14 @@ class Baked:
     """The result, and its sRGB values held against the camouflage at points all over the paint.
 
     Attributes:
-        srgb: (N, N, 3) 8-bit, row 0 at the top.
+        png: the picture, 8-bit sRGB, as a file.
+        pixels: (N, N, 4) linear float, row 0 at the bottom: as Blender keeps it.
         psnr_db: texel by texel; what a camera sees averages over texels and comes out better.
         difference: mean absolute difference, of the full range.
     """
 
-    srgb: NDArray[np.uint8]
+    png: bytes
+    pixels: NDArray[np.float32]
     psnr_db: float
     difference: float
 
@@ -121,30 +123,41 @@ def run_bake(task: Task, progress: Callable[[float], None]) -> Baked:
     """Carry the camouflage over; touches no Blender data, so it may run in a thread."""
     carried = bake.carry(task.source_uvs, task.target_uvs, task.size, task.colour_at, len(task.camouflage), progress)
     srgb = colour.to_bytes(colour.srgb_from_linear(carried.linear))
-    return Baked(srgb, *_on_surface(task, srgb))
+    linear = colour.linear_from_srgb(srgb / np.float32(255))
+    return Baked(files.png_bytes(srgb), blender_pixels(linear), *_on_surface(task, linear))
 
 
-def finish_bake(surface: Surface, coat: Coat, layer: str, task: Task, baked: Baked, path: Path) -> bpy.types.Image:
+def finish_bake(surface: Surface, coat: Coat, layer: str, task: Task, baked: Baked, path: Path) -> None:
     """Write the PNG, keep the same picture inside the .blend, and let the coat show it.
-
-    Inside, it is a float image in linear light, as the camouflage is: of 8-bit ones Cycles mixes neighbouring texels
-    before it decodes them, which game engines do not, and which costs 3 dB on a camouflage with fine detail.
 
     Raises:
         RaucaError: the folder cannot be written to; neither disk nor scene was changed.
     """
-    files.write_bytes(path, files.png_bytes(baked.srgb))
-    image = float_image(IMAGE_NAME, colour.linear_from_srgb(baked.srgb / np.float32(255)))
+    files.write_bytes(path, baked.png)
+    image = baked_image(baked)
     image.pack()
+    show_baked(surface, coat, layer, task.wraps, image)
+
+
+def baked_image(baked: Baked) -> bpy.types.Image:
+    """The picture as an image of this .blend, to be packed.
+
+    It is a float image in linear light, as the camouflage is: of 8-bit ones Cycles mixes neighbouring texels before it
+    decodes them, which game engines do not, and which costs 3 dB on a camouflage with fine detail.
+    """
+    return image_of_pixels(IMAGE_NAME, baked.pixels)
+
+
+def show_baked(surface: Surface, coat: Coat, layer: str, wraps: bool, image: bpy.types.Image) -> None:
+    """Let the coat show ``image`` in the UV layer ``layer``; the picture of an earlier bake goes."""
     previous = coat.image("baked")
-    coat.set_baked(image, task.wraps)
+    coat.set_baked(image, wraps)
     if previous is not None and previous.users == 0:
         bpy.data.images.remove(previous)
     for _, span in surface.painted_pieces():
         for material in surface.materials(span):
             set_baked_layer(material, layer)
     coat.show("BAKED")
-    return image
 
 
 def _layer_uvs(surface: Surface, piece: Piece, span: slice, layer: str) -> NDArray[np.float64]:
@@ -197,7 +210,7 @@ def _require_apart(uvs: NDArray[np.float64], layer: str) -> None:
         )
 
 
-def _on_surface(task: Task, srgb: NDArray[np.uint8]) -> tuple[float, float]:
+def _on_surface(task: Task, linear: NDArray[np.float32]) -> tuple[float, float]:
     """PSNR in dB, and the mean absolute difference, of sRGB values at points spread over the source's layout."""
     one, two = task.source_uvs[:, 1] - task.source_uvs[:, 0], task.source_uvs[:, 2] - task.source_uvs[:, 0]
     area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
@@ -207,7 +220,6 @@ def _on_surface(task: Task, srgb: NDArray[np.uint8]) -> tuple[float, float]:
     a, b = np.where(a + b > 1, (1 - a, 1 - b), (a, b))
     weights = np.stack([1 - a - b, a, b], axis=1)[..., None]
     wanted = task.colour_at(face, (weights * task.source_uvs[face]).sum(axis=1))
-    linear = colour.linear_from_srgb(srgb / np.float32(255))
     found = bake.bilinear(linear, (weights * task.target_uvs[face]).sum(axis=1))
     error = colour.srgb_from_linear(found) - colour.srgb_from_linear(wanted)
     squared = float(np.mean(error.astype(np.float64) ** 2))

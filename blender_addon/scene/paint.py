@@ -109,10 +109,20 @@ def paint_material(spec: contract.Material, paint: Paint, finish: str = "own") -
 
 def float_image(name: str, linear: NDArray[np.float32]) -> bpy.types.Image:
     """A new image of (H, W, 3) linear values, row 0 at the top, which Blender interpolates as they are."""
-    height, width = linear.shape[:2]
-    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
-    pixels = np.ones((height, width, 4), np.float32)
+    return image_of_pixels(name, blender_pixels(linear))
+
+
+def blender_pixels(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same (H, W, 3) values as Blender keeps them: (H, W, 4), opaque, row 0 at the bottom."""
+    pixels = np.ones((*linear.shape[:2], 4), np.float32)
     pixels[..., :3] = linear[::-1]
+    return pixels
+
+
+def image_of_pixels(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
+    """A new float image of :func:`blender_pixels`."""
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True, is_data=True)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     return image

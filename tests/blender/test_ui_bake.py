@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 
 import numpy as np
 import pytest
 
+from rauca_core.contract import RaucaError
 from rauca_core.images import read_image
+from tests.blender.disks import fill
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
@@ -142,6 +145,34 @@ def test_folders_that_cannot_be_written_to_and_lost_images_are_told(bake, tmp_pa
     bake.folder = str(tmp_path / "out")
     bpy.data.images.remove(bpy.context.scene.rauca.camouflage.coat.nodes["camouflage"].image)
     assert "image is gone from this file; apply the camouflage again" in refused(bake, tmp_path)
+
+
+def test_a_full_disk_leaves_no_picture_behind(bake, tmp_path, small_disk):
+    a_layer(painted_box(tmp_path), "other")
+    before = sorted(bpy.data.images.keys())
+    fill(small_disk)
+    bake.folder = str(small_disk / "baked")
+    assert re.search(r"no space left on the disk; free some and start again$", refused(bake, tmp_path))
+    assert sorted(bpy.data.images.keys()) == before
+
+
+def test_what_is_undone_while_a_bake_is_put_in_place_is_told(bake, tmp_path):
+    from blender_addon.operators.bake_camouflage import Order, RAUCA_OT_bake
+    from blender_addon.operators.on_vehicle import painted_surface
+    from blender_addon.scene.bake import prepare_bake, run_bake
+
+    a_layer(painted_box(tmp_path), "other")
+    task = prepare_bake(*painted_surface(bpy.context), "other", 64, False)
+    baked = run_bake(task, lambda done: None)
+    before = set(bpy.data.images)
+    steps = RAUCA_OT_bake._finish(None, bpy.context, Order(task, "other", tmp_path / "out" / "a.png"), baked)
+    next(steps)
+    (new,) = set(bpy.data.images) - before
+    bpy.data.images.remove(new)
+    with pytest.raises(RaucaError, match="undone before it was in place; bake again"):
+        next(steps)
+    assert not (tmp_path / "out").exists()
+    assert set(bpy.data.images) == before
 
 
 def test_modifiers_and_a_changed_vehicle_are_told(bake, tmp_path):

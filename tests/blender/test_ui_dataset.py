@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.blender.disks import fill
 from tests.blender.timer import until
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
@@ -60,13 +60,6 @@ def steps(addon):
         return found
 
     return ask
-
-
-def fill(disk: Path) -> None:
-    """Leave no byte free."""
-    with (disk / "filler").open("wb", buffering=0) as file, contextlib.suppress(OSError):
-        while True:
-            file.write(bytes(4096))
 
 
 def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, headless, tmp_path):

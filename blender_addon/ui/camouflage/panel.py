@@ -36,16 +36,19 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender w
             shown.append(("BAKED", iface("Baked")))
         for which, name in shown:
             row.operator("rauca.show_paint", text=name, depress=coat.shown == which).which = which
-        _draw_textures_hint(context, layout)
+        _draw_view_hint(context, layout)
 
 
-def _draw_textures_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    """The solid view shows plain colours until it is told otherwise."""
+def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """The solid view shows at most one image of a material, and the camouflage is mixed by nodes."""
     shading = getattr(context.space_data, "shading", None)
-    if shading is None or shading.type != "SOLID" or shading.color_type == "TEXTURE":
+    if shading is None or shading.type not in {"SOLID", "WIREFRAME"}:
         return
-    paragraph(context, layout, iface("This view shows no textures."), icon="INFO")
-    layout.prop_enum(shading, "color_type", "TEXTURE", text="Show Textures")
+    paragraph(context, layout, iface("This view shows no camouflage."), icon="INFO")
+    row = layout.row(align=True)
+    row.use_property_split = False
+    row.prop_enum(shading, "type", "MATERIAL", text="Preview")
+    row.prop_enum(shading, "type", "RENDERED", text="Rendered")
 
 
 class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
