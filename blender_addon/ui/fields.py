@@ -8,6 +8,8 @@ from typing import Any
 
 import bpy
 
+from ..translations import OWN_SENSE
+
 
 def angle(
     name: str, tip: str, default_deg: float, low_deg: float, high_deg: float, *, update: Callable[..., Any]
@@ -15,5 +17,13 @@ def angle(
     """An angle, given in degrees; Blender keeps it in radians."""
     low, high, default = (math.radians(x) for x in (low_deg, high_deg, default_deg))
     return bpy.props.FloatProperty(
-        name=name, description=tip, subtype="ANGLE", default=default, min=low, max=high, step=100, update=update
+        name=name,
+        translation_context=OWN_SENSE,
+        description=tip,
+        subtype="ANGLE",
+        default=default,
+        min=low,
+        max=high,
+        step=100,
+        update=update,
     )

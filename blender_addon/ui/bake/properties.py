@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from ...translations import OWN_SENSE
+
 SIZES = (512, 1024, 2048, 4096)
 
 
@@ -11,7 +13,9 @@ class RaucaBake(bpy.types.PropertyGroup):
     """Where the camouflage goes; ``baked_layer``, ``file`` and ``difference`` tell of the last bake."""
 
     layer: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="UV Layer", description="The UV layer to bake into; empty: the only one beside the camouflage's own"
+        name="UV Layer",
+        translation_context=OWN_SENSE,
+        description="The UV layer to bake into; empty: the only one beside the camouflage's own",
     )
     size: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Size",

@@ -6,6 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...jobs.pace import spoken
+from ...translations import OWN_SENSE
 from ..panel import SidebarPanel, StepPanel, paragraph
 from ..state import State
 from .anchor import anchor
@@ -46,6 +47,7 @@ class RAUCA_PT_cameras_jitter(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Bl
 
     bl_idname = "RAUCA_PT_cameras_jitter"
     bl_label = "Jitter"
+    bl_translation_context = OWN_SENSE
     bl_parent_id = "RAUCA_PT_cameras"
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -8,6 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...operators.unwrap_paint import unwrapping
+from ...translations import OWN_SENSE
 from ..panel import SidebarPanel, StepPanel, paragraph
 from .state import state
 
@@ -50,6 +51,7 @@ class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Ble
     bl_idname = "RAUCA_PT_vehicle_paint"
     bl_parent_id = "RAUCA_PT_vehicle"
     bl_label = "Paint"
+    bl_translation_context = OWN_SENSE
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.vehicle

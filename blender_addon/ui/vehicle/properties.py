@@ -11,6 +11,7 @@ from ...scene.mesh_edits import marked_count, object_mode
 from ...scene.shipped import shipped_names
 from ...scene.vehicle_reading import Reading, read_vehicle
 from ...scene.vehicle_request import VehicleRequest
+from ...translations import OWN_SENSE
 from ...vehicles import find_vehicle
 
 SHAPES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY")  # objects that a vehicle can be made of
@@ -88,7 +89,10 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         name="Material", description="The paint's material in the file; empty: the one whose name says so"
     )
     file_mask: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Paint Mask", subtype="FILE_PATH", description="A grey image, white where the camouflage may go"
+        name="Paint Mask",
+        translation_context=OWN_SENSE,
+        subtype="FILE_PATH",
+        description="A grey image, white where the camouflage may go",
     )
     marked: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
     checked: bpy.props.BoolProperty(options={"HIDDEN"})  # type: ignore[valid-type]
