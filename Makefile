@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-matrix test-gui lint docs pictures extension kernels clean
+.PHONY: demo test test-matrix test-gui coverage lint docs pictures extension kernels clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -20,6 +20,11 @@ test-matrix: $(READY) $(VENV)-4.5/.ready
 # The add-on in a real Blender's window, by the mouse: needs a Blender, Xvfb, xdotool and ImageMagick (tests/gui/conftest.py).
 test-gui: $(READY)
 	RAUCA_BLENDER=$${RAUCA_BLENDER:-blender} $(VENV)/bin/python -m pytest tests/gui -x -v
+
+# Lines of rauca_core that the tests run; those that run in processes of their own do not count.
+coverage: $(READY)
+	$(VENV)/bin/python -m coverage run -m pytest
+	$(VENV)/bin/python -m coverage report --skip-covered --fail-under 85
 
 lint: $(READY)
 	$(VENV)/bin/ruff format --check .
@@ -44,7 +49,7 @@ TORCH := torch==2.13.0
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet $(TORCH)
-	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[blender,bench,slurm,detectors,dev]
+	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[dataset,optimize,report,bench,slurm,detectors,dev]
 	touch $(READY)
 
 $(VENV)/.docs: $(READY)
@@ -55,7 +60,7 @@ $(VENV)/.docs: $(READY)
 $(VENV)-4.5/.ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-4.5
 	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH)
-	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[dev] bpy==4.5.15 'numpy<2'
+	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[optimize,report,dev] xatlas bpy==4.5.15 'numpy<2'
 	touch $@
 
 # Compiled kernels do not notice changes in the files they call; see CONTRIBUTING.md.

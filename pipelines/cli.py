@@ -25,6 +25,7 @@ from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 from .evaluate_command import evaluate
+from .extras import missing
 from .harden_command import harden
 from .naturalness import (
     FeatureSize,
@@ -67,6 +68,8 @@ def run(*command: str) -> None:
         app([*command, *sys.argv[1:]])
     except RaucaError as error:
         complaint = str(error)
+    except ModuleNotFoundError as error:
+        complaint = missing(error)
     except OSError as error:  # of a file that nobody else speaks for
         where = error.filename or "a file"
         complaint = f"{where}: {error.strerror or error}; see to the disk or choose another, then run the same command"

@@ -74,7 +74,7 @@ def _blender() -> Iterator[Finding]:
     answer = next((line.split() for line in probe.stdout.splitlines() if line.startswith("version ")), None)
     if answer is None:
         reason = (probe.stderr.strip().splitlines() or ["no message"])[-1]
-        yield Finding("bpy", reason, False, "pip install rauca[blender]; if a library is missing, see the README")
+        yield Finding("bpy", reason, False, "pip install rauca[dataset]; if a library is missing, see the README")
         return
     yield Finding("bpy", " ".join(answer[1:-1]))
     denoises = answer[-1] == "denoiser"

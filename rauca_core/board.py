@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from torch import Tensor
-from torch.utils.tensorboard import SummaryWriter
 
 from .contract.files import disk_errors
 
@@ -20,6 +19,8 @@ class Board:
 
     def __init__(self, folder: Path, step: int) -> None:
         """Open it; what a killed run recorded from ``step`` on is hidden."""
+        from torch.utils.tensorboard import SummaryWriter  # here: of the extra `optimize`, and slow to import
+
         self._folder = folder
         self._hook = threading.excepthook
         threading.excepthook = self._hush

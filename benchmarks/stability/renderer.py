@@ -158,8 +158,8 @@ def _adjoint(dtype: torch.dtype) -> str:
     forward, backward = float((seen * y).double().sum().detach()), float((x.detach().double() * x.grad.double()).sum())
     scale = float(seen.detach().double().norm() * y.double().norm())
     off, bound = abs(forward - backward) / scale, {torch.float64: 1e-12, torch.float32: 1e-6}.get(dtype, 1e-3)
-    expect(off <= bound, f"<Kx, y> and <x, K'y> differ by {off:.1e} of |Kx||y|")
-    return f"<Kx, y> and <x, K'y> differ by {off:.0e}"
+    expect(off <= bound, f"products with K and its gradient differ by {off:.1e} of |Kx||y|")
+    return f"products with K and its gradient differ by {off:.0e}"
 
 
 def _small_gradients(dtype: torch.dtype) -> str:

@@ -1,0 +1,90 @@
+"""What the wheel holds: all that an installed rauca needs, and nothing of a checkout."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipelines.extras import EXTRAS, missing
+
+ROOT = Path(__file__).resolve().parents[1]
+NEEDED = (
+    "rauca_core/evaluate/report.css",
+    "rauca_core/assets/vehicles/sedan/vehicle.json",
+    "rauca_core/assets/weathers/base.json",
+    "blender_addon/blender_manifest.toml",
+    "blender_addon/ui/panel.py",
+    "pipelines/cli.py",
+    "pipelines/make_dataset.py",
+)
+TOPS = {"rauca_core", "blender_addon", "pipelines"}
+OF_A_CHECKOUT = {
+    "build_extension.py", "extension_wheels.py", "extension_wheels.txt", "licences.py", "measure_bake.py",
+    "other_pythons_wheel.py", "weather_thumbnails.py",
+}  # fmt: skip
+
+
+def tracked(*folders: str) -> Iterator[str]:
+    """Files of git in some folders, as they are called in the wheel."""
+    listed = subprocess.run(["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    for name in listed.stdout.splitlines():
+        if (ROOT / name).is_file():
+            yield re.sub(r"^assets/", "rauca_core/assets/", name)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[zipfile.ZipFile]:
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder], cwd=ROOT, check=True,
+        capture_output=True,
+    )  # fmt: skip
+    with zipfile.ZipFile(next(folder.glob("*.whl"))) as found:
+        yield found
+
+
+def contents(wheel: zipfile.ZipFile) -> set[str]:
+    return {name for name in wheel.namelist() if ".dist-info/" not in name}
+
+
+def test_the_wheel_holds_what_it_needs(wheel: zipfile.ZipFile) -> None:
+    assert not set(NEEDED) - contents(wheel)
+    here = {name for name in tracked(*TOPS, "assets") if Path(name).name not in OF_A_CHECKOUT}
+    assert not here - contents(wheel)
+
+
+def test_and_nothing_else(wheel: zipfile.ZipFile) -> None:
+    assert {name.partition("/")[0] for name in contents(wheel)} == TOPS
+    assert not [name for name in contents(wheel) if re.search(r"__pycache__|\.py[co]$|\.nb[ci]$|\.blend1$|~$", name)]
+    assert not [name for name in contents(wheel) if Path(name).name in OF_A_CHECKOUT]
+    assert sum(info.file_size for info in wheel.infolist()) < 60e6
+
+
+def test_the_metadata_names_licence_command_and_extras(wheel: zipfile.ZipFile) -> None:
+    info = next(name for name in wheel.namelist() if name.endswith(".dist-info/METADATA")).rpartition("/")[0]
+    metadata = wheel.read(f"{info}/METADATA").decode()
+    assert "License-Expression: Apache-2.0" in metadata
+    assert {"dataset", "optimize", "report"} <= set(re.findall(r"^Provides-Extra: (.+)$", metadata, re.MULTILINE))
+    assert "rauca = pipelines.cli:run" in wheel.read(f"{info}/entry_points.txt").decode()
+    assert f"{info}/licenses/LICENSE" in wheel.namelist()
+
+
+def test_a_package_of_an_extra_is_missed_in_one_line() -> None:
+    assert "pip install 'rauca[report]'" in missing(ModuleNotFoundError("no", name="matplotlib.figure"))
+    with pytest.raises(ModuleNotFoundError):
+        missing(ModuleNotFoundError("no", name="rauca_core.typo"))
+
+
+def test_extras_that_are_named_in_messages_bring_the_package() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for package, extra in EXTRAS.items():
+        assert any(re.match(rf"{package.replace('_', '-')}\b", asked) for asked in extras[extra]), package
