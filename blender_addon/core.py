@@ -12,7 +12,9 @@ try:
         assets,
         colour,
         files,
+        image_header,
         instances,
+        reading,
         recolour,
         schema,
         seeding,
@@ -21,7 +23,18 @@ try:
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import assets, colour, files, instances, recolour, schema, seeding, semantics
+    from rauca_core.contract import (
+        assets,
+        colour,
+        files,
+        image_header,
+        instances,
+        reading,
+        recolour,
+        schema,
+        seeding,
+        semantics,
+    )
     from rauca_core.geometry import bake
 
 __all__ = [
@@ -31,7 +44,9 @@ __all__ = [
     "contract",
     "files",
     "geometry",
+    "image_header",
     "instances",
+    "reading",
     "recolour",
     "schema",
     "seeding",

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import contract, reading
+
 SIDE = 256  # pixels, at most
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 LARGEST = 64 << 20  # bytes of pixels
@@ -24,8 +26,8 @@ def thumbnail(path: Path) -> NDArray[np.uint8] | None:
     unfiltered.
     """
     try:
-        pixels = _pixels(path.read_bytes())
-    except (OSError, ValueError, struct.error, zlib.error):
+        pixels = _pixels(reading.read_limited(path, LARGEST))
+    except (contract.RaucaError, ValueError, struct.error, zlib.error):
         return None
     return None if pixels is None else shrink(pixels, SIDE)
 
@@ -49,7 +51,8 @@ def _pixels(data: bytes) -> NDArray[np.uint8] | None:
     size = height * (width * channels + 1)
     if depth != 8 or not channels or any(rest) or not 0 < size <= LARGEST:
         return None
-    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"], bufsize=size), np.uint8).reshape(height, -1)
+    unpacked = zlib.decompressobj().decompress(chunks[b"IDAT"], size)  # no more than the header promises
+    rows = np.frombuffer(unpacked, np.uint8).reshape(height, -1)
     if rows[:, 0].any():
         return None
     pixels = rows[:, 1:].reshape(height, width, channels)

@@ -6,13 +6,13 @@ told in `rauca_core/evaluate`, which Blender cannot import: it needs torch.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import contract, schema
+from ..core import contract, reading, schema
 
 STUDY, RESULTS = "study.json", "results.json"
+MAX_DETECTIONS_BYTES = 2**30  # a line is some 5 kB: 200 000 images
 NORMAL = "normal"  # the paint of a vehicle without camouflage
 
 
@@ -105,6 +105,7 @@ def _read_results(path: Path) -> list[Sight]:
     rows = {paint: [schema.Fields(row, f"{path}: images") for row in images.items(paint)] for paint in paints}
     if any(len(row) != len(frames) for row in rows.values()):
         raise contract.RaucaError(f"{path}: images and frames do not fit together; evaluate again")
+    fields.nested("detectors")  # an object
     detectors = tuple(fields.raw("detectors"))
     evaluation = Evaluation(
         vehicle=fields.text("vehicle") if fields.has("vehicle") else "",
@@ -129,17 +130,17 @@ def _read_results(path: Path) -> list[Sight]:
 def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, ...]]:
     """What one detector found, by image; lines that a killed run left unreadable are passed over."""
     found: dict[str, tuple[Detection, ...]] = {}
-    for path in sorted(folder.glob(f"{detector}-*.jsonl")):
+    for path in sorted(folder.glob("*.jsonl")):
         if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
             continue
-        for line in path.read_bytes().splitlines():
+        for line in reading.read_limited(path, MAX_DETECTIONS_BYTES).splitlines():
             try:
-                entry = json.loads(line)
+                entry = reading.parse_json(line, path.name)
                 rows = zip(entry["boxes"], entry["names"], entry["scores"], strict=True)
                 found[entry["image"]] = tuple(
                     Detection((float(a), float(b), float(c), float(d)), str(name), float(score))
                     for (a, b, c, d), name, score in rows
                 )
-            except (ValueError, KeyError, TypeError):
+            except (contract.RaucaError, ValueError, KeyError, TypeError, OverflowError):
                 continue
     return found

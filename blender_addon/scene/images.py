@@ -8,18 +8,23 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract
+from ..core import contract, image_header
 
 
 def read_image_blender(path: Path) -> NDArray[np.uint8]:
     """Read an 8-bit image, row 0 at the top: (H, W) for grey files, else (H, W, 3) sRGB; alpha is dropped.
 
     Raises:
-        RaucaError: missing or damaged file.
+        RaucaError: missing or damaged file, neither PNG nor JPEG, or too many pixels.
     """
     path = Path(path)
     if not path.is_file():
         raise contract.RaucaError(f"{path}: not found")
+    with path.open("rb") as stream:
+        header = stream.read(image_header.HEADER_BYTES)
+    if image_header.declared_size(header) is None:
+        raise contract.RaucaError(f"{path}: not a readable image; save it as PNG or JPEG")
+    image_header.require_size(header, str(path))
     try:
         image = bpy.data.images.load(str(path.resolve()), check_existing=False)
     except RuntimeError as error:

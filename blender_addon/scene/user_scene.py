@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core import contract, semantics
 from .massing import turned
 from .render import silenced
-from .vehicle_files import DAMAGE, all_blocks
+from .vehicle_files import DAMAGE, all_blocks, scripts_off
 
 MARK = "rauca"
 LAMP_MARK = "rauca lamp"
@@ -122,31 +122,13 @@ class UserScene:
 
 def _appended(path: Path) -> list[bpy.types.Scene]:
     """All scenes of a file, appended, their drivers removed before anything could evaluate them."""
-    preferences = bpy.context.preferences.filepaths
-    trusted = preferences.use_scripts_auto_execute
-    preferences.use_scripts_auto_execute = False
-    before = {block.as_pointer() for block in all_blocks()}
     try:
-        with silenced(), bpy.data.libraries.load(str(path), link=False) as (source, target):
+        with scripts_off(), silenced(), bpy.data.libraries.load(str(path), link=False) as (source, target):
             target.scenes = source.scenes
     except DAMAGE as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
         raise contract.RaucaError(f"{path}: cannot be read as .blend ({reason}); save it again") from error
-    finally:
-        preferences.use_scripts_auto_execute = trusted
-    for block in all_blocks():
-        if block.as_pointer() not in before:
-            _remove_drivers(block)
     return [scene for scene in target.scenes if scene is not None]
-
-
-def _remove_drivers(block: bpy.types.ID) -> None:
-    owners = [block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)]
-    for owner in owners:
-        animation = getattr(owner, "animation_data", None)
-        if animation is not None:
-            for driver in list(animation.drivers):
-                animation.drivers.remove(driver)
 
 
 def _marked(scenes: list[bpy.types.Scene], path: Path) -> bpy.types.Scene:

@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import contract
 from .paint import UV_LAYER
 
+MAX_FACES = 2**24  # of all objects and instances together: as arrays some 3 GiB; scans of cars have one or two million
 PAINT_MARK = "rauca_paint"  # boolean attribute of faces: marked as paint by hand
 
 
@@ -78,6 +80,7 @@ def read_objects(objects: list[bpy.types.Object]) -> Soup:
     wanted = {o.name_full for o in objects if not o.hide_render}
     blocks: dict[str, bpy.types.Material | None] = {}
     found: list[tuple[tuple[str, list[int]], Soup]] = []
+    faces = 0
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         owner = instance.parent if instance.is_instance else instance.object
         if owner is None or owner.original.name_full not in wanted:
@@ -88,6 +91,9 @@ def read_objects(objects: list[bpy.types.Object]) -> Soup:
         if item.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
             continue
         mesh = item.to_mesh()
+        faces += 0 if mesh is None else len(mesh.polygons)
+        if faces > MAX_FACES:
+            raise contract.RaucaError(f"{owner.original.name}: with it there are more than {MAX_FACES} faces; too many")
         if mesh is not None and len(mesh.polygons):
             slots = [_name(slot.material, blocks) for slot in item.material_slots] or [_name(None, blocks)]
             original, to_world = owner.original, np.array(instance.matrix_world)

@@ -11,15 +11,19 @@ from pathlib import Path
 import addon_utils
 import bpy
 
-from ..core import contract
-from .gltf_check import bad_vertices
+from ..core import contract, image_header, reading
+from .gltf_check import check_gltf
 from .render import silenced
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
 # What importers raise on files that are not what their name says.
 DAMAGE = (
-    RuntimeError, OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, struct.error
+    RuntimeError, OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, struct.error,
+    ArithmeticError, AssertionError, MemoryError,
 )  # fmt: skip
+MAX_OBJ_BYTES = 2**30
+"""A vehicle of five million faces has some 600 MB; Blender's reader takes several times the file's size."""
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]*)", re.MULTILINE)
 NOT_FINITE = re.compile(rb"^v[ \t][^\n]*?(nan|inf)", re.IGNORECASE | re.MULTILINE)
 
 
@@ -43,6 +47,7 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
             _require_finite(path)
             with silenced():
                 _import(path)
+            _check_images([b for b in all_blocks() if b.as_pointer() not in before], path)
         except DAMAGE as error:
             reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
             raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); export it again") from error
@@ -57,9 +62,12 @@ def _require_finite(path: Path) -> None:
     suffix = path.suffix.lower()
     bad = 0
     if suffix == ".obj":
-        bad = len(NOT_FINITE.findall(path.read_bytes()))
+        text = reading.read_limited(path, MAX_OBJ_BYTES, "a vehicle")
+        for name in _LIBRARY.findall(text):
+            _refuse_outside(path, name.decode(errors="replace").strip())
+        bad = len(NOT_FINITE.findall(text))
     elif suffix in (".glb", ".gltf"):
-        bad = bad_vertices(path)
+        bad = check_gltf(path)
     if bad:
         raise contract.RaucaError(f"{path}: {bad} vertices are NaN or infinite; repair the mesh")
 
@@ -76,21 +84,72 @@ def _import(path: Path) -> None:
 
 
 def _append(path: Path) -> None:
-    """Append all objects of a .blend.
+    """Append all objects of a .blend."""
+    with scripts_off(), bpy.data.libraries.load(str(path), link=False) as (source, target):
+        target.objects = source.objects
+    for item in target.objects:
+        if item is not None:
+            bpy.context.scene.collection.objects.link(item)
 
-    Text blocks are never run, and drivers only as far as the user's own preferences trust scripts.
+
+@contextlib.contextmanager
+def scripts_off() -> Iterator[None]:
+    """Append from a .blend without running anything of it, however much the user's preferences trust others.
+
+    Texts are never run on appending. Drivers could be when the scene is next evaluated: they are removed, so that
+    driven values stay as they were saved.
     """
     preferences = bpy.context.preferences.filepaths
     trusted = preferences.use_scripts_auto_execute
     preferences.use_scripts_auto_execute = False
+    before = {block.as_pointer() for block in all_blocks()}
     try:
-        with bpy.data.libraries.load(str(path), link=False) as (source, target):
-            target.objects = source.objects
-        for item in target.objects:
-            if item is not None:
-                bpy.context.scene.collection.objects.link(item)
+        yield
     finally:
+        for block in all_blocks():
+            if block.as_pointer() not in before:
+                _remove_drivers(block)
         preferences.use_scripts_auto_execute = trusted
+
+
+def _remove_drivers(block: bpy.types.ID) -> None:
+    owners = [block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)]
+    for owner in owners:
+        animation = getattr(owner, "animation_data", None)
+        if animation is not None:
+            for driver in list(animation.drivers):
+                animation.drivers.remove(driver)
+
+
+def _check_images(fresh: list[bpy.types.ID], path: Path) -> None:
+    """Textures are of a size that fits in memory; those of an .obj or glTF lie in its folder, if anywhere.
+
+    A .blend is a project of the artist's, whose textures and libraries may lie where they like.
+    """
+    for image in fresh:
+        if not isinstance(image, bpy.types.Image) or image.source != "FILE":
+            continue
+        if image.packed_file is not None:
+            header = bytes(image.packed_file.data[: image_header.HEADER_BYTES])
+        else:
+            named = bpy.path.abspath(image.filepath, library=image.library)
+            if path.suffix.lower() != ".blend":
+                _refuse_outside(path, named)
+            header = _beginning(Path(named))
+        image_header.require_size(header, f"{path}: image {image.name!r}")
+
+
+def _beginning(path: Path) -> bytes:
+    if not path.is_file():
+        return b""
+    with path.open("rb") as stream:
+        return stream.read(image_header.HEADER_BYTES)
+
+
+def _refuse_outside(path: Path, named: str) -> None:
+    """A file outside that does not exist is none that could be read: exporters leave paths of their own machine."""
+    if "\0" not in named and (path.parent / named).exists():
+        reading.require_inside(path, named)
 
 
 def all_blocks() -> list[bpy.types.ID]:
