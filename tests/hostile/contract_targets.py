@@ -1,0 +1,217 @@
+"""Readers of what rauca itself writes as JSON, lines, images and arrays."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from rauca_core.attack import read_history
+from rauca_core.attack.naturalness.palette import read_palette
+from rauca_core.contract import (
+    Camera,
+    Camouflage,
+    Dataset,
+    Frame,
+    FramePasses,
+    Plan,
+    Quality,
+    Ring,
+    Weather,
+    load_camouflage,
+    load_frame,
+    load_passes,
+    load_vehicle,
+    load_weathers,
+    parse_optimise_progress,
+    parse_progress,
+    planned_frames,
+    read_ledger,
+    save_camouflage,
+    save_frame,
+)
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.checksums import write_sums
+from rauca_core.contract.files import png_bytes
+from rauca_core.contract.reading import read_limited
+from rauca_core.dataset_tools.check_frame import checksums
+from rauca_core.dataset_tools.ledger_lines import check_ledgers
+from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.evaluate.results import load_results
+from rauca_core.evaluate.study import load_study
+from rauca_core.images import read_image
+
+from .mutate import mutate_json, mutate_lines, mutate_text
+from .target import Target
+
+PLAN = Plan(
+    name="p",
+    vehicle_name="box",
+    atlas_id="abc",
+    size=32,
+    quality=Quality(4),
+    light=True,
+    weathers=(Weather("day", 45), Weather("fog", 45, 60, 50)),
+    ring=Ring((0.0, 90.0), (10.0,), (5.0,), jitter_distance=0.1),
+    locations=2,
+    reference_srgb=(140, 140, 140),
+    min_visible=0.5,
+    seed=7,
+    blender="5.0.1",
+)
+FRAME = "L00-V000-day"
+ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
+RESULTS = {
+    "format": "rauca-results", "version": 2, "dataset": "d", "resamples": 10, "seed": 0,
+    "settings": {"category": "car", "score_threshold": 0.005, "other_threshold": 0.1, "iou_threshold": 0.45},
+    "detectors": {"one": "abc"}, "dropped": ["x"],
+    "frames": [
+        {"id": FRAME, "weather": "day", "azimuth_deg": 0.0, "elevation_deg": 10.0, "distance_m": 5.0,
+         "sun_altitude_deg": 45.0, "fog_density": 0.0, "box_xyxy": [1.0, 2.0, 3.0, 4.0], "location": 0, "view": 0}
+    ],
+    "table": {"normal": {"one": ESTIMATE, "mean": ESTIMATE}},
+    "groups": {
+        axis: [{"value": 0.0, "frames": 1, "ap": {"normal": {"one": 0.5}}, "mean": {"normal": ESTIMATE}}]
+        for axis in ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
+    },
+    "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]},
+    "vehicle": "box", "defence": "none", "clusters": "frames", "cluster_count": 1,
+}  # fmt: skip
+DETECTIONS = DetectionCache(Path("nowhere"), "one", "abc", DetectionSettings()).path.name
+
+
+def _write_json(path: Path, value: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value))
+
+
+def _plan(folder: Path) -> None:
+    _write_json(folder / "dataset.json", PLAN.to_json())
+
+
+def _frame(folder: Path) -> None:
+    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, 8, 8)
+    frame = Frame(FRAME, 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 8.0, 8.0), 1.0, 3)
+    grey, colour = np.full((8, 8), 0.5, np.float32), np.full((8, 8, 3), 0.5, np.float32)
+    save_frame(folder / FRAME, frame, FramePasses(colour, grey, grey, grey, colour, colour))
+
+
+def _read_frame(folder: Path) -> None:
+    load_frame(folder / FRAME)
+    load_passes(folder / FRAME)
+
+
+def _vehicle(folder: Path) -> None:
+    load_vehicle(assets_folder() / "vehicles" / "cube", read_image).save(folder / "cube")
+
+
+def _read_vehicle(folder: Path) -> None:
+    load_vehicle(folder / "cube", read_image)
+
+
+def _png(folder: Path) -> None:
+    pixels = np.arange(12 * 9 * 3, dtype=np.uint8).reshape(12, 9, 3)
+    (folder / "image.png").write_bytes(png_bytes(pixels))
+
+
+def _jpeg(folder: Path) -> None:
+    Image.fromarray(np.arange(24 * 16 * 3, dtype=np.uint32).astype(np.uint8).reshape(24, 16, 3)).save(
+        folder / "image.jpg", quality=60
+    )
+
+
+def _camouflage(folder: Path) -> None:
+    record = Camouflage("name", "box", "abc", 4, "rauca", {"steps": 3})
+    save_camouflage(folder / "c.json", record, png_bytes(np.zeros((4, 4, 3), np.uint8)))
+
+
+def _ledger(folder: Path) -> None:
+    lines = [
+        {"frame": FRAME, "state": "done", "seconds": 1.5},
+        {"frame": "L01-V001-fog", "state": "occluded", "visible": 0.1},
+        {"frame": "L01-V000-fog", "state": "failed", "reason": "lost"},
+    ]
+    (folder / "ledger.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def _read_ledger(folder: Path) -> None:
+    read_ledger(folder)
+    list(check_ledgers(folder, {FRAME, "L01-V001-fog"}, {FRAME}))
+
+
+def _sums(folder: Path) -> None:
+    for name in ("a.txt", "b.txt"):
+        (folder / name).write_text(name)
+    write_sums(folder, ["a.txt", "b.txt"])
+
+
+def _read_sums(folder: Path) -> None:
+    found: list[str] = []
+    checksums(lambda file, what: found.append(f"{file}: {what}"), folder)
+
+
+def _study(folder: Path) -> None:
+    _write_json(folder / "seen" / "results.json", RESULTS)
+    entry = {"weathers": "seen", "defence": "none", "vehicle": "box", "category": "car"}
+    entry |= {"results": "seen/results.json", "views": "seen/views"}
+    entries = [{**entry, "camouflages": {"rauca": "c.json"}}]
+    _write_json(folder / "study.json", {"format": "rauca-study", "version": 1, "command": "x", "entries": entries})
+
+
+def _history(folder: Path) -> None:
+    row = {"step": 1, "steps": 3, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.9, "seconds": 1.0, "stages": {}}
+    (folder / "history.jsonl").write_text("".join(json.dumps({**row, "step": i}) + "\n" for i in (1, 2, 3)))
+
+
+def _read_cache(folder: Path) -> None:
+    DetectionCache(folder, "one", "abc", DetectionSettings())
+
+
+def _detections(folder: Path) -> None:
+    row = {"image": "0" * 64, "boxes": [[1.0, 2.0, 3.0, 4.0]], "scores": [0.9], "names": ["car"]}
+    (folder / DETECTIONS).write_text((json.dumps(row) + "\n") * 2)
+
+
+def _weathers(folder: Path) -> None:
+    row = {"name": "noon", "sun_altitude_angle": 75.0, "fog_density": 10.0, "cloudiness": 5.0, "dust_storm": 1.0}
+    _write_json(folder / "w.json", {"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [row]})
+
+
+def _palette(folder: Path) -> None:
+    (folder / "p.txt").write_text("#102030\n#a0b0c0, #ffffff\n#000000\n")
+
+
+def _progress(folder: Path) -> None:
+    step = {"step": 1, "of": 2, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.1, "seconds": 1.0, "left_s": 1.0}
+    lines = ['rauca-progress {"done": 1, "total": 2, "last": "x", "left_s": 1.0}']
+    lines += [json.dumps({**step, "preview": "a.png", "uv_map": "b.png"})]
+    (folder / "lines").write_text("\n".join(lines))
+
+
+def _read_progress(folder: Path) -> None:
+    for line in read_limited(folder / "lines", 2**20).decode(errors="replace").splitlines():
+        parse_progress(line)
+        parse_optimise_progress(line)
+
+
+TARGETS = (
+    Target("plan", "dataset.json", _plan, lambda f: planned_frames(Dataset(f).plan), mutate_json),
+    Target("frame-json", f"{FRAME}/frame.json", _frame, _read_frame, mutate_json),
+    Target("frame-npz", f"{FRAME}/passes.npz", _frame, _read_frame),
+    Target("vehicle-json", "cube/vehicle.json", _vehicle, _read_vehicle, mutate_json),
+    Target("vehicle-npz", "cube/mesh.npz", _vehicle, _read_vehicle),
+    Target("png", "image.png", _png, lambda f: read_image(f / "image.png")),
+    Target("jpeg", "image.jpg", _jpeg, lambda f: read_image(f / "image.jpg")),
+    Target("camouflage", "c.json", _camouflage, lambda f: load_camouflage(f / "c.json"), mutate_json),
+    Target("ledger", "ledger.jsonl", _ledger, _read_ledger, mutate_lines),
+    Target("checksums", "SHA256SUMS", _sums, _read_sums, mutate_text),
+    Target("results", "seen/results.json", _study, lambda f: load_results(f / "seen/results.json"), mutate_json),
+    Target("study", "study.json", _study, load_study, mutate_json),
+    Target("history", "history.jsonl", _history, read_history, mutate_lines),
+    Target("detections", DETECTIONS, _detections, _read_cache, mutate_lines, writes=True),
+    Target("weathers", "w.json", _weathers, lambda f: load_weathers(f / "w.json"), mutate_json),
+    Target("palette", "p.txt", _palette, lambda f: read_palette(str(f / "p.txt"), 4), mutate_text),
+    Target("progress", "lines", _progress, _read_progress, mutate_lines),
+)
