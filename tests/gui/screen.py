@@ -65,7 +65,7 @@ class Screen:
 
     def click(self, x: float, y: float, times: int = 1) -> None:
         self.move(x, y)
-        time.sleep(0.15)  # the button under the mouse wakes up first
+        time.sleep(0.4)  # the button under the mouse wakes up first
         self._do("click", "--repeat", str(times), "--delay", "60", "1")
 
     def turn(self, notches: int, held: str) -> None:
