@@ -15,7 +15,7 @@ from ..background.folders import chosen_folder
 from ..core import contract, files
 from ..scene.bake import Baked, Task, baked_image, other_layers, prepare_bake, run_bake, show_baked
 from ..scene.mesh_edits import object_mode
-from .on_vehicle import coat_shown, painted_surface, painted_vehicle, surface_of
+from .on_vehicle import coat_shown, painted_surface, painted_vehicle, require_coat, surface_of
 from .operator import RaucaOperator
 
 TICK_S = 0.1
@@ -157,15 +157,15 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
             yield
             with object_mode(context):
                 vehicle, _ = painted_vehicle(context)
+            if vehicle.paint_faces().sum() != len(order.task.source_uvs):
+                text = rpt("{name}: changed while it was baked; bake again")
+                raise contract.RaucaError(text.format(name=vehicle.name))
+            yield
+            files.write_bytes(order.path, baked.png)
             yield
             with object_mode(context):
-                surface, coat = surface_of(context, vehicle), coat_shown(context)
-                if coat is None or surface.vehicle.uvs[surface.paint].shape != order.task.source_uvs.shape:
-                    text = rpt("{name}: changed while it was baked; bake again")
-                    raise contract.RaucaError(text.format(name=vehicle.name))
-                picture = _still_there(image)
-                files.write_bytes(order.path, baked.png)
-                show_baked(surface, coat, order.layer, order.task.wraps, picture)
+                surface, coat = surface_of(context, vehicle), require_coat(context)
+                show_baked(surface, coat, order.layer, order.task.wraps, _still_there(image))
         finally:
             left = bpy.data.images.get(image)
             if left is not None and left.users == 0:

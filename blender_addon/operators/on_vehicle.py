@@ -62,6 +62,14 @@ def coat_shown(context: bpy.types.Context) -> Coat | None:
     return Coat(tree) if tree is not None else None
 
 
+def require_coat(context: bpy.types.Context) -> Coat:
+    """The camouflage that the scene's vehicle wears; raises :class:`RaucaError` if it wears none."""
+    coat = coat_shown(context)
+    if coat is None:
+        raise contract.RaucaError("No camouflage on the vehicle; apply one first (step 6)")
+    return coat
+
+
 def painted_surface(context: bpy.types.Context) -> tuple[Surface, Coat]:
     """The chosen vehicle under its camouflage; raises as the two steps that this takes."""
     vehicle, coat = painted_vehicle(context)
@@ -74,9 +82,7 @@ def painted_vehicle(context: bpy.types.Context) -> tuple[contract.Vehicle, Coat]
     Raises:
         RaucaError: it wears none, or was changed since.
     """
-    coat = coat_shown(context)
-    if coat is None:
-        raise contract.RaucaError("No camouflage on the vehicle; apply one first (step 6)")
+    coat = require_coat(context)
     vehicle = context.scene.rauca.vehicle.chosen(context)
     if coat.tree.get("rauca_atlas") != vehicle.atlas_id:
         raise contract.RaucaError(

@@ -6,7 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
 from ..core import contract
-from .on_vehicle import coat_shown
+from .on_vehicle import coat_shown, require_coat
 from .operator import RaucaOperator, tooltip
 
 LOOKS = [
@@ -34,9 +34,7 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
         return rpt("Apply a camouflage first") if coat_shown(context) is None else ""
 
     def work(self, context: bpy.types.Context) -> None:
-        coat = coat_shown(context)
-        if coat is None:
-            raise contract.RaucaError("No camouflage on the vehicle; apply one first (step 6)")
+        coat = require_coat(context)
         which = self.which
         if which == "TOGGLE":
             which = "CAMOUFLAGE" if coat.shown == "ORIGINAL" else "ORIGINAL"
