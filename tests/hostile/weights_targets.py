@@ -46,6 +46,8 @@ def _published(folder: Path) -> None:
 def _signed(folder: Path) -> Path:
     """The card names whatever weights lie there: else a change would be noticed before anything is parsed."""
     path = folder / "w.safetensors"
+    if not path.is_file():  # a pipe would keep us waiting, a device has no end
+        return path
     card = json.loads((folder / "w.json").read_text())
     card["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     (folder / "w.json").write_text(json.dumps(card))
