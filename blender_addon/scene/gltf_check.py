@@ -61,7 +61,10 @@ def _read(path: Path) -> tuple[dict[str, Any], bytes]:
         text, binary = data[20 : 20 + length], data[20 + length + 8 :]
     if len(text) > MAX_JSON_BYTES:
         raise ValueError(f"its JSON is larger than {MAX_JSON_BYTES >> 20} MiB")
-    document = reading.parse_json(text, str(path))
+    try:
+        document = reading.parse_json(text, "its glTF part")
+    except contract.RaucaError as error:
+        raise ValueError(str(error)) from error  # told as any other damage, with what to do
     if not isinstance(document, dict):
         raise TypeError("its JSON is no object")
     return document, binary
