@@ -44,6 +44,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "rauca-fuzz")
     options = parser.parse_args()
+    if unknown := set(options.readers) - set(READERS):
+        parser.error(f"no reader {', '.join(sorted(unknown))}; see --help")
     for name in options.readers or READERS:
         print(f"READER {name}", file=sys.stderr, flush=True)
         child = os.fork()  # libFuzzer ends its process; the imports are paid for once
