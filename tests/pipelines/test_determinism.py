@@ -14,9 +14,8 @@ import pytest
 from benchmarks.stability.box import painted_box
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import read_history
-from rauca_core.contract import RaucaError
-from rauca_core.detect import fetch
 from rauca_core.images import read_image
+from tests.published import published_weights
 
 STEPS = 3
 
@@ -24,12 +23,7 @@ STEPS = 3
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six frames of a box, before any taps are built."""
-    try:
-        fetch("yolov3-tiny")
-    except RaucaError as error:
-        if os.environ.get("RAUCA_OFFLINE") == "1":
-            pytest.skip(f"RAUCA_OFFLINE=1 and the weights are not in the cache ({error})")
-        raise
+    published_weights("yolov3-tiny")
     folder = tmp_path_factory.mktemp("determinism") / "data"
     make_dataset(folder, painted_box(), 64, (40.0, 130.0, 250.0))
     return folder
