@@ -19,8 +19,10 @@ MAX_JSON_DEPTH = 64
 
 def require_file(path: Path) -> None:
     """Raise :class:`RaucaError` unless a regular file is there: opening a pipe waits, reading a device never ends."""
-    if not path.is_file():
-        raise RaucaError(f"{path}: {'cannot be read (it is no regular file)' if path.exists() else 'not found'}")
+    # os.path: a name too long for any disk is one that is not there, where Path raises OSError
+    if not os.path.isfile(path):
+        told = "cannot be read (it is no regular file)" if os.path.exists(path) else "not found"
+        raise RaucaError(f"{path}: {told}")
 
 
 def read_limited(path: Path, limit: int, kind: str = "a file of this project") -> bytes:
