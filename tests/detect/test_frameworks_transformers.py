@@ -213,7 +213,7 @@ def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path:
         "config.json: backbone 'swin' is not supported", use_timm_backbone=True, backbone_config=None, backbone="swin"
     )
     config.write_text("{")
-    with pytest.raises(RaucaError, match="config.json: not valid JSON"):
+    with pytest.raises(RaucaError, match=r"config\.json: not valid JSON"):
         TransformersDetector("x", folder)
     config.write_text(json.dumps(described))
     weights.rename(folder / "pytorch_model.bin")
