@@ -40,7 +40,10 @@ def translated_config(config: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RaucaError: a backbone that is no plain ResNet, or a dilated one.
     """
-    name = config.get("backbone") or (config.get("backbone_config") or {}).get("backbone") or "resnet50"
+    inner = config.get("backbone_config") or {}
+    if not isinstance(inner, dict):
+        raise RaucaError(f"{path}: backbone_config is no JSON object")
+    name = config.get("backbone") or inner.get("backbone") or "resnet50"
     plain = str(name).partition(".")[0]
     if plain not in _DEPTHS or config.get("dilation"):
         kind = "a dilated backbone" if config.get("dilation") else f"backbone {name!r}"

@@ -68,9 +68,9 @@ def import_transformers() -> ModuleType:
 
 def family_of(name: str, model_type: object) -> Family:
     """The family of a configuration's ``model_type``; raises :class:`RaucaError` for others."""
-    if model_type not in FAMILIES:
+    if not isinstance(model_type, str) or model_type not in FAMILIES:
         raise RaucaError(f"{name}: model type {model_type!r} is not supported; known are {', '.join(FAMILIES)}")
-    return FAMILIES[str(model_type)]
+    return FAMILIES[model_type]
 
 
 def load_model(folder: Path) -> Any:
