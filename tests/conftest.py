@@ -7,12 +7,14 @@ import signal
 from pathlib import Path
 
 import pytest
+import torch
 from hypothesis import settings
 
 from benchmarks.stability.box import painted_box
 from rauca_core.contract import Vehicle
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+LONGEST_FIRST = ("pipelines", "faults", "blender", "attack")  # rooms that start processes, or optimise
 
 settings.register_profile("rauca", deadline=None)  # a kernel's first call compiles it
 settings.load_profile("rauca")
@@ -20,6 +22,16 @@ settings.load_profile("rauca")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # What a shell starts in the background ignores Ctrl-C, and so would the commands that tests interrupt.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # one process a core: more threads would only get into each other's way
+    torch.set_num_threads(1)
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the commands that tests start
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files begin first, so that no process is left alone with one at the end."""
+    rooms = {room: place for place, room in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: rooms.get(item.path.relative_to(REPOSITORY / "tests").parts[0], len(rooms)))
 
 
 @pytest.fixture(scope="session")
