@@ -29,7 +29,10 @@ def blender_command(job: str, arguments: Sequence[str], blender: Path | None = N
         )
         return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", job, *arguments]
     if importlib.util.find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[dataset]` for the wheel, or pass --blender PROGRAM")
+        raise RaucaError(
+            "Blender is missing: `pip install rauca[dataset]` for the wheel (there is none for Python 3.12), or pass "
+            "--blender PROGRAM"
+        )
     return [sys.executable, "-m", "blender_addon.headless", job, *arguments]
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from pipelines.extras import EXTRAS, missing
 
@@ -88,3 +89,11 @@ def test_extras_that_are_named_in_messages_bring_the_package() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     for package, extra in EXTRAS.items():
         assert any(re.match(rf"{package.replace('_', '-')}\b", asked) for asked in extras[extra]), package
+
+
+@pytest.mark.parametrize(("python", "wheels"), [("3.11", ["==5.0.1"]), ("3.12", []), ("3.13", ["<6,>=5.1"])])
+def test_every_python_gets_the_blender_that_has_a_wheel_for_it(python: str, wheels: list[str]) -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    asked = [Requirement(line) for line in extras["dataset"] if line.startswith("bpy")]
+    found = [str(of.specifier) for of in asked if of.marker and of.marker.evaluate({"python_version": python})]
+    assert found == wheels
