@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 from ..core import colour, contract, instances, semantics
 from . import nodes
 from .exchange import exchanged_materials, is_volume, shown_objects
-from .render import render_linear
+from .render import Crop, render_linear
 from .vehicle import SceneVehicle
 
-SAMPLES = 64
+SAMPLES = 64  # on the vehicle, whose edges they resolve
+FEW_SAMPLES = 8  # elsewhere, where nothing but the distance is asked for
+MARGIN_PX = 8  # around what few samples find of the vehicle
 SMALLEST_FILTER = 0.01  # pixels; Cycles takes no less
 MODE = "rauca mode"
 
@@ -89,7 +91,11 @@ class GeometryView:
     def annotate(self, ids: Ids, visible: float, seed: int) -> Annotation:
         """Render coverage and distance for the scene's camera, beside what is known of it."""
         self._switch(0.0)
-        pixels = render_linear(self._scene, contract.Quality(SAMPLES, denoise=False, bounces=0), seed)
+        few, many = (contract.Quality(samples, denoise=False, bounces=0) for samples in (FEW_SAMPLES, SAMPLES))
+        pixels = render_linear(self._scene, few, seed)
+        crop = Crop.around((pixels[..., 0] > 0) | (ids.instances == semantics.TARGET_INSTANCE), MARGIN_PX)
+        if crop is not None:
+            pixels[crop.inside] = render_linear(self._scene, many, seed, crop)
         solid = pixels[..., 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)

@@ -45,6 +45,21 @@ def test_ids_are_whole_and_agree_with_coverage(session):
     assert sorted(parked) == sorted(set(np.unique(seen.instances).tolist()) - {0, 255})
 
 
+def test_the_vehicle_is_resolved_as_if_the_whole_frame_were(session, monkeypatch):
+    from blender_addon.scene import annotate
+
+    seen = session.annotations(0, [0])[0]
+    monkeypatch.setattr(annotate, "FEW_SAMPLES", annotate.SAMPLES)
+    whole = session.annotations(0, [0])[0]
+    assert np.array_equal(seen.vehicle, whole.vehicle)
+    assert np.array_equal(seen.paint, whole.paint)
+    near = whole.vehicle > 0
+    assert np.array_equal(seen.distance[near], whole.distance[near])
+    both = np.isfinite(seen.distance) & np.isfinite(whole.distance)
+    off = np.abs(seen.distance[both].astype(float) / whole.distance[both].astype(float) - 1)
+    assert np.median(off) < 0.005
+
+
 def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(session, bpy_module):
     add_cube(session, bpy_module, beside(session, -3.0, 0.2), 1.5, rauca_instance=201, rauca_category="truck")
     post = add_cube(session, bpy_module, beside(session, 2.6, 0.2), 0.8)
