@@ -55,7 +55,7 @@ def run_bench(settings: Settings, out: Path, docs: Path | None = None) -> Result
 
 def _measure(settings: Settings, references: Path, progress: Callable[[Progress], None]) -> Results:
     if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[blender]`")
+        raise RaucaError("Blender is missing: `pip install rauca[dataset]`")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         source, target = Path(temporary) / "settings.json", Path(temporary) / "found.json"
         source.write_text(json.dumps(settings.to_json()))

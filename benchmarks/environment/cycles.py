@@ -70,7 +70,7 @@ def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Render) -> 
 
 def _run(request: dict[str, Any]) -> None:
     if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[blender]`")
+        raise RaucaError("Blender is missing: `pip install rauca[dataset]`")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles") as move:
         path = Path(temporary) / "request.json"
         write_json(path, request)

@@ -27,6 +27,7 @@ from blender_addon.scene.camouflages import read_paintwork
 from blender_addon.scene.frame import Light, with_rain
 from blender_addon.scene.images import read_image_blender
 from blender_addon.scene.light_maps import light_maps
+from blender_addon.scene.light_memory import LightMemory
 from blender_addon.scene.rain import rain_before
 from blender_addon.scene.session import Session
 
@@ -67,6 +68,7 @@ def _rendered(
     coverage = (paint if paint.ndim == 2 else paint[..., 0]).astype(np.float32) / np.float32(255)
     if job["paint"] == "light":
         session.plan = replace(plan, quality=quality)
+        session.memory = LightMemory(session.plan)  # no light of another job, of other samples
         reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
         started = time.process_time()
         A, B, image = light_maps(session, frame.location, frame.view, frame.weather, coverage, reference)

@@ -45,7 +45,7 @@ def render_jobs(
         RaucaError: Blender is missing, or died.
     """
     if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[blender]`, or leave this part out with --no-blender")
+        raise RaucaError("Blender is missing: `pip install rauca[dataset]`, or leave this part out with --no-blender")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         source, target = Path(temporary) / "views.npz", Path(temporary) / "rendered.npz"
         np.savez(

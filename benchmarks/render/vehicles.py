@@ -28,7 +28,7 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
         if (folder / "vehicle.json").is_file():
             return load_vehicle(folder, read_image)
     if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[blender]`, or give a vehicle folder")
+        raise RaucaError("Blender is missing: `pip install rauca[dataset]`, or give a vehicle folder")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "vehicle"
         arguments = [name_or_path, str(paint_mask or ""), paint_material or "", str(folder)]
