@@ -26,7 +26,7 @@ from .vehicle import SceneVehicle
 
 SAMPLES = 64  # on the vehicle, whose edges they resolve
 FEW_SAMPLES = 8  # elsewhere, where nothing but the distance is asked for
-MARGIN_PX = 8  # around what few samples find of the vehicle
+MARGIN_PX = 16  # around the pixels whose middle shows the vehicle
 SMALLEST_FILTER = 0.01  # pixels; Cycles takes no less
 MODE = "rauca mode"
 
@@ -92,10 +92,12 @@ class GeometryView:
         """Render coverage and distance for the scene's camera, beside what is known of it."""
         self._switch(0.0)
         few, many = (contract.Quality(samples, denoise=False, bounces=0) for samples in (FEW_SAMPLES, SAMPLES))
-        pixels = render_linear(self._scene, few, seed)
-        crop = Crop.around((pixels[..., 0] > 0) | (ids.instances == semantics.TARGET_INSTANCE), MARGIN_PX)
+        crop = Crop.around(ids.instances == semantics.TARGET_INSTANCE, MARGIN_PX)
+        # Many samples first: Cycles' table of samples only grows, and the noise of every later render is read from it.
+        pixels = near = render_linear(self._scene, many, seed, crop)
         if crop is not None:
-            pixels[crop.inside] = render_linear(self._scene, many, seed, crop)
+            pixels = render_linear(self._scene, few, seed)
+            pixels[crop.inside] = near
         solid = pixels[..., 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
