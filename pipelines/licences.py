@@ -48,7 +48,9 @@ def declared() -> dict[str, list[Requirement]]:
     """What ``pyproject.toml`` asks for, by extra; rauca's own needs are under ``""``."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     groups = {"": project["dependencies"], **project["optional-dependencies"]}
-    return {extra: [Requirement(text) for text in texts] for extra, texts in groups.items()}
+    # A package that different Pythons ask for in different versions is one.
+    named = {extra: {(asked := Requirement(text)).name: asked for text in texts} for extra, texts in groups.items()}
+    return {extra: list(packages.values()) for extra, packages in named.items()}
 
 
 def brought_along(asked: Sequence[Requirement]) -> list[str]:
