@@ -93,7 +93,7 @@ class GeometryView:
         self._switch(0.0)
         few, many = (contract.Quality(samples, denoise=False, bounces=0) for samples in (FEW_SAMPLES, SAMPLES))
         crop = Crop.around(ids.instances == semantics.TARGET_INSTANCE, MARGIN_PX)
-        # Many samples first: Cycles' table of samples only grows, and the noise of every later render is read from it.
+        # Many samples first: with few first, a frame's noise depends on what its process rendered before.
         pixels = near = render_linear(self._scene, many, seed, crop)
         if crop is not None:
             pixels = render_linear(self._scene, few, seed)
