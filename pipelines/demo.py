@@ -17,6 +17,7 @@ from pipelines.renderers import AGREEMENT, compare_renderers
 from pipelines.report import report_run
 from pipelines.stages import Stages
 from rauca_core.attack import make_settings, random_camouflage
+from rauca_core.attack.methods import settings_of
 from rauca_core.contract import load_vehicle
 from rauca_core.detect import fetch
 from rauca_core.images import read_image
@@ -31,7 +32,8 @@ RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and w
 class DemoScale:
     """How much the demo renders and optimises; the default fits two cores and a quarter of an hour.
 
-    The strings are arguments of ``rauca dataset make``. The held-out views are in another town, from other cameras.
+    The strings are arguments of ``rauca dataset make``; ``method`` names one of `attack.methods`. The held-out views are
+    in another town, from other cameras.
     """
 
     frames: str = "--weathers demo --size 320 --samples 8"
@@ -43,9 +45,9 @@ class DemoScale:
         "--locations 1 --azimuths 6 --elevations 6,20 --distances 6,8 "
         "--jitter-azimuth 10 --jitter-elevation 5 --jitter-distance 0.1 --jitter-aim 0.3"
     )
+    method: str = "ours"
     steps: int = 600
     batch: int = 4
-    lr: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ def run_demo(choice: DemoChoice) -> Path:
         stages.run(title, arguments, work, folder / "dataset.json")
 
     def optimise() -> None:
-        settings = make_settings(steps=scale.steps, batch=scale.batch, lr=scale.lr, seed=SEED, checkpoint_every=50)
+        size = {"steps": scale.steps, "batch": scale.batch, "seed": SEED, "checkpoint_every": 50}
+        settings = make_settings(**settings_of(scale.method, **size, name="rauca"))
         started = (rauca.parent / "checkpoints").is_dir()
         optimize_camouflage(train, [WHITE_BOX], settings, rauca.parent, resume=started)
 
@@ -87,7 +90,7 @@ def run_demo(choice: DemoChoice) -> Path:
     stages.run("fetching weights", detectors, lambda: [fetch(name) for name in detectors], out)
     dataset(train, "rendering training set", choice.vehicle, scale.train, SEED)
     dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], held_out_views, SEED + 1)
-    stages.run("optimising", [scale.steps, scale.batch, scale.lr, SEED], optimise, rauca)
+    stages.run("optimising", [scale.method, scale.steps, scale.batch, SEED], optimise, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
     stages.run("re-rendering", [], lambda: render_camouflages(held_out, both, renders, choice.blender), renders)

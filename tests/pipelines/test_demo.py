@@ -31,7 +31,7 @@ def test_the_demo_runs_resumes_and_reports(tmp_path):
     assert set(results.table) == {"normal", "random", "rauca"}
     assert len(results.frames) == 2 * 3
     assert set(results.detectors) == {"yolov3-tiny", "yolov4-tiny", "yolov2-tiny"}
-    assert load_camouflage(choice.out / "rauca" / "camouflage.json")[0].method == "rauca"
+    assert load_camouflage(choice.out / "rauca" / "camouflage.json")[0].method == "ours"
     agreement = json.loads((choice.out / "agreement.json").read_text())
     assert agreement["mean_iou"] > 0.97  # at 128 px; at the demo's own size it is above 0.995
 
