@@ -35,7 +35,7 @@ def ablate(
         str,
         typer.Argument(
             metavar="NAME",
-            help="baselines, renderer, dataset, beta, augmentation, environment, views, limit or sampling",
+            help="baselines, renderer, dataset, beta, augmentation, environment, views, limit, sampling or paint",
         ),
     ],
     out: Annotated[Path, typer.Option(help="folder for the table; run again to resume")],
