@@ -28,12 +28,15 @@ def blender_command(job: str, arguments: Sequence[str], blender: Path | None = N
             f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
         )
         return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", job, *arguments]
-    if importlib.util.find_spec("bpy") is None:
-        raise RaucaError(
-            "Blender is missing: `pip install rauca[dataset]` for the wheel (there is none for Python 3.12), or pass "
-            "--blender PROGRAM"
-        )
+    require_bpy("pass --blender PROGRAM")
     return [sys.executable, "-m", "blender_addon.headless", job, *arguments]
+
+
+def require_bpy(instead: str = "") -> None:
+    """Raise :class:`RaucaError` where the bpy wheel is not installed; ``instead`` is what would do without it."""
+    if importlib.util.find_spec("bpy") is None:
+        wheel = "`pip install rauca[dataset]` for the wheel (there is none for Python 3.12)"
+        raise RaucaError(f"Blender is missing: {wheel}" + (f", or {instead}" if instead else ""))
 
 
 def run_blender(

@@ -32,8 +32,10 @@ RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and w
 class DemoScale:
     """How much the demo renders and optimises; the default fits two cores and a quarter of an hour.
 
-    The strings are arguments of ``rauca dataset make``; ``method`` names one of `attack.methods`. The held-out views are
-    in another town, from other cameras.
+    The strings are arguments of ``rauca dataset make``. The held-out views are in another town, from other cameras.
+
+    Attributes:
+        method: one of `attack.methods`.
     """
 
     frames: str = "--weathers demo --size 320 --samples 8"

@@ -6,13 +6,13 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.child import run_child
 from benchmarks.page import fill_page
+from pipelines.blender_process import require_bpy
 from pipelines.console import progress_bar
-from rauca_core.contract import Progress, RaucaError
+from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
 
 from .plots import save_fog_curve, save_pareto
@@ -54,8 +54,7 @@ def run_bench(settings: Settings, out: Path, docs: Path | None = None) -> Result
 
 
 def _measure(settings: Settings, references: Path, progress: Callable[[Progress], None]) -> Results:
-    if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[dataset]`")
+    require_bpy()
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         source, target = Path(temporary) / "settings.json", Path(temporary) / "found.json"
         source.write_text(json.dumps(settings.to_json()))

@@ -7,15 +7,15 @@ import json
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.child import run_child
+from pipelines.blender_process import require_bpy
 from pipelines.console import progress_bar
-from rauca_core.contract import Dataset, RaucaError
+from rauca_core.contract import Dataset
 from rauca_core.contract.files import write_json
 
 SCRIPT = Path(__file__).with_name("cycles_light.py")
@@ -69,8 +69,7 @@ def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Render) -> 
 
 
 def _run(request: dict[str, Any]) -> None:
-    if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[dataset]`")
+    require_bpy()
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles") as move:
         path = Path(temporary) / "request.json"
         write_json(path, request)

@@ -6,7 +6,6 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.child import run_child
-from rauca_core.contract import Camera, Progress, RaucaError, Vehicle
+from pipelines.blender_process import require_bpy
+from rauca_core.contract import Camera, Progress, Vehicle
 
 SCRIPT = Path(__file__).with_name("cycles_view.py")
 Image = NDArray[np.float32]
@@ -44,8 +44,7 @@ def render_jobs(
     Raises:
         RaucaError: Blender is missing, or died.
     """
-    if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[dataset]`, or leave this part out with --no-blender")
+    require_bpy("leave this part out with --no-blender")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         source, target = Path(temporary) / "views.npz", Path(temporary) / "rendered.npz"
         np.savez(

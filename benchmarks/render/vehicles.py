@@ -6,11 +6,11 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
+from pipelines.blender_process import require_bpy
 from rauca_core.contract import RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.images import read_image
@@ -27,8 +27,7 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
     for folder in (assets_folder() / "vehicles" / name_or_path, Path(name_or_path)):
         if (folder / "vehicle.json").is_file():
             return load_vehicle(folder, read_image)
-    if find_spec("bpy") is None:
-        raise RaucaError("Blender is missing: `pip install rauca[dataset]`, or give a vehicle folder")
+    require_bpy("give a vehicle folder")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "vehicle"
         arguments = [name_or_path, str(paint_mask or ""), paint_material or "", str(folder)]
