@@ -35,7 +35,7 @@ def written(folder: Path) -> dict[str, int]:
 def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     out, data = tmp_path / "views", tmp_path / "data"
-    asked = ["views", "--quick", "--out", out, "--frames", 16, "--held-out", 2, "--size", 64, "--samples", 1]
+    asked = ["views", "--quick", "--out", out, "--frames", 8, "--held-out", 2, "--size", 64, "--samples", 1]
     asked += ["--steps", 2, "--batch", 2, "--map-size", 64, "--detectors", "yolov3-tiny", "--threads", 1]
     asked += ["--resamples", 20]
     ablate(*asked)
