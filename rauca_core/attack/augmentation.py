@@ -19,7 +19,7 @@ from . import augmentation_cpu
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
 
 
-AugmentationName = Literal["rauca", "active", "ours"]
+AugmentationName = Literal["rauca", "active", "ours", "wide"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ RANGES: dict[AugmentationName, Ranges] = {
     "rauca": Ranges(),
     "active": Ranges(rotation_deg=0.0, scales=(0.25, 1.0), jitter=1.0),
     "ours": Ranges(scales=(0.6, 1.2), mirror=0.5),
+    "wide": Ranges(rotation_deg=10.0, scales=(0.4, 1.2), jitter=1.0, mirror=0.5),
 }
 
 

@@ -127,10 +127,18 @@ AUGMENTATION = Experiment(
         Variant("without-roa", "Without ROA", {"roa": False}, paper_row="Without ROA"),
         Variant("with-roa", "With ROA", paper_row="With ROA"),
         Variant("mirrored", "With ROA, mirrored, nearer and farther", {"augmentation": "ours"}, quick=False),
+        Variant("ours", "ours, with ROA", {"augmentation": "rauca"}, method="ours", quick=False),
+        Variant("ours-mirrored", "ours, mirrored", {"augmentation": "ours"}, method="ours", quick=False),
+        Variant("ours-wide", "ours, wide", {"augmentation": "wide"}, method="ours", quick=False),
     ),
-    (*_chain("with-roa", "without-roa"), Claim(("mirrored",), ("with-roa",), OURS)),
+    (
+        *_chain("with-roa", "without-roa"),
+        Claim(("mirrored",), ("with-roa",), OURS),
+        Claim(("ours-mirrored",), ("ours",), OURS),
+        Claim(("ours-wide",), ("ours-mirrored",), OURS),
+    ),
     "ablation-augmentation",
-    seeds=3,
+    notes=("Wide: mirrored, turned by up to 10 degrees, 0.4 to 1.2 times as large, relit in every step.",),
 )
 
 ENVIRONMENT = Experiment(
