@@ -21,9 +21,9 @@ def _no_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_missing_blender_is_told_with_what_would_do_without_it(tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match=r"^Blender is missing: .*Python 3.12\)$"):
         require_bpy()
-    with pytest.raises(RaucaError, match="or pass --blender PROGRAM$"):
+    with pytest.raises(RaucaError, match=r"or pass --blender PROGRAM$"):
         blender_command("make_dataset", [])
-    with pytest.raises(RaucaError, match="or give a vehicle folder$"):
+    with pytest.raises(RaucaError, match=r"or give a vehicle folder$"):
         open_vehicle(str(tmp_path / "car.glb"))
 
 
