@@ -5,7 +5,8 @@ Folder, run again to resume; names end in a digest of what was asked for, so tha
     sets/<name>-<frames>-<digest>/            training sets; -<n> of them: a part, its frames linked
     taps/                                     of the neural renderer
     efe/<training set>-<digest>/              the published extractor, trained on it
-    runs/<variant>-<digest>/                  optimisations, with camouflage.json when finished
+    runs/<variant>-<digest>/                  optimisations, with camouflage.json when finished; two ablations whose
+                                              variants are the same share one, under the name that came first
     views/<weathers>-<frames>-<digest>/       held-out views, in the vehicle's reference paint
     paints/<name>-<digest>.json, .png         camouflages by the content of their UV map
     renders/<views>/<name>-<digest>/          the views in camouflage
@@ -101,9 +102,10 @@ class Workspace:
             asked: all that it depends on, as JSON.
             work: optimises into a folder; told whether to resume there.
         """
-        folder = self.folder / "runs" / f"{name}-{_digest(asked)}"
-        product = folder / "camouflage.json"
-        with alone(folder):
+        runs, digest = self.folder / "runs", _digest(asked)
+        with alone(runs / digest):
+            folder = _named(runs, name, digest)
+            product = folder / "camouflage.json"
             if not product.is_file():
                 work(folder, (folder / CHECKPOINTS / POINTER).is_file())
         return product
@@ -123,7 +125,7 @@ class Workspace:
     def renders(self, views: HeldOutViews, camouflages: Mapping[str, Path]) -> dict[str, Path]:
         """Label -> folder of the views in that camouflage, rendered by Cycles where they are missing."""
         out = self.folder / "renders" / views.folder.name
-        paints = {label: self._paint(path) for label, path in camouflages.items()}
+        paints = {label: self.paint(path) for label, path in camouflages.items()}
         folders = {label: out / path.stem for label, path in paints.items()}
         frames = [frame.id for frame in views.dataset.frames() if frame.id in set(views.ids)]
         with alone(out):
@@ -141,11 +143,11 @@ class Workspace:
                 render_camouflages(views.folder, list(missing.values()), out, self._blender, options, title)
         return folders
 
-    def _paint(self, path: Path) -> Path:
+    def paint(self, path: Path) -> Path:
         """A copy under a name that says which map it is: renders of other maps never lie in its folder."""
         record, image = load_camouflage(path)
-        label = f"{record.name.replace(' ', '-')}-{sha256_of(image)[:10]}"
-        return keep_copy(Contestant(label, path, record), self.folder / "paints")
+        kept = _named(self.folder / "paints", record.name.replace(" ", "-"), sha256_of(image)[:10], ".json")
+        return keep_copy(Contestant(kept.stem, path, record), kept.parent)
 
     def _make(self, folder: Path, plan: Plan, ids: Sequence[str], arguments: Sequence[str], title: str) -> None:
         """Render the frames of a plan that are missing; a finished frame is never rendered again."""
@@ -200,6 +202,11 @@ def alone(product: Path) -> Iterator[None]:
             console.print(f"{product.name}: another process makes it, waiting", highlight=False)
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
+
+
+def _named(folder: Path, name: str, digest: str, suffix: str = "") -> Path:
+    """What a digest names in a folder, whoever named it first: variants of two ablations may be the same."""
+    return min(folder.glob(f"*-{digest}{suffix}"), default=folder / f"{name}-{digest}{suffix}")
 
 
 def _list_frames(path: Path, ids: Sequence[str]) -> Path:

@@ -9,10 +9,14 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.ablate_clock import Clock
-from pipelines.ablate_workspace import alone, linked_part, pour
+from pipelines.ablate_workspace import Workspace, alone, linked_part, pour
 from pipelines.cli import app
-from rauca_core.contract import Dataset, RaucaError
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import Dataset, RaucaError, load_camouflage, load_vehicle
+from rauca_core.evaluate.ablations.sizes import QUICK
+from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.evaluate.study import load_study
+from rauca_core.images import read_image
 from tests.published import published_weights
 
 
@@ -82,6 +86,27 @@ def test_detections_are_poured_once(tmp_path: Path) -> None:
     pour(one, two)
     pour(tmp_path / "nowhere", two)
     assert (two / "d.jsonl").read_text() == "a\nb\nc\n"
+
+
+def test_what_two_ablations_call_otherwise_is_made_once(tmp_path: Path) -> None:
+    (sedan,) = find_vehicles(["sedan"])
+    workspace, made = Workspace(tmp_path / "data", sedan, QUICK), []
+
+    def work(folder: Path, resume: bool) -> None:
+        made.append((folder.name.rsplit("-", 1)[0], resume))
+        random_camouflage(folder / "camouflage.json", load_vehicle(sedan.folder, read_image), 64)
+
+    one = workspace.run("with-roa", {"steps": 4}, work)
+    assert workspace.run("e2e-taps", {"steps": 4}, work) == one
+    other = workspace.run("e2e-taps", {"steps": 5}, work)
+    assert made == [("with-roa", False), ("e2e-taps", False)]
+
+    kept = workspace.paint(one)
+    assert kept.name.startswith("random-")
+    renamed = keep_copy(Contestant("another name", other, load_camouflage(other)[0]), tmp_path)
+    assert workspace.paint(renamed) == kept  # the same map
+    kept.with_suffix(".png").write_bytes(b"damaged")
+    assert load_camouflage(workspace.paint(renamed))[1].read_bytes() == one.with_suffix(".png").read_bytes()
 
 
 def test_a_part_of_a_data_set_is_linked_and_whole(tmp_path: Path) -> None:
