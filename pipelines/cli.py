@@ -188,7 +188,7 @@ def demo(
     paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
     blender: Blender = None,
 ) -> None:
-    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. Under 20 minutes on two cores."""
+    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About half an hour on two cores."""
     from .demo import DemoChoice, run_demo
 
     run_demo(DemoChoice(out, _vehicle_arguments(vehicle, paint_mask, paint_material), blender))

@@ -30,7 +30,7 @@ RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and w
 
 @dataclass(frozen=True)
 class DemoScale:
-    """How much the demo renders and optimises; the default fits two cores and a quarter of an hour.
+    """How much the demo renders and optimises; the default fits two cores and half an hour.
 
     The strings are arguments of ``rauca dataset make``. The held-out views are in another town, from other cameras.
 
