@@ -17,7 +17,7 @@ REFERENCE = ("--every", "24", "--samples", "128", "--no-denoise")
 def compare_renderers(dataset: Path, camouflage: Path, out: Path, blender: Path | None = None) -> Agreement:
     """Render a share of the data set's frames in a camouflage, compare, write ``out/agreement.json``."""
     renders = out / "agreement"
-    render_camouflages(dataset, [camouflage], renders, blender, REFERENCE)
+    render_camouflages(dataset, [camouflage], renders, blender, REFERENCE, "rendering the reference")
     agreement = measure_agreement(Dataset(dataset), camouflage, renders / load_camouflage(camouflage)[0].name)
     save_agreement(out / AGREEMENT, agreement)
     return agreement

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import mean, median
@@ -11,11 +13,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Frame, RaucaError, Vehicle, load_camouflage, load_vehicle
+from ..contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
 from ..contract.files import write_json
 from ..environment import Light, load_exact
 from ..images import read_image
-from ..render import Pyramid, Taps, build_taps, composite, display, undisplay
+from ..render import Pyramid, Taps, TapSettings, build_taps, composite, display, undisplay
+from ..render.cache import tap_key
 
 FORMAT = ("rauca-agreement", 1)
 SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
@@ -23,7 +26,10 @@ SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below,
 
 @dataclass(frozen=True)
 class FrameAgreement:
-    """One frame: intersection over union of the paint at half coverage; PSNR in display space, dB, where rendered."""
+    """One frame: intersection over union of the paint at half coverage; PSNR in display space, dB, where rendered.
+
+    ``build_ms`` is of the taps, which frames of one camera share.
+    """
 
     frame: str
     iou: float
@@ -70,7 +76,13 @@ def measure_agreement(
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if not frames:
         raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
-    rows = [_compare(dataset, frame, vehicle, pyramid, texels, renders, samples) for frame in frames]
+    by_id: dict[str, FrameAgreement] = {}
+    for view in _views(frames, vehicle.geometry_id, TapSettings(pyramid.size, samples)):
+        started = time.perf_counter()
+        taps = build_taps(vehicle, view[0].camera_in_vehicle, pyramid.size, samples, pyramid=pyramid)
+        build_ms = 1e3 * (time.perf_counter() - started)
+        by_id |= {frame.id: _compare(dataset, frame, taps, texels, renders, build_ms) for frame in view}
+    rows = [by_id[frame.id] for frame in frames]
     return Agreement(
         mean_iou=mean(row.iou for row in rows),
         worst_iou=min(row.iou for row in rows),
@@ -88,21 +100,21 @@ def save_agreement(path: Path, agreement: Agreement) -> None:
     write_json(path, {"format": name, "version": version, **asdict(agreement)})
 
 
+def _views(frames: Sequence[Frame], geometry_id: str, settings: TapSettings) -> Iterable[list[Frame]]:
+    """The frames of one camera together: its taps serve all weathers, and building them takes the time."""
+    views: defaultdict[str, list[Frame]] = defaultdict(list)
+    for frame in frames:
+        views[tap_key(geometry_id, frame.camera_in_vehicle, settings)].append(frame)
+    return views.values()
+
+
 def _compare(
-    dataset: Dataset,
-    frame: Frame,
-    vehicle: Vehicle,
-    pyramid: Pyramid,
-    texels: torch.Tensor,
-    renders: Path,
-    samples: int,
+    dataset: Dataset, frame: Frame, taps: Taps, texels: torch.Tensor, renders: Path, build_ms: float
 ) -> FrameAgreement:
     folder, light = dataset.frame_folder(frame.id), load_exact(dataset, frame.id)
     started = time.perf_counter()
-    taps = build_taps(vehicle, frame.camera_in_vehicle, pyramid.size, samples, pyramid=pyramid)
-    built = time.perf_counter()
     predicted = _predict(light, taps, texels)
-    applied = time.perf_counter()
+    apply_ms = 1e3 * (time.perf_counter() - started)
     coverage = read_image(folder / "paint.png") / np.float32(255)
     ours, theirs = taps.coverage() >= 0.5, coverage >= 0.5
     iou = float((ours & theirs).sum() / max((ours | theirs).sum(), 1))
@@ -111,7 +123,7 @@ def _compare(
     if rendered.is_file():
         error = (read_image(rendered) / np.float32(255) - predicted) ** 2
         inside, edge = _psnr(error[coverage > SOLID]), _psnr(error[(coverage > 0) & (coverage <= SOLID)])
-    return FrameAgreement(frame.id, iou, inside, edge, 1e3 * (built - started), 1e3 * (applied - built))
+    return FrameAgreement(frame.id, iou, inside, edge, build_ms, apply_ms)
 
 
 def _predict(light: Light, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
