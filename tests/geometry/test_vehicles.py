@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -108,11 +110,20 @@ def test_atlas_is_clean(vehicle):
     assert report.utilisation > 0.5
 
 
+def content(file: Path) -> object:
+    """The bytes; of arrays theirs, since the header of a zip depends on Python's version (3.11.2 writes another)."""
+    if file.suffix != ".npz":
+        return file.read_bytes()
+    with np.load(file, allow_pickle=False) as arrays:
+        return {name: (array.dtype, array.shape, array.tobytes()) for name, array in arrays.items()}
+
+
 def test_build_command_writes_the_same_bytes_again(tmp_path, capsys):
     assert main(["boat", str(tmp_path)]) == 0
-    shipped = assets_folder() / "vehicles" / "boat"
+    made, shipped = tmp_path / "boat", assets_folder() / "vehicles" / "boat"
+    assert {file.name for file in made.iterdir()} == {file.name for file in shipped.iterdir()}
     for file in shipped.iterdir():
-        assert (tmp_path / "boat" / file.name).read_bytes() == file.read_bytes()
+        assert content(made / file.name) == content(file), file.name
     assert "m" in capsys.readouterr().out
 
 
