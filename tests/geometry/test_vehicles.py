@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,8 +112,8 @@ def test_atlas_is_clean(vehicle):
 
 
 def content(file: Path) -> object:
-    """The bytes; of arrays theirs, since the header of a zip depends on Python's version (3.11.2 writes another)."""
-    if file.suffix != ".npz":
+    """The bytes; of arrays theirs where Python is older than 3.11.4, whose zip header is another."""
+    if file.suffix != ".npz" or sys.version_info >= (3, 11, 4):
         return file.read_bytes()
     with np.load(file, allow_pickle=False) as arrays:
         return {name: (array.dtype, array.shape, array.tobytes()) for name, array in arrays.items()}
