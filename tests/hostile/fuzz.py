@@ -2,21 +2,31 @@
 
     pip install atheris
     nice -n 10 python -m tests.hostile.fuzz plan ledger --minutes 10
+    python -m tests.hostile.fuzz --figures
 
 One reader after the other (all without names), each in a process of its own. The inputs are the reader's healthy file,
 what ``corpus/<reader>/`` keeps, and what earlier runs found worth keeping in ``--work``. What is neither a result nor a
 :class:`RaucaError` is told once for each place it comes from, and its input kept in ``<work>/findings``.
+
+Readers inside Blender take part where bpy is installed, all but that of ``.blend`` files, which is Blender's own.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import importlib.util
+import mmap
 import os
+import shutil
 import sys
 import tempfile
 import traceback
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
+from time import monotonic
 
 import atheris
 
@@ -30,11 +40,17 @@ def _compiled() -> list[str]:
 
 
 # One by one: atheris knows whole packages to include, and single modules to leave out.
-with atheris.instrument_imports(include=["rauca_core"], exclude=_compiled()):
+with atheris.instrument_imports(include=["rauca_core", "blender_addon"], exclude=_compiled()):
     from tests.hostile.readers import READERS
     from tests.hostile.target import Target
 
+    if importlib.util.find_spec("bpy"):
+        from tests.hostile.blender_targets import TARGETS
+
+        READERS |= {target.name: target for target in TARGETS if target.name != "blend"}
+
 CORPUS = Path(__file__).with_name("corpus")
+HOURS = "hours.csv"  # in the work folder: a line a run, reader, executions, CPU seconds
 
 
 def main() -> None:
@@ -43,19 +59,47 @@ def main() -> None:
     parser.add_argument("readers", nargs="*", metavar="READER", help=f"of {', '.join(READERS)}")
     parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "rauca-fuzz")
+    parser.add_argument("--figures", action="store_true", help="print what all runs came to, and stop")
     options = parser.parse_args()
+    if options.figures:
+        print_figures(options.work)
+        return
     if unknown := set(options.readers) - set(READERS):
         parser.error(f"no reader {', '.join(sorted(unknown))}; see --help")
     for name in options.readers or READERS:
         print(f"READER {name}", file=sys.stderr, flush=True)
+        executions = mmap.mmap(-1, 8)  # shared with the child, which may end at any moment
         child = os.fork()  # libFuzzer ends its process; the imports are paid for once
         if not child:
-            fuzz(READERS[name], options.minutes, options.work)
-        os.waitpid(child, 0)
+            fuzz(READERS[name], options.minutes, options.work, lambda count=executions: _one_more(count))
+        used = os.wait4(child, 0)[2]
+        with (options.work / HOURS).open("a", newline="") as file:
+            csv.writer(file).writerow([name, _count(executions), f"{used.ru_utime + used.ru_stime:.1f}"])
 
 
-def fuzz(target: Target, minutes: float, work: Path) -> None:
-    """Fuzz one reader; ends the process."""
+def print_figures(work: Path) -> None:
+    """What all runs in a work folder came to, a Markdown table."""
+    executions, seconds = Counter[str](), Counter[str]()
+    with (work / HOURS).open(newline="") as file:
+        for name, count, cpu_s in csv.reader(file):
+            executions[name] += int(count)
+            seconds[name] += float(cpu_s)
+    print("| reader | executions | CPU minutes |\n|---|---|---|")
+    for name in sorted(executions):
+        print(f"| {name} | {executions[name]:,} | {seconds[name] / 60:.1f} |")
+    print(f"| all {len(executions)} | {executions.total():,} | {seconds.total() / 60:.1f} |")
+
+
+def _count(executions: mmap.mmap) -> int:
+    return int.from_bytes(executions[:8], "little")
+
+
+def _one_more(executions: mmap.mmap) -> None:
+    executions[:8] = (_count(executions) + 1).to_bytes(8, "little")
+
+
+def fuzz(target: Target, minutes: float, work: Path, count: Callable[[], None]) -> None:
+    """Fuzz one reader, counting each input; ends the process."""
     found, kept = work / "findings", work / "corpus" / target.name
     for folder in (found, kept):
         folder.mkdir(parents=True, exist_ok=True)
@@ -64,7 +108,13 @@ def fuzz(target: Target, minutes: float, work: Path) -> None:
     (kept / "healthy").write_bytes(healthy)
     told: set[str] = set()
 
+    end = monotonic() + 60 * minutes
+
     def test(data: bytes) -> None:
+        if monotonic() > end:
+            shutil.rmtree(folder, ignore_errors=True)
+            os._exit(0)  # not libFuzzer's own end: leaving the usual way, bpy aborts in its threads' destructors
+        count()
         try:
             target.try_on(folder, data)
         except KeyboardInterrupt:
@@ -86,8 +136,8 @@ def fuzz(target: Target, minutes: float, work: Path) -> None:
             return bytes(atheris.Mutate(data, largest))
         return target.damaged(data or healthy, rng)[:largest]
 
-    limits = [f"-max_total_time={int(minutes * 60)}", "-rss_limit_mb=4096", "-timeout=60", "-max_len=300000"]
-    quiet = ["-print_final_stats=1", "-verbosity=0", f"-artifact_prefix={found}/{target.name}-"]
+    limits = ["-rss_limit_mb=4096", "-timeout=60", "-max_len=300000"]
+    quiet = ["-verbosity=0", f"-artifact_prefix={found}/{target.name}-"]
     seeds = [str(kept), *([str(CORPUS / target.name)] if (CORPUS / target.name).is_dir() else [])]
     atheris.Setup([sys.argv[0], *limits, *quiet, *seeds], test, custom_mutator=mutate)
     atheris.Fuzz()

@@ -133,9 +133,10 @@ def _wall(parts: MeshParts, material: str, rectangles: object) -> None:
 
 def _upright(rectangles: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
     """Corners (N, 4, 3) of rectangles (N, 4) x0, x1, z0, z1 in the plane y = depth."""
-    x0, x1, z0, z1 = rectangles.T
-    y = np.full_like(x0, depth)
-    return np.stack([np.stack(c, -1) for c in ((x0, y, z0), (x1, y, z0), (x1, y, z1), (x0, y, z1))], axis=1)
+    corners = np.full((len(rectangles), 4, 3), depth)
+    corners[..., 0] = rectangles[:, [0, 1, 1, 0]]
+    corners[..., 2] = rectangles[:, [2, 2, 3, 3]]
+    return corners
 
 
 def _dress(parts: MeshParts, openings: NDArray[np.float64], style: Style) -> None:
