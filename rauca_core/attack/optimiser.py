@@ -78,10 +78,9 @@ def optimise(
                     _loop(run, out, on_step)
             finally:
                 run.close()
-            texels = run.texture.texels()
             if not team.leads:
                 return out / "camouflage.json"
-            return write_result(out, run.store.vehicle, run.store.pyramid, texels, settings, panel.name)
+            return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, panel.name)
 
 
 def _require_state(out: Path, resume: bool) -> None:

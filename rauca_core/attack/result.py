@@ -13,7 +13,9 @@ from ..contract.files import png_bytes
 from ..render import Pyramid, display, undisplay
 from .journal import read_history
 from .naturalness.finish import finish
+from .naturalness.texture import NaturalColours
 from .settings import OptimiserSettings
+from .texture import Texture
 
 AVERAGED_STEPS = 50
 
@@ -25,7 +27,7 @@ def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
 
 
 def write_result(
-    out: Path, vehicle: Vehicle, pyramid: Pyramid, texels_srgb: Tensor, settings: OptimiserSettings, detector: str
+    out: Path, vehicle: Vehicle, pyramid: Pyramid, texture: Texture, settings: OptimiserSettings, detector: str
 ) -> Path:
     """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history."""
     last = read_history(out)[-AVERAGED_STEPS:]
@@ -37,11 +39,11 @@ def write_result(
         "final_losses": losses,
         "settings": settings.identity(),
     }
-    if settings.natural is None:
-        png = map_png(pyramid, texels_srgb)
-    else:
-        uv_map, made["natural"] = finish(vehicle, pyramid, texels_srgb, settings.natural, settings.seed)
+    if isinstance(texture, NaturalColours):
+        uv_map, made["natural"] = finish(texture.constraints, texture.texels())
         png = png_bytes(uv_map)
+    else:
+        png = map_png(pyramid, texture.texels())
     camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, settings.method, made)
     path = out / "camouflage.json"
     save_camouflage(path, camouflage, png)

@@ -44,9 +44,7 @@ class Distance:
         return Distance(mean, float(apart.max()), mean_2000)
 
 
-def finish(
-    vehicle: Vehicle, atlas: Pyramid, texels_srgb: Tensor, wanted: Naturalness, seed: int
-) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """The UV map (size, size, 3), 8-bit sRGB, and what is to be remembered about it.
 
     Gutters are filled from their neighbours; of a palette or patches they hold no colour of their own.
@@ -54,7 +52,7 @@ def finish(
     Args:
         texels_srgb: (P, 3), what the optimisation ended with.
     """
-    constraints = Constraints(vehicle, atlas, wanted, seed)
+    wanted = constraints.wanted
     texels = to_bytes(texels_srgb.detach().cpu().numpy())
     if wanted.max_delta_e is not None and not wanted.palette and constraints.home is not None:
         patches = constraints.patches
@@ -70,7 +68,7 @@ def finish(
         if constraints.patches is not None and constraints.home is not None:
             home = constraints.home[constraints.patches.of_texel]
             facts["largest_delta_e_of_a_patch"] = float(distances(texels / 255.0, home / 255.0).max())
-    return _fill(atlas, texels, wanted), facts
+    return _fill(constraints.atlas, texels, wanted), facts
 
 
 def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDArray[np.uint8]:

@@ -52,7 +52,7 @@ def painted(vehicle: Vehicle, size: int, feature_cm: float, **more: object) -> t
     atlas, wanted = Pyramid.of(vehicle, size), Naturalness(feature_cm=feature_cm, **more)  # type: ignore[arg-type]
     constraints = Constraints(vehicle, atlas, wanted, 0)
     texture = NaturalColours(constraints, torch.rand(constraints.count, 3, generator=torch.Generator().manual_seed(0)))
-    uv_map, facts = finish(vehicle, atlas, texture.texels(), wanted, 0)
+    uv_map, facts = finish(constraints, texture.texels())
     assert facts["patches"] == constraints.count
     return uv_map, constraints
 
