@@ -204,8 +204,10 @@ SAMPLING = Experiment(
     (
         Variant("rest-0", "All frames in every epoch"),
         Variant("rest-3", "Quiet frames rest 3 epochs", {"rest": 3}),
+        Variant("ours", "ours, all frames in every epoch", {"rest": 0}, method="ours", quick=False),
+        Variant("ours-rest-3", "ours, quiet frames rest 3 epochs", {"rest": 3}, method="ours", quick=False),
     ),
-    (Claim(("rest-3",), ("rest-0",), OURS),),
+    (Claim(("rest-3",), ("rest-0",), OURS), Claim(("ours-rest-3",), ("ours",), OURS)),
     seeds=3,
 )
 
