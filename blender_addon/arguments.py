@@ -43,7 +43,9 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
-    _add_only(add)
+    part = parser.add_mutually_exclusive_group().add_argument
+    _add_only(part)
+    part("--frames", type=_whole, help="a balanced part of so many frames; more of them later go on from it")
     _add_crew(add)
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
     return parser

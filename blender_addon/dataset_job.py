@@ -6,6 +6,7 @@ import argparse
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import bpy
@@ -122,25 +123,26 @@ class _Run:
             listener = Listener(self.progress, _note)
             supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(lock))
             try:
-                supervisor.run(self._pieces(wanted), self._planned() - len(wanted))
+                supervisor.run(self._pieces(wanted), len(self._asked) - len(wanted))
             finally:
                 lock.sweep()
             return left_out | supervisor.quarantined
 
-    def _planned(self) -> int:
-        return len(self._asked())
-
+    @cached_property
     def _asked(self) -> list[contract.PlannedFrame]:
-        """The shard's frames, or those of them that ``--only`` names."""
-        named = named_frames(self.options.only, {frame_id for frame_id, *_ in self.plan.frame_ids()})
-        return [frame for frame in contract.planned_frames(self.plan, self.options.shard) if frame.id in named]
+        """The shard's frames, or those of them that ``--only`` or ``--frames`` choose."""
+        if self.options.frames:
+            chosen = frozenset(contract.balanced_frames(self.plan, self.options.frames))
+        else:
+            chosen = named_frames(self.options.only, {frame_id for frame_id, *_ in self.plan.frame_ids()})
+        return [frame for frame in contract.planned_frames(self.plan, self.options.shard) if frame.id in chosen]
 
     def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
         """Frames to render, and those left out as quarantined; the ledger learns of done frames that it misses."""
         out, again = self.options.out, self.options.retry_quarantined
         ledger, states = contract.read_ledger(out), contract.frame_states(out)
         wanted, left_out = [], {}
-        for frame in self._asked():
+        for frame in self._asked:
             state = states.get(frame.id)
             if state == "quarantined" and not again:
                 left_out[frame.id] = ledger[frame.id].reason or ""

@@ -30,7 +30,16 @@ from pipelines.console import console, progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack.optimiser import CHECKPOINTS
 from rauca_core.checkpoint_files import POINTER
-from rauca_core.contract import Dataset, Plan, Progress, find_preset, frame_states, load_camouflage, load_vehicle
+from rauca_core.contract import (
+    Dataset,
+    Plan,
+    Progress,
+    balanced_frames,
+    find_preset,
+    frame_states,
+    load_camouflage,
+    load_vehicle,
+)
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import atomic_folder, write_bytes
 from rauca_core.detect.weights_file import sha256_of
@@ -39,7 +48,6 @@ from rauca_core.evaluate.ablations.sizes import Sizes
 from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
 from rauca_core.evaluate.contestants import Contestant, VehicleChoice, keep_copy
 from rauca_core.evaluate.renders import discard_damaged
-from rauca_core.evaluate.views import balanced_frames
 from rauca_core.images import read_image
 
 PRESETS = {"seen": "enhanced", "unseen": "unseen"}

@@ -21,7 +21,7 @@ from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Dataset, Plan, Progress, find_preset, frame_states, load_vehicle
+from rauca_core.contract import Dataset, Plan, Progress, balanced_frames, find_preset, frame_states, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_bytes
 from rauca_core.detect import Detector
@@ -31,7 +31,7 @@ from rauca_core.evaluate.defences import Defence
 from rauca_core.evaluate.images_of import ImageOf
 from rauca_core.evaluate.renders import RenderRecord, discard_damaged
 from rauca_core.evaluate.study import FILE_NAME, Entry, save_study
-from rauca_core.evaluate.views import HeldOut, balanced_frames
+from rauca_core.evaluate.views import HeldOut
 from rauca_core.folder_lock import alone_in
 from rauca_core.images import read_image
 

@@ -5,6 +5,7 @@ Nobody else parses or writes these files.
 """
 
 from . import rain
+from .balance import balanced_frames
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
@@ -45,6 +46,7 @@ __all__ = [
     "Vehicle",
     "Weather",
     "append_entry",
+    "balanced_frames",
     "cameras_of",
     "chunks",
     "claim_folder",

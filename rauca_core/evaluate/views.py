@@ -1,22 +1,19 @@
 """Held-out views: a camera ring in a town of its own, of which a balanced part is rendered.
 
-The plan is as large as the published ones (8 azimuths, 4 elevations and 4 distances in 16 weathers, at 8 locations:
-16,384 frames). A small part of it tells nearly as much about each parameter when every pair of values meets equally
-often, as in a Latin square; a larger part contains the smaller one, so that a study can grow.
+The plan is as large as the published ones: 8 azimuths, 4 elevations and 4 distances in 16 weathers, at 8 locations,
+16,384 frames. A larger part contains the smaller one, so that a study can grow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Plan, Quality, RaucaError, Ring, Weather
-from ..contract.seeding import named_rng
 
 SCALES = {"quick": 32, "standard": 128, "full": 1024}  # frames per weather set
 TOWN_SEED = 20_000  # far from the small seeds that people train with
@@ -30,7 +27,6 @@ RINGS = {
 }
 RING = RINGS["street"]
 REACH_M = 3.5  # from a vehicle's centre to its corner; what reaches farther is seen from farther away
-_SINGLE_WEIGHT = 20.0  # a value's own share counts for more than that of its pairs
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,7 @@ class HeldOut:
         return replace(self, ring=replace(self.ring, distances_m=farther))
 
     def plan(self, vehicle_name: str, atlas_id: str, weathers: Sequence[Weather]) -> Plan:
-        """The whole plan, of which :func:`balanced_frames` chooses.
+        """The whole plan, of which :func:`rauca_core.contract.balanced_frames` chooses.
 
         Fog is rendered, not composed: every paint is judged by the same renderer.
         """
@@ -103,40 +99,6 @@ def find_ring(name: str) -> Ring:
     if name not in RINGS:
         raise RaucaError(f"--ring {name}: unknown; choose {' or '.join(RINGS)}, and --elevations and --distances")
     return RINGS[name]
-
-
-def balanced_frames(plan: Plan, count: int) -> list[str]:
-    """Ids of ``count`` frames of a plan (all if it has no more), in the plan's order.
-
-    Locations, azimuths, elevations, distances and weathers, and all pairs of them, are as even as a greedy choice makes
-    them. The choice of fewer frames is part of the choice of more.
-    """
-    ring, weathers = plan.ring, len(plan.weathers)
-    shape = (plan.locations, weathers, len(ring.distances_m), len(ring.elevations_deg), len(ring.azimuths_deg))
-    every = [frame_id for frame_id, *_ in plan.frame_ids()]  # in just this order of axes
-    chosen = range(len(every)) if count >= len(every) else sorted(_even_choice(shape, count, plan.seed).tolist())
-    return [every[index] for index in chosen]
-
-
-def _even_choice(shape: tuple[int, ...], count: int, seed: int) -> NDArray[np.int64]:
-    """(count,) distinct flat indices into a grid: each is the point whose values, and pairs of them, were taken least.
-
-    Equals are told apart by a seeded draw, once for all.
-    """
-    cost = named_rng("held-out views", seed).random(shape) * 1e-3
-    axes = range(len(shape))
-    subsets = [*combinations(axes, 1), *combinations(axes, 2)]
-    chosen = []
-    for _ in range(count):
-        flat = int(cost.argmin())
-        chosen.append(flat)
-        point = np.unravel_index(flat, shape)
-        for subset in subsets:
-            sharing = tuple(int(point[axis]) if axis in subset else slice(None) for axis in axes)
-            rarity = float(np.prod([shape[axis] for axis in subset]))
-            cost[sharing] += rarity * (_SINGLE_WEIGHT if len(subset) == 1 else 1.0)
-        cost[point] = np.inf
-    return np.array(chosen, np.int64)
 
 
 def _listed(values: Sequence[float]) -> str:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from blender_addon.arguments import dataset_parser
-from rauca_core.contract import Plan, RaucaError, find_preset
+from rauca_core.contract import Plan, RaucaError, balanced_frames, find_preset
 from rauca_core.contract.assets import assets_folder
-from rauca_core.evaluate.views import SCALES, HeldOut, balanced_frames, find_ring, frames_of_scale
+from rauca_core.evaluate.views import SCALES, HeldOut, find_ring, frames_of_scale
 
 WEATHERS = find_preset("enhanced", assets_folder() / "weathers")
 

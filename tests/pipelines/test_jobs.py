@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from rauca_core.contract import RaucaError, Shard, chunks, planned_frames, read_ledger, read_plan
+from rauca_core.contract import RaucaError, Shard, balanced_frames, chunks, planned_frames, read_ledger, read_plan
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
@@ -91,6 +91,15 @@ def test_recycled_workers_side_by_side_render_the_same_bytes(whole, tmp_path):
     assert sum(map(len, frames_of.values())) == 8
     assert max(map(len, frames_of.values())) <= 2
     assert {k: v for k, v in content(whole).items() if k.startswith("frames")} == content(tmp_path / "set")
+
+
+def test_a_balanced_part_goes_on_to_the_whole(whole, tmp_path):
+    assert finish(start(tmp_path / "set", "--frames", "3")) == (0, "")
+    plan = read_plan(tmp_path / "set")
+    part = balanced_frames(plan, 3)
+    assert sorted(read_ledger(tmp_path / "set")) == sorted(part)
+    assert finish(start(tmp_path / "set")) == (0, "")
+    assert content(tmp_path / "set") == content(whole)
 
 
 def test_a_frame_that_fails_twice_is_quarantined_and_the_rest_goes_on(whole, tmp_path):

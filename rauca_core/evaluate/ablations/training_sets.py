@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contract import Plan, Quality, RaucaError, Ring, find_preset
+from ...contract import Plan, Quality, RaucaError, Ring, balanced_frames, find_preset
 from ...contract.assets import assets_folder
-from ..views import RING, HeldOut, balanced_frames
+from ..views import RING, HeldOut
 from .sizes import Sizes
 
 TOWN_SEED = 1
