@@ -19,7 +19,7 @@ def test_predicted_and_rendered_camouflage_agree(session, box_vehicle, tmp_path,
     def ignore(done, total, last):
         pass
 
-    session.plan = replace(session.plan, size=192, quality=Quality(16), weathers=(weather,))
+    session.plan = replace(session.plan, size=128, quality=Quality(16), weathers=(weather,))
     folder = tmp_path / "set"
     claim_folder(folder, session.plan)
     box_vehicle.save(folder / "vehicle")
