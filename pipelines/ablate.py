@@ -214,9 +214,11 @@ def _measure(asked: Ablation, views: HeldOutViews, copies: Mapping[str, Path]) -
 
 def own_settings(asked: Ablation, variant: Variant) -> dict[str, Any]:
     """What a variant's optimisation does otherwise than the common one."""
-    settings = settings_of_repeat(asked, Repeat(variant, 0, variant.key)).identity()
+    chosen = settings_of_repeat(asked, Repeat(variant, 0, variant.key))
     usual = make_settings(**_usual(asked)).identity()
-    own = {name: value for name, value in settings.items() if value != usual.get(name) and name != "steps"}
+    own = {name: value for name, value in chosen.identity().items() if value != usual.get(name) and name != "steps"}
+    if chosen.natural is not None:
+        own["natural"] = chosen.natural.model_dump(mode="json", exclude_defaults=True)
     part = {} if variant.share == 1 else {"share of frames": f"1/{round(1 / variant.share)}"}
     return {**own, "data set": variant.training, **part}
 

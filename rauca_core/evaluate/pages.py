@@ -78,7 +78,9 @@ def picture_grid(columns: Iterable[str], rows: Mapping[str, Iterable[str]]) -> s
     titles = (escape(title).partition("\n") for title in columns)
     head = "".join(f'<th scope="col"><b>{first}</b>{rest}</th>' for first, _, rest in titles)
     body = "".join(
-        f'<tr><th scope="row">{escape(name)}</th>' + "".join(f"<td>{picture}</td>" for picture in pictures) + "</tr>"
+        f'<tr><th scope="row"><span>{escape(name)}</span></th>'
+        + "".join(f"<td>{picture}</td>" for picture in pictures)
+        + "</tr>"
         for name, pictures in rows.items()
     )
     return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -197,8 +197,11 @@ def _verdict(verdict: Verdict, found: Findings) -> dict[str, Any]:
     }
 
 
-def _told(settings: Any) -> str:
-    return ", ".join(f"{name} {value}" for name, value in settings.items())
+def _told(settings: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{name} ({_told(value)})" if isinstance(value, Mapping) else f"{name} {value}"
+        for name, value in settings.items()
+    )
 
 
 def _listing(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
