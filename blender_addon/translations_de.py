@@ -275,6 +275,8 @@ WORDS: dict[str, str] = {
     "Clean the frames up; without it take 64 samples or more": "Die Bilder säubern; sonst 64 Abtastungen oder mehr nehmen",
     "Light Maps": "Lichtkarten",
     "Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it": "Festhalten, wie das Licht auf den Lack fällt, damit jede Tarnung gezeigt werden kann; Schritt 5 braucht das",
+    "Frames at Most": "Höchstens Bilder",
+    "Render a part of so many frames, balanced over places, weathers and cameras; 0 renders all": "Einen Teil von so vielen Bildern rendern, ausgewogen über Orte, Wetter und Kameras; 0 rendert alle",
     "Blenders at Once": "Blender zugleich",
     "They share the machine; each needs its memory": "Sie teilen sich den Rechner; jeder braucht seinen Speicher",
     "Seed": "Startwert",

@@ -27,6 +27,8 @@ def dataset_arguments(context: bpy.types.Context, out: Path, vehicle: Path) -> l
         "--light" if settings.light else "--no-light",
         "--json-progress",
     ]
+    if settings.part:
+        arguments += ["--frames", str(settings.part)]
     return [*arguments, "--retry-quarantined"] if settings.retry else arguments
 
 

@@ -44,6 +44,12 @@ class RaucaDataset(bpy.types.PropertyGroup):
         default=True,
         description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
+    part: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Frames at Most",
+        default=0,
+        min=0,
+        description="Render a part of so many frames, balanced over places, weathers and cameras; 0 renders all",
+    )
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Blenders at Once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
     )
@@ -106,7 +112,7 @@ class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blen
         return not watch.busy(JOB)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        for name in ("light", "workers", "seed", "retry"):
+        for name in ("light", "part", "workers", "seed", "retry"):
             layout.prop(context.scene.rauca.dataset, name)
 
 

@@ -221,6 +221,11 @@ def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_pa
     steps.dataset.locations = 3
     timing.forget()
     assert timing.frame_count(addon.context) == 8 * 2 * 2 * 3 * 3
+    steps.dataset.part = 50
+    assert timing.frame_count(addon.context) == 50
+    steps.dataset.part = 10_000
+    assert timing.frame_count(addon.context) == 8 * 2 * 2 * 3 * 3
+    steps.dataset.part = 0
     with pytest.raises(RuntimeError, match="Choose a dataset's folder"):
         addon.ops.rauca.measure_pace()
     steps.dataset.folder = str(tmp_path)

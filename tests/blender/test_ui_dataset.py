@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from blender_addon.arguments import dataset_parser
 from tests.blender.disks import fill
 from tests.blender.timer import until
 
@@ -92,6 +93,19 @@ def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, h
     assert not job.task.scratch.exists()
     assert content(tmp_path / "set") == headless
     assert longest < 0.1
+
+
+def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):
+    from blender_addon.background.dataset_arguments import dataset_arguments
+    from blender_addon.ui.dataset import state
+
+    settings = steps().dataset
+    settings.folder = str(tmp_path / "set")
+    for part, frames, asked in ((2, 2, 2), (0, 3, None)):
+        settings.part = part
+        assert state(addon.context).words.startswith(f"Ready: {frames} frames, about ")
+        arguments = dataset_arguments(addon.context, tmp_path / "set", tmp_path / "vehicle")
+        assert dataset_parser().parse_args(arguments).frames == asked
 
 
 def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon, steps, headless, tmp_path):

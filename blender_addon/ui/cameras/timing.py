@@ -38,10 +38,11 @@ def learn(dataset: Path) -> None:
 
 
 def frame_count(context: bpy.types.Context) -> int:
-    """Frames of the dataset that the panels describe."""
+    """Frames of the dataset that the panels describe, or of the part of it that is wanted."""
     steps = context.scene.rauca
     weathers = 1 if steps.weather.used == "ONE" else len(steps.weather.listed())
-    return len(steps.cameras.ring()) * weathers * int(steps.dataset.locations)
+    every = len(steps.cameras.ring()) * weathers * int(steps.dataset.locations)
+    return min(every, steps.dataset.part or every)
 
 
 def estimated_seconds(context: bpy.types.Context) -> float:
