@@ -1,4 +1,8 @@
-"""The ``rauca`` command."""
+"""The ``rauca`` command.
+
+No torch here, nor in what this module imports: functions import what they run, so that help, data sets and mistakes
+answer at once.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from blender_addon.arguments import apply_parser
-from rauca_core.attack import make_settings
 from rauca_core.contract import RaucaError
-from rauca_core.detect.listing import ready_names
 
 from .ablate_command import ablate
 from .blender_process import run_blender
@@ -157,6 +159,8 @@ def optimize(
     ] = False,
 ) -> None:
     """Optimise a camouflage UV map against one or several detectors."""
+    from rauca_core.attack import make_settings
+
     from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage
 
@@ -339,6 +343,8 @@ def _vehicle_arguments(vehicle: str, paint_mask: Path | None, paint_material: st
 
 def _fetched() -> list[str]:
     """Detectors whose weights are here."""
+    from rauca_core.detect.listing import ready_names
+
     names = ready_names()
     if not names:
         raise RaucaError("no detector weights are here; get some with `rauca weights fetch --all`")

@@ -10,9 +10,6 @@ from rich.console import Console
 from rich.table import Table
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.catalogue import SOURCES
-from rauca_core.detect.listing import listing
-from rauca_core.detect.store import OWN_FOLDER, fetch_all, status
 
 from .console import console
 
@@ -22,7 +19,8 @@ weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 Names = Annotated[list[str] | None, typer.Argument(help="names from `rauca weights list`")]
 All = Annotated[bool, typer.Option("--all", help="the seven of the standard evaluation")]
 From = Annotated[
-    Path | None, typer.Option("--from", help="look in this folder first; files are known by sha256", envvar=OWN_FOLDER)
+    Path | None,
+    typer.Option("--from", help="look in this folder first; files are known by sha256", envvar="RAUCA_WEIGHTS"),
 ]
 
 TABLE_WIDTH = 100
@@ -35,6 +33,8 @@ OTHERS = (
 @detectors_app.command("list")
 def detectors_list() -> None:
     """Show every known detector: its family, training data, licence, and what it needs to run."""
+    from rauca_core.detect.listing import listing
+
     listed = listing()
     table = Table("name", "family", "trained on", "licence", "gradients", "state", title="rauca detectors")
     for entry in listed:
@@ -88,6 +88,8 @@ def detectors_train(
 @weights_app.command("list")
 def weights_list() -> None:
     """Show the weights that can be fetched, their licences and whether they are here."""
+    from rauca_core.detect.store import status
+
     table = Table("name", "licence", "MiB", "state")
     for entry in status():
         size = f"{entry.source.size_bytes / 2**20:.0f}" if entry.source.size_bytes else "?"
@@ -98,6 +100,9 @@ def weights_list() -> None:
 @weights_app.command("fetch")
 def weights_fetch(names: Names = None, everything: All = False, folder: From = None) -> None:
     """Get weights by name, verified by sha256; what cannot be had does not keep the others from coming."""
+    from rauca_core.detect.catalogue import SOURCES
+    from rauca_core.detect.store import fetch_all
+
     standard = [source.name for source in SOURCES.values() if source.standard] if everything else []
     wanted = list(dict.fromkeys([*(names or []), *standard]))
     if not wanted:

@@ -12,7 +12,6 @@ from rich.table import Table
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from rauca_core.contract.recolour import TEST, find_colours
-from rauca_core.environment.convergence import ETA
 
 from .console import console, progress_bar
 
@@ -49,7 +48,7 @@ def efe_train(
     crop: Crop = 80,
     mixed: Mixed = False,
     early_stop: Early = False,
-    eta: Eta = ETA,
+    eta: Eta = 0.003,
     seed: int = 0,
     threads: Threads = None,
     start: Annotated[Path | None, typer.Option(help="weights to begin with; drawn by the seed by default")] = None,
@@ -83,7 +82,7 @@ def efe_finetune(
     crop: Crop = 80,
     mixed: Mixed = False,
     early_stop: Early = False,
-    eta: Eta = ETA,
+    eta: Eta = 0.003,
     seed: int = 0,
     threads: Threads = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from pydantic import ValidationError
 
-from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import RaucaError
+
+if TYPE_CHECKING:
+    from rauca_core.attack.naturalness import Naturalness
 
 PaletteOption = Annotated[
     str | None,
@@ -43,6 +45,7 @@ def make_naturalness(
     max_delta_e: float | None = None,
 ) -> Naturalness | None:
     """What the options ask for, None where they ask for nothing; raises :class:`RaucaError` naming a bad one."""
+    from rauca_core.attack.naturalness import Naturalness
     from rauca_core.attack.naturalness.palette import read_palette
     from rauca_core.attack.naturalness.reference import fingerprint
 

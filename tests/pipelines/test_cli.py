@@ -7,12 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from inspect import signature
 from pathlib import Path
 
 import pytest
+import typer
 
 from pipelines.blender_process import run_blender
+from pipelines.detector_commands import weights_app
+from pipelines.efe_commands import efe_finetune, efe_train
 from rauca_core.contract import RaucaError
+from rauca_core.detect.store import OWN_FOLDER
+from rauca_core.environment.convergence import ETA
 
 
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -33,6 +39,21 @@ def test_every_command_is_listed():
     listing = rauca("--help").stdout
     for command in ("dataset", "optimize", "apply", "evaluate", "report", "demo", "weights", "bench", "doctor"):
         assert command in listing
+
+
+def test_the_command_line_answers_without_torch():
+    """Nothing that takes seconds to import is needed for help, data sets or mistakes."""
+    heavy = "{'torch', 'numba', 'cv2', 'scipy', 'matplotlib'}"
+    command = f"import sys; from pipelines.cli import run; print({heavy} & set(sys.modules))"
+    told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "set()"
+
+
+def test_what_the_command_line_repeats_is_what_the_library_says():
+    defaults = [signature(command).parameters["eta"].default for command in (efe_train, efe_finetune)]
+    assert defaults == [ETA, ETA]
+    (option,) = (o for o in typer.main.get_command(weights_app).commands["fetch"].params if "--from" in o.opts)
+    assert option.envvar == OWN_FOLDER
 
 
 def test_doctor_looks_at_everything():
