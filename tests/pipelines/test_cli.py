@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -47,6 +48,16 @@ def test_the_command_line_answers_without_torch():
     command = f"import sys; from pipelines.cli import run; print({heavy} & set(sys.modules))"
     told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout
     assert told.strip() == "set()"
+
+
+@pytest.mark.parametrize("chosen", [None, "ACTIVE"])
+def test_waiting_threads_sleep_unless_the_user_says_otherwise(chosen):
+    command = "import os, sys; sys.argv = ['rauca', '--help']; from pipelines import cli; cli.app = lambda _: None; "
+    command += "cli.run(); print(os.environ['OMP_WAIT_POLICY'])"
+    around = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    around |= {"OMP_WAIT_POLICY": chosen} if chosen else {}
+    told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, env=around)
+    assert told.stdout.strip() == (chosen or "PASSIVE")
 
 
 def test_what_the_command_line_repeats_is_what_the_library_says():
