@@ -7,7 +7,6 @@ answer at once.
 from __future__ import annotations
 
 import importlib
-import os
 import signal
 import sys
 from pathlib import Path
@@ -66,10 +65,6 @@ def run(*command: str) -> None:
     Args:
         command: put before what the user typed, for programs that stand for one command.
     """
-    # Torch's threads spin while they wait for each other. Beside a Blender that renders they spin away each other's
-    # time: a detector took longer with two threads than with one. Asleep, they cost a free machine little.
-    # OpenMP reads this when torch is loaded, which no module above does.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         app([*command, *sys.argv[1:]])

@@ -51,9 +51,17 @@ def test_the_command_line_answers_without_torch():
 
 
 @pytest.mark.parametrize("chosen", [None, "ACTIVE"])
-def test_waiting_threads_sleep_unless_the_user_says_otherwise(chosen):
-    command = "import os, sys; sys.argv = ['rauca', '--help']; from pipelines import cli; cli.app = lambda _: None; "
-    command += "cli.run(); print(os.environ['OMP_WAIT_POLICY'])"
+@pytest.mark.parametrize("program", ["cli", "optimize_camouflage"])
+def test_waiting_threads_sleep_unless_the_user_says_otherwise(program, chosen):
+    """OpenMP looks once, when torch is loaded."""
+    command = f"""
+import os, sys
+class Watch:
+    def find_spec(self, name, *_):
+        if name == "torch": print(os.environ.get("OMP_WAIT_POLICY"))
+sys.meta_path.insert(0, Watch())
+import pipelines.{program}, torch
+"""
     around = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
     around |= {"OMP_WAIT_POLICY": chosen} if chosen else {}
     told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, env=around)
