@@ -20,6 +20,7 @@ from typing import Any
 from pipelines.ablate_clock import Clock
 from pipelines.ablate_workspace import HeldOutViews, Workspace, pour
 from pipelines.console import console, progress_bar
+from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
 from rauca_core.attack import OptimiserSettings, make_settings, random_camouflage
 from rauca_core.attack.methods import settings_of
@@ -77,6 +78,7 @@ class Repeat:
     label: str
 
 
+@goes_on_by_itself()
 def run_ablation(asked: Ablation) -> Path:
     """Run or resume an ablation; returns its page. Raises :class:`RaucaError` if another process is at work there."""
     with alone_in(asked.out):

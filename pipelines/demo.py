@@ -12,6 +12,7 @@ from pathlib import Path
 from pipelines.blender_process import run_blender
 from pipelines.console import console, progress_bar
 from pipelines.evaluate import measure, render_camouflages
+from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
 from pipelines.renderers import AGREEMENT, compare_renderers
 from pipelines.report import report_run
@@ -62,6 +63,7 @@ class DemoChoice:
     scale: DemoScale = field(default_factory=DemoScale)
 
 
+@goes_on_by_itself()
 def run_demo(choice: DemoChoice) -> Path:
     """Run or resume the demo; returns the report's path."""
     out, scale, stages = choice.out, choice.scale, Stages(choice.out)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.console import console
+from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
 from pipelines.protocol import Request, run_study
 from pipelines.tradeoff_page import Curve, measure_points, write_curve
@@ -112,6 +113,7 @@ def points(base: Naturalness | None, bounds: Sequence[float], features: Sequence
     )
 
 
+@goes_on_by_itself()
 def run_tradeoff(asked: TradeOff) -> Path:
     """Run or resume; returns the path of the page.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..checkpoint_files import POINTER
-from ..contract import Dataset, RaucaError
+from ..contract import Dataset, RaucaError, StoppedError
 from ..contract.files import sweep_partials
 from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
@@ -108,7 +108,7 @@ def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:
                     keeper.keep()
             if run.step < total:
                 keeper.keep()
-                raise RaucaError(f"{out}: stopped after step {run.step} of {total}; run the same command with --resume")
+                raise StoppedError(f"{out}: stopped after step {run.step} of {total}")
     finally:
         keeper.close()
 

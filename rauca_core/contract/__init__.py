@@ -11,7 +11,7 @@ from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .carla import weather_from_carla
 from .checksums import seal_dataset
 from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
-from .errors import RaucaError
+from .errors import RaucaError, StoppedError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .instances import Box, Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
@@ -43,6 +43,7 @@ __all__ = [
     "Ring",
     "Scenery",
     "Shard",
+    "StoppedError",
     "Vehicle",
     "Weather",
     "append_entry",

@@ -7,3 +7,15 @@ class RaucaError(Exception):
     The message is one line that names the file or option, says what is wrong and what to do.
     Command lines print it without a traceback and exit with code 2.
     """
+
+
+class StoppedError(RaucaError):
+    """Long work was asked to stop and kept what is done.
+
+    Attributes:
+        where: the folder, and how far it came.
+    """
+
+    def __init__(self, where: str) -> None:
+        super().__init__(f"{where}; run the same command with --resume")
+        self.where = where

@@ -17,7 +17,7 @@ from torch.nn.utils import clip_grad_norm_
 
 from ..board import Board
 from ..checkpoint_files import POINTER
-from ..contract import RaucaError
+from ..contract import RaucaError, StoppedError
 from ..contract.files import append_line
 from ..contract.recolour import TEST
 from ..contract.seeding import named_rng
@@ -189,10 +189,7 @@ class _Training:
             losses += self._step(epoch, step, chosen)
             self.on_step(step + 1, self.steps)
             if self.team.any(bool(self.stop)):
-                raise RaucaError(
-                    f"{self.job.out}: stopped in epoch {epoch}; those before it are kept, run the same command with "
-                    "--resume"
-                )
+                raise StoppedError(f"{self.job.out}: stopped in epoch {epoch}; those before it are kept")
         return losses / self.steps
 
     def _step(self, epoch: int, step: int, items: list[Item]) -> float:

@@ -8,11 +8,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from pipelines.ablate import run_ablation
 from pipelines.ablate_clock import Clock
 from pipelines.ablate_workspace import Workspace, alone, linked_part, pour
 from pipelines.cli import app
+from pipelines.demo import run_demo
+from pipelines.going_on import goes_on_by_itself
+from pipelines.tradeoff import run_tradeoff
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Dataset, RaucaError, load_camouflage, load_vehicle
+from rauca_core.contract import Dataset, RaucaError, StoppedError, load_camouflage, load_vehicle
 from rauca_core.evaluate.ablations.sizes import QUICK
 from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.evaluate.study import load_study
@@ -145,3 +149,13 @@ def test_the_clock_adds_up_what_was_interrupted(tmp_path: Path) -> None:
     assert set(Clock(path).seconds) == {"a", "b"}
     path.write_text("{")
     assert clock.seconds == {}
+
+
+def test_a_stop_is_told_with_what_goes_on_here() -> None:
+    @goes_on_by_itself()
+    def work() -> None:
+        raise StoppedError("out: stopped after step 4 of 8")
+
+    with pytest.raises(RaucaError, match=r"^out: stopped after step 4 of 8; run the same command again to go on$"):
+        work()
+    assert all(hasattr(run, "__wrapped__") for run in (run_ablation, run_tradeoff, run_demo))

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
 
 from ...checkpoint_files import POINTER
-from ...contract import RaucaError
+from ...contract import RaucaError, StoppedError
 from ...contract.files import append_line
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
@@ -132,7 +132,7 @@ class _Training:
             if ends or stop:
                 self._save()
             if stop:
-                raise RaucaError(f"{job.out}: stopped after step {self.done}; run the same command with --resume")
+                raise StoppedError(f"{job.out}: stopped after step {self.done}")
             if ends:
                 findings = job.test(self.average)
                 report = RoundReport(self.done, steps, sum(self.losses) / len(self.losses), findings)
