@@ -62,6 +62,8 @@ def main() -> None:
     parser.add_argument("--figures", action="store_true", help="print what all runs came to, and stop")
     options = parser.parse_args()
     if options.figures:
+        if not (options.work / HOURS).is_file():
+            parser.error(f"{options.work}: nothing was fuzzed there")
         print_figures(options.work)
         return
     if unknown := set(options.readers) - set(READERS):
