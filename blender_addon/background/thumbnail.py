@@ -52,6 +52,8 @@ def _pixels(data: bytes) -> NDArray[np.uint8] | None:
     if depth != 8 or not channels or any(rest) or not 0 < size <= LARGEST:
         return None
     unpacked = zlib.decompressobj().decompress(chunks[b"IDAT"], size)  # no more than the header promises
+    if len(unpacked) < size:
+        return None  # cut short
     rows = np.frombuffer(unpacked, np.uint8).reshape(height, -1)
     if rows[:, 0].any():
         return None

@@ -17,6 +17,7 @@ from blender_addon.scene.vehicle_import import import_vehicle  # noqa: E402
 
 from .blender_targets import MTL, TARGETS  # noqa: E402
 from .nasty import jpeg, png  # noqa: E402
+from .test_readers import kept  # noqa: E402
 
 READERS = {target.name: target for target in TARGETS if target.name != "blend"}  # Blender's own reader may crash
 
@@ -40,6 +41,14 @@ def test_a_damaged_file_is_read_or_refused(name, tmp_path):
         assert complaint is None or "\n" not in str(complaint)
 
     damaged()
+
+
+@pytest.mark.parametrize("path", kept(READERS), ids=lambda path: f"{path.parent.name}-{path.name[:12]}")
+def test_what_fuzzing_found(path, tmp_path):
+    target = READERS[path.parent.name]
+    target.seed(tmp_path)
+    complaint = target.try_on(tmp_path, path.read_bytes())
+    assert complaint is None or "\n" not in str(complaint)
 
 
 def _gltf(folder, **changes):

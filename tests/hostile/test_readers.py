@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 
 import pytest
@@ -94,7 +94,12 @@ def test_what_was_made_to_hurt(name, title, make, words, built, monkeypatch, tmp
         assert any(word in str(complaint) for word in words.split("|")), str(complaint)
 
 
-@pytest.mark.parametrize("path", sorted(CORPUS.glob("*/*")), ids=lambda path: f"{path.parent.name}-{path.name[:12]}")
+def kept(readers: Container[str]) -> list[Path]:
+    """What fuzzing found in these readers; those inside Blender are tried where Blender is."""
+    return sorted(path for path in CORPUS.glob("*/*") if path.parent.name in readers)
+
+
+@pytest.mark.parametrize("path", kept(READERS), ids=lambda path: f"{path.parent.name}-{path.name[:12]}")
 def test_what_fuzzing_found(path, built):
     target = READERS[path.parent.name]
     read_and_leave_alone(target, built(target)[0], path.read_bytes())
