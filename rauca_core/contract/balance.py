@@ -35,6 +35,7 @@ def _even_choice(shape: tuple[int, ...], count: int, seed: int) -> NDArray[np.in
 
     Equals are told apart by a seeded draw, once for all.
     """
+    # The stream's name is that of its first use: another one would choose other views than published figures have.
     cost = named_rng("held-out views", seed).random(shape) * 1e-3
     axes = range(len(shape))
     subsets = [*combinations(axes, 1), *combinations(axes, 2)]

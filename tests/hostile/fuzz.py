@@ -16,14 +16,14 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib.util
-import mmap
 import os
 import shutil
 import sys
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from ctypes import c_uint64
+from multiprocessing.sharedctypes import RawValue
 from pathlib import Path
 from random import Random
 from time import monotonic
@@ -70,13 +70,13 @@ def main() -> None:
         parser.error(f"no reader {', '.join(sorted(unknown))}; see --help")
     for name in options.readers or READERS:
         print(f"READER {name}", file=sys.stderr, flush=True)
-        executions = mmap.mmap(-1, 8)  # shared with the child, which may end at any moment
+        executions = RawValue(c_uint64)  # shared with the child, which may end at any moment
         child = os.fork()  # libFuzzer ends its process; the imports are paid for once
         if not child:
-            fuzz(READERS[name], options.minutes, options.work, lambda count=executions: _one_more(count))
+            fuzz(READERS[name], options.minutes, options.work, executions)
         used = os.wait4(child, 0)[2]
         with (options.work / HOURS).open("a", newline="") as file:
-            csv.writer(file).writerow([name, _count(executions), f"{used.ru_utime + used.ru_stime:.1f}"])
+            csv.writer(file).writerow([name, executions.value, f"{used.ru_utime + used.ru_stime:.1f}"])
 
 
 def print_figures(work: Path) -> None:
@@ -92,15 +92,7 @@ def print_figures(work: Path) -> None:
     print(f"| all {len(executions)} | {executions.total():,} | {seconds.total() / 60:.1f} |")
 
 
-def _count(executions: mmap.mmap) -> int:
-    return int.from_bytes(executions[:8], "little")
-
-
-def _one_more(executions: mmap.mmap) -> None:
-    executions[:8] = (_count(executions) + 1).to_bytes(8, "little")
-
-
-def fuzz(target: Target, minutes: float, work: Path, count: Callable[[], None]) -> None:
+def fuzz(target: Target, minutes: float, work: Path, executions: c_uint64) -> None:
     """Fuzz one reader, counting each input; ends the process."""
     found, kept = work / "findings", work / "corpus" / target.name
     for folder in (found, kept):
@@ -116,7 +108,7 @@ def fuzz(target: Target, minutes: float, work: Path, count: Callable[[], None]) 
         if monotonic() > end:
             shutil.rmtree(folder, ignore_errors=True)
             os._exit(0)  # not libFuzzer's own end: leaving the usual way, bpy aborts in its threads' destructors
-        count()
+        executions.value += 1
         try:
             target.try_on(folder, data)
         except KeyboardInterrupt:

@@ -17,7 +17,8 @@ from blender_addon.scene.vehicle_import import import_vehicle  # noqa: E402
 
 from .blender_targets import MTL, TARGETS  # noqa: E402
 from .nasty import jpeg, png  # noqa: E402
-from .test_readers import kept  # noqa: E402
+from .readers import READERS as OUTSIDE  # noqa: E402
+from .test_readers import CORPUS, kept  # noqa: E402
 
 READERS = {target.name: target for target in TARGETS if target.name != "blend"}  # Blender's own reader may crash
 
@@ -49,6 +50,10 @@ def test_what_fuzzing_found(path, tmp_path):
     target.seed(tmp_path)
     complaint = target.try_on(tmp_path, path.read_bytes())
     assert complaint is None or "\n" not in str(complaint)
+
+
+def test_everything_that_fuzzing_found_is_some_readers():
+    assert {folder.name for folder in CORPUS.iterdir()} <= {*OUTSIDE, *READERS}
 
 
 def _gltf(folder, **changes):
