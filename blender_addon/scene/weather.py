@@ -44,17 +44,25 @@ class SceneWeather:
         self._scene = scene
         self._lamps = StreetLamps(lamps)
         self._world = new_world()
+        self._drawn: tuple[float, ...] | None = None
         scene.world = self._world
         self._layer = FogLayer(scene)
         self.fog = self._layer.box
 
     def apply(self, weather: contract.Weather) -> None:
         """Set everything; equal :meth:`contract.Weather.light_key` give equal renders."""
-        draw_sky(self._world, weather)
+        self._draw_sky(weather)
         self._scene.cycles.film_exposure = film_exposure(weather)
         self._lamps.shine(weather.lamps)
         self._layer.apply(weather)
         set_wetness(weather.film, weather.puddles, weather.ripples)
+
+    def _draw_sky(self, weather: contract.Weather) -> None:
+        """Draw the sky if it is another: Cycles works every newly drawn one out, for 0.7 CPU seconds."""
+        if weather.sky_key() != self._drawn:
+            self._drawn = None  # until it is drawn: an exception on the way leaves it between two
+            draw_sky(self._world, weather)
+            self._drawn = weather.sky_key()
 
 
 def new_world() -> bpy.types.World:

@@ -122,15 +122,21 @@ class Weather:
     def light_key(self) -> tuple[float, ...]:
         """What a render depends on: weathers with equal keys are one render (rain streaks come after it).
 
-        The sun counts as long as it is above -18 degrees, its azimuth unless it stands in the zenith, the fog's shape
-        if there is fog, precipitation by the water it leaves.
+        That is its sky, the fog's shape if there is fog, and precipitation by the water it leaves.
+        """
+        fog = (self.extinction, self.fog_falloff, self.fog_distance) if self.extinction > 0 else (0.0, 0.0, 0.0)
+        ripples = self.ripples if self.puddles > 0 else 0.0
+        return (*self.sky_key(), *fog, self.film, self.puddles, ripples)
+
+    def sky_key(self) -> tuple[float, float, float]:
+        """What the sky depends on: weathers with equal keys have one sky.
+
+        The sun counts as long as it is above -18 degrees, its azimuth unless it stands in the zenith.
         """
         dark, zenith = self.sun_altitude_angle <= NIGHT_ALTITUDE_DEG, self.sun_altitude_angle == 90.0
         sun = max(self.sun_altitude_angle, NIGHT_ALTITUDE_DEG)
         azimuth = 0.0 if dark or zenith else self.sun_azimuth_angle % 360.0
-        fog = (self.extinction, self.fog_falloff, self.fog_distance) if self.extinction > 0 else (0.0, 0.0, 0.0)
-        ripples = self.ripples if self.puddles > 0 else 0.0
-        return (sun, azimuth, self.cloudiness, *fog, self.film, self.puddles, ripples)
+        return (sun, azimuth, self.cloudiness)
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)

@@ -148,9 +148,10 @@ def _best_spot(
         height, width = footprint.mask.shape
         hits = np.fft.irfft2(occupied * footprint.spectrum, s=_period(cells))
         free = hits[: cells - height + 1, : cells - width + 1] < 0.5
-        rows, columns = np.nonzero(free)
+        rows = np.flatnonzero(free.any(axis=1))
         if len(rows) == 0:
             continue
+        columns = free.argmax(axis=1)[rows]  # a row's first: farther along it, no weight rewards
         down, right = rows + height, columns + width
         reach = weights[0] * np.maximum(down, right) + weights[1] * down + weights[2] * right
         first = int(np.argmin(reach))
