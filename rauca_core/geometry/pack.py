@@ -36,12 +36,13 @@ class Footprint:
     Attributes:
         points: (F, 3, 2) texels, from its own first corner on.
         mask: lattice cells that it touches.
-        spectrum: conjugate Fourier transform of the mask on the page; a product with the page's own counts collisions.
+        runs: the same as stretches of cells along a row: how long, and the bits of a page at which they begin; shortest
+            first.
     """
 
     points: Points
     mask: NDArray[np.bool_]
-    spectrum: NDArray[np.complex128]
+    runs: list[tuple[int, list[int]]]
 
 
 def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) -> Points:
@@ -128,13 +129,8 @@ def _footprints(points: Points, cells: int) -> list[Footprint]:
         height, width = (int(np.ceil(turned[..., i].max() / CELL_TEXELS + 0.02)) for i in (1, 0))
         if max(height, width) <= cells:
             mask = _bitmap(turned, height, width)
-            found.append(Footprint(turned, mask, np.conj(np.fft.rfft2(mask, s=_period(cells)))))
+            found.append(Footprint(turned, mask, _runs(mask, cells)))
     return found
-
-
-def _period(cells: int) -> tuple[int, int]:
-    """Size of the Fourier transforms: a power of two, many times faster than a multiple of a large prime."""
-    return (1 << (cells - 1).bit_length(),) * 2
 
 
 def _best_spot(
@@ -142,12 +138,11 @@ def _best_spot(
 ) -> tuple[Footprint, int, int] | None:
     """The rotation and free place that keep a chart closest to the page's first corner."""
     cells = len(taken)
-    occupied = np.fft.rfft2(taken, s=_period(cells))
+    page = _bits(taken)
     best, spot = np.inf, None
     for footprint in rotations:
         height, width = footprint.mask.shape
-        hits = np.fft.irfft2(occupied * footprint.spectrum, s=_period(cells))
-        free = hits[: cells - height + 1, : cells - width + 1] < 0.5
+        free = ~_cells(_collisions(page, footprint), cells)[: cells - height + 1, : cells - width + 1]
         rows = np.flatnonzero(free.any(axis=1))
         if len(rows) == 0:
             continue
@@ -158,6 +153,49 @@ def _best_spot(
         if reach[first] < best - 1e-6:
             best, spot = reach[first], (footprint, int(rows[first]), int(columns[first]))
     return spot
+
+
+def _collisions(page: int, footprint: Footprint) -> int:
+    """The places, as bits of a page, at which a chart's first corner may not lie.
+
+    One shift of the page moves all places at once: some hundred shifts of a few kilobytes try every one.
+    """
+    spread, length, blocked = page, 1, 0  # spread: bits with something taken in the ``length`` cells from there on
+    for run, starts in footprint.runs:
+        while length < run:
+            step = min(length, run - length)
+            spread |= spread >> step
+            length += step
+        for start in starts:
+            blocked |= spread >> start
+    return blocked
+
+
+def _runs(mask: NDArray[np.bool_], cells: int) -> list[tuple[int, list[int]]]:
+    """A mask's :attr:`Footprint.runs` on a page of (cells, cells)."""
+    edges = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    row, first = np.nonzero(edges == 1)
+    lengths = np.nonzero(edges == -1)[1] - first
+    starts = row * _stride(cells) + first
+    return [(int(length), starts[lengths == length].tolist()) for length in np.unique(lengths)]
+
+
+def _bits(mask: NDArray[np.bool_]) -> int:
+    """A page as one number: a bit for each cell, row after row, the first cell's the lowest."""
+    wide = np.pad(mask, ((0, 0), (0, _stride(len(mask)) - len(mask))))
+    return int.from_bytes(np.packbits(wide, bitorder="little").tobytes(), "little")
+
+
+def _cells(bits: int, cells: int) -> NDArray[np.bool_]:
+    """:func:`_bits` undone."""
+    stride = _stride(cells)
+    packed = np.frombuffer(bits.to_bytes(cells * stride // 8, "little"), np.uint8)
+    return np.unpackbits(packed, bitorder="little").reshape(cells, stride)[:, :cells].view(np.bool_)
+
+
+def _stride(cells: int) -> int:
+    """Bits that a row takes: whole bytes."""
+    return -(-cells // 8) * 8
 
 
 def _bitmap(points: Points, height: int, width: int) -> NDArray[np.bool_]:

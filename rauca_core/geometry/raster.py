@@ -25,7 +25,7 @@ def covered(uvs: NDArray[np.floating], size: int, conservative: bool) -> tuple[N
     corners[..., 1] = size - corners[..., 1]
     texels, faces = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for face, column, row in _candidates(corners, size):
-        inside = _inside(corners[face], column + 0.5, row + 0.5, 0.5 if conservative else 0.0)
+        inside = _inside(corners, face, column + 0.5, row + 0.5, 0.5 if conservative else 0.0)
         texels.append((row * size + column)[inside])
         faces.append(face[inside])
     return np.concatenate(texels), np.concatenate(faces)
@@ -45,22 +45,23 @@ def _candidates(corners: NDArray[np.float64], size: int) -> Iterator[tuple[NDArr
         face = np.repeat(chunk, counts[chunk])
         first = np.repeat(np.cumsum(counts[chunk]) - counts[chunk], counts[chunk])
         within = np.arange(len(face)) - first
-        yield face, low[face, 0] + within % extent[face, 0], low[face, 1] + within // extent[face, 0]
+        down, along = np.divmod(within, extent[face, 0])
+        yield face, low[face, 0] + along, low[face, 1] + down
         start = stop
 
 
 def _inside(
-    corners: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], half: float
+    corners: NDArray[np.float64], face: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64], half: float
 ) -> NDArray[np.bool_]:
-    """Whether the square of half-width ``half`` around (x, y) meets the triangle; for 0, strictly inside."""
+    """Whether the square of half-width ``half`` around (x, y) meets the triangle ``face``; for 0, strictly inside."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     area: NDArray[np.float64] = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     sign = np.sign(area)
-    result = np.full(len(x), True) if half else sign != 0
+    result = np.full(len(x), True) if half else (sign != 0)[face]
     for p, q in ((a, b), (b, c), (c, a)):
-        dx, dy = (q - p).T
-        edge = sign * (dx * (y - p[:, 1]) - dy * (x - p[:, 0]))
-        slack = half * (np.abs(dx) + np.abs(dy))
+        dx, dy = sign * (q - p).T
+        extent = np.abs(dx) + np.abs(dy)
+        edge = dx[face] * (y - p[face, 1]) - dy[face] * (x - p[face, 0])
         # The strict test keeps a margin: a centre on an edge two faces share belongs to neither, not to both.
-        result &= edge >= -slack if half else edge > 1e-7 * (np.abs(dx) + np.abs(dy))
+        result &= edge >= -(half * extent)[face] if half else edge > (1e-7 * extent)[face]
     return result
