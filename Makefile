@@ -3,6 +3,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 READY := $(VENV)/.ready
 
+# Hundreds of processes start in a run of the tests, and some in a demo; each would compile the house again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-matrix test-gui coverage lint docs pictures extension kernels clean
 
 demo: $(READY)

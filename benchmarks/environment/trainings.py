@@ -21,6 +21,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import EpochReport, Job, Outcome, train
+from rauca_core.optimisers import AdamW
 from rauca_core.team import ALONE
 
 from .neural_renderer import seconds_per_image
@@ -146,7 +147,7 @@ def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings
 
 
 def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
-    optimiser = torch.optim.AdamW(learner.net.parameters(), lr=1e-4)
+    optimiser = AdamW(learner.net.parameters(), lr=1e-4)
     items = learner.items(frames)
     batch = 4
 

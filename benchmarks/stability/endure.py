@@ -12,6 +12,7 @@ from rauca_core.attack import Panel, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.cpu import threads
+from rauca_core.optimisers import Adam
 
 from .cases import SIZE, HardCase
 from .detectors import Answering
@@ -65,7 +66,7 @@ def endure(
     run = Run(dataset, panel, settings)
     if double:
         run.texture.parameter = run.texture.parameter.detach().double().requires_grad_()
-        run.adam = torch.optim.Adam([run.texture.parameter], lr=settings.lr, fused=True)
+        run.adam = Adam([run.texture.parameter], lr=settings.lr, fused=True)
     try:
         with threads(1):
             return _watch(run, steps)

@@ -15,6 +15,7 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..cpu import threads
+from ..optimisers import Adam
 from ..render import TAP_FORMAT, Canvas, undisplay
 from ..team import ALONE, Team
 from .augmentation import RANGES, Augmentation
@@ -49,7 +50,7 @@ class Run:
         self.settings, self.panel, self.team = settings, panel, team
         self.store = FrameStore(dataset, settings)
         self.texture: Texture = make_texture(self.store, settings, team.device)
-        self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
+        self.adam = Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.store, settings)
         self.prior = prior(
             self.texture, settings, lambda: background_colours(dataset, self.store, settings.palette, settings.seed)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..contract import RaucaError
-from .dry_run import dry_run
+from .dry_run import require_fit
 from .interface import DensePredictions
 from .letterbox import Letterbox
 from .network import DarknetNetwork
@@ -45,7 +45,7 @@ class DarknetDetector(SinglePassDetector):
             )
         if size < self.network.stride or size % self.network.stride:
             raise RaucaError(f"{name}: input size {size} must be a multiple of {self.network.stride} pixels")
-        dry_run(cfg, self.network, size)
+        require_fit(cfg, self.network.shapes(size), size)
         weights_sha256 = read_weights(weights, self.network)
         self.name = name
         self.class_names = class_names

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
@@ -12,7 +12,7 @@ from .cfg import Section, read_cfg
 from .dry_run import MAX_PARAMETERS
 from .heads import Head, concatenate
 from .interface import DensePredictions
-from .layers import ACTIVATIONS, Convolution, MaxPool, Route, Shortcut, Upsample
+from .layers import ACTIVATIONS, Convolution, MaxPool, Route, Shape, Shortcut, Upsample
 
 MAX_LAYERS = 1000  # YOLOv4 has 161
 MAX_SCALE = 2**12  # from the input's pixels to the coarsest cell, or back; published networks reach 32
@@ -65,6 +65,20 @@ class DarknetNetwork(nn.Module):
             if index in self._kept:
                 outputs[index] = x
         return concatenate(found)
+
+    def shapes(self, size: int) -> Iterator[Shape]:
+        """What each layer makes of one image of (3, size, size); a layer that would fail raises :class:`ValueError`."""
+        made: list[Shape] = []
+        here: Shape = (3, size, size)
+        for layer in self.layers:
+            if isinstance(layer, Route):
+                here = layer.shape(*(made[source] for source in layer.sources))
+            elif isinstance(layer, Shortcut):
+                here = layer.shape(here, made[layer.sources[-1]])
+            elif isinstance(layer, Convolution | MaxPool | Upsample):
+                here = layer.shape(here)
+            made.append(here)
+            yield here
 
 
 class _Builder:

@@ -23,6 +23,7 @@ from ..contract.recolour import TEST
 from ..contract.seeding import named_rng
 from ..cpu import keep_large_blocks, threads
 from ..folder_lock import alone_in
+from ..optimisers import AdamW
 from ..stopping import StopRequest, stop_request
 from ..team import Team
 from .averaging import WeightAverage
@@ -142,7 +143,7 @@ class _Training:
         self.average = WeightAverage(self.net, job.settings.average)
         settings = job.settings
         # Without weight decay AdamW is Adam.
-        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
+        self.optimiser = AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
         self.identity = {
             **settings.identity(),
             **job.identity,

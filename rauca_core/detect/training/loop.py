@@ -21,6 +21,7 @@ from ...contract.files import append_line
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
 from ...folder_lock import alone_in
+from ...optimisers import AdamW
 from ...stopping import StopRequest, stop_request
 from .checkpoint import restore_run, save_run
 from .measure import ALL, Findings
@@ -103,7 +104,7 @@ class _Training:
         learning = [p for p in self.network.parameters() if p.requires_grad]
         of_body = {id(p) for p in trainable(self.network).body.parameters()}
         body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
-        self.optimiser = torch.optim.AdamW(
+        self.optimiser = AdamW(
             [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
             lr=settings.lr,
             weight_decay=settings.weight_decay,
