@@ -10,6 +10,7 @@ Folder layout::
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -217,8 +218,14 @@ class Dataset:
 
     def frames(self) -> list[Frame]:
         """Finished frames in plan order; frames kept out as occluded have no folder and do not appear."""
-        planned = (self.frame_folder(frame_id) for frame_id, *_ in self.plan.frame_ids())
+        there = self.begun()
+        planned = (self.frame_folder(frame_id) for frame_id, *_ in self.plan.frame_ids() if frame_id in there)
         return [load_frame(folder) for folder in planned if (folder / "frame.json").is_file()]
+
+    def begun(self) -> frozenset[str]:
+        """Names of all there is among the frames: one look, where a plan may have thousands that are not rendered."""
+        frames = self.folder / "frames"
+        return frozenset(os.listdir(frames)) if frames.is_dir() else frozenset()
 
 
 def frame_folder(dataset: Path, frame_id: str) -> Path:

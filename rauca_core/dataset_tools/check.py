@@ -102,7 +102,8 @@ def check_dataset(
     vehicle = _vehicle(dataset, findings)
     planned = planned_frames(dataset.plan)
     states = frame_states(folder)
-    present = [frame for frame in planned if dataset.frame_folder(frame.id).is_dir()]
+    begun = dataset.begun()
+    present = [frame for frame in planned if frame.id in begun and dataset.frame_folder(frame.id).is_dir()]
     weathers = {weather.name: WeatherResult() for weather in dataset.plan.weathers}
     for frame, result in _examined(dataset, present, vehicle, progress):
         findings += result.findings
