@@ -31,14 +31,14 @@ def render_chunk(
     Args:
         chunk: frames of one location, as :func:`contract.chunks` gives them.
         tell: is told what happens.
-        stopped: asked before each frame; True ends the work there.
+        stopped: asked before each camera's coverage and each frame; True ends the work there.
 
     Raises:
         RaucaError: what only the user can mend: no space, no permission.
     """
     tell(News("begin", chunk[0].id))
     session.enter(chunk[0].location)
-    annotations = session.annotations(chunk[0].location, _announced(chunk, tell))
+    annotations = session.annotations(chunk[0].location, _announced(chunk, tell, stopped))
     weather = None
     for task in chunk:
         if stopped():
@@ -64,12 +64,14 @@ def render_chunk(
             tell(News("done", task.id, seconds=round(time.perf_counter() - started, 3)))
 
 
-def _announced(chunk: Sequence[contract.PlannedFrame], tell: Tell) -> Iterator[int]:
+def _announced(chunk: Sequence[contract.PlannedFrame], tell: Tell, stopped: Callable[[], bool]) -> Iterator[int]:
     """The views to look at; each is told as its first frame's begin, so that a crash there has a name."""
     first: dict[int, str] = {}
     for task in chunk:
         first.setdefault(task.view, task.id)
     for view, frame_id in sorted(first.items()):
+        if stopped():
+            return
         tell(News("begin", frame_id))
         yield view
 

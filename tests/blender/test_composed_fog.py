@@ -96,7 +96,7 @@ def test_composed_fog_is_the_real_one_and_its_bytes_do_not_depend_on_the_past(fo
     after_clear = maps(session, FOG, annotation)
     assert all(np.array_equal(a, b) for a, b in zip(alone, after_clear, strict=True))
 
-    session.plan = replace(session.plan, quality=Quality(64))
+    session.plan = replace(session.plan, quality=Quality(24))
     session.memory = type(session.memory)(session.plan)
     A, _, image = maps(session, FOG, annotation)
     assert A[annotation.paint == 0].max() == 0

@@ -23,7 +23,7 @@ SERVER.set_forkserver_preload(
     [
         *("pipelines.cli", "pipelines.train_efe", "pipelines.optimize_camouflage", "pipelines.protocol"),
         *("rauca_core.evaluate.defences", "rauca_core.detect.darknet", "torch.utils.tensorboard", "cv2"),
-        *("torch._dynamo", "numba.experimental", "numba.np.arrayobj", "numba.np.linalg"),  # at the first step
+        *("numba.experimental", "numba.np.arrayobj", "numba.np.linalg"),  # at the first step
     ]
 )
 

@@ -58,7 +58,7 @@ def test_waiting_threads_sleep_unless_the_user_says_otherwise(program, chosen):
 import os, sys
 class Watch:
     def find_spec(self, name, *_):
-        if name == "torch": print(os.environ.get("OMP_WAIT_POLICY"))
+        if name == "torch": sys.exit(print(os.environ.get("OMP_WAIT_POLICY")))
 sys.meta_path.insert(0, Watch())
 import pipelines.{program}, torch
 """
@@ -121,7 +121,7 @@ def test_a_job_that_dies_is_told_with_its_reason(monkeypatch):
 
 
 def test_ctrl_c_is_one_line_and_stops_blender_too(tmp_path):
-    arguments = ["dataset", "make", "--out", str(tmp_path / "set"), "--size", "512", "--samples", "64"]
+    arguments = ["dataset", "make", "--out", str(tmp_path / "set"), "--size", "256", "--samples", "16"]
     command = [sys.executable, "-c", "from pipelines.cli import run; run()", *arguments]
     job = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
