@@ -152,13 +152,12 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
     names = {"dataset.json", *(f"vehicle/{path.name}" for path in vehicle.glob("*"))}
     checksums(lambda file, what: found.append(_of_top_level(file, what)), dataset.folder, names)
     yield from found
-    frames = dataset.folder / "frames"
     known = {frame_id for frame_id, *_ in dataset.plan.frame_ids()}
-    for path in sorted(frames.iterdir()) if frames.is_dir() else ():
-        if path.name.startswith(TEMPORARY_PREFIX):
-            yield Finding(f"frames/{path.name}", "left by a killed job", "run the same `rauca dataset make` again")
-        elif path.name not in known:
-            yield Finding(f"frames/{path.name}", "is no frame of the plan", "remove it")
+    for name in sorted(dataset.begun()):
+        if name.startswith(TEMPORARY_PREFIX):
+            yield Finding(f"frames/{name}", "left by a killed job", "run the same `rauca dataset make` again")
+        elif name not in known:
+            yield Finding(f"frames/{name}", "is no frame of the plan", "remove it")
 
 
 def _of_top_level(file: str, what: str) -> Finding:
