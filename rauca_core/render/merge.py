@@ -78,25 +78,26 @@ def _merge(found: Any, place: Any, table: Any, stride: int, count: int, thinning
     indptr = np.zeros(rows + 1, np.int64)
     columns, values = np.empty(4096, np.int32), np.empty(4096, np.float64)
     owner, slot = np.full(count, -1, np.int32), np.zeros(count, np.int64)
-    row = end = 0
+    one, row, end = np.int64(1), np.int64(0), np.int64(0)  # plain literals would each compile _read_pixel once more
     for y in range(first[1], last[1]):
         for x in range(first[0], last[0]):
             begin, corner = end, ((x + margin - reach) * across - x0, (y + margin - reach) * down - y0)
             sums = _read_pixel(found, corner, table, stride, row, end, columns, values, owner, slot)
             alpha, mass, end, columns, values = sums
             if mass == 0.0 and alpha >= FAINTEST:  # only samples that were left out see the paint
-                sums = _read_pixel(found, corner, table, 1, row, end, columns, values, owner, slot)
+                sums = _read_pixel(found, corner, table, one, row, end, columns, values, owner, slot)
                 alpha, mass, end, columns, values = sums
             if alpha < FAINTEST:
                 for k in range(begin, end):
                     owner[columns[k]] = -1
                 end = begin
                 continue
-            values[begin:end] /= mass
+            for k in range(begin, end):
+                values[k] /= mass
             alphas[row] = min(alpha, 1.0)
             pixels[row] = y * width + x
             columns, values = _with_room(columns, values, 2 * end - begin)
-            end = begin + thin_row(columns[begin:], values[begin:], end - begin, alphas[row], thinning)
+            end = begin + thin_row(columns[begin:], values[begin:], end - begin, np.float64(alphas[row]), thinning)
             row += 1
             indptr[row] = end
     return pixels[:row].copy(), alphas[:row].copy(), indptr[: row + 1].copy(), columns[:end], values[:end]
@@ -170,7 +171,8 @@ def _fill(rows: Any, shape: Any, threshold: float, count: int, thinning: Any) ->
         if alphas[r] >= threshold:
             y, x = pixels[r] // width, pixels[r] % width
             for ny in range(max(0, y - 2), min(height, y + 3)):
-                wanted[ny * width + max(0, x - 2) : ny * width + min(width, x + 3)] = True
+                for nx in range(max(0, x - 2), min(width, x + 3)):
+                    wanted[ny * width + nx] = True
         wanted[pixels[r]] = True
     new_pixels = np.flatnonzero(wanted).astype(np.int32)
     new_alphas, new_indptr = np.zeros(new_pixels.shape[0], np.float32), np.zeros(new_pixels.shape[0] + 1, np.int64)
@@ -180,8 +182,9 @@ def _fill(rows: Any, shape: Any, threshold: float, count: int, thinning: Any) ->
     for n in range(new_pixels.shape[0]):
         begin, own, total = end, row_of[new_pixels[n]], 0.0
         y, x = new_pixels[n] // width, new_pixels[n] % width
-        new_alphas[n] = alphas[own] if own >= 0 else 0.0
-        span = 0 if new_alphas[n] >= threshold else 2
+        alpha = np.float64(alphas[own]) if own >= 0 else 0.0
+        new_alphas[n] = alpha
+        span = 0 if alpha >= threshold else 2
         for ny in range(max(0, y - span), min(height, y + span + 1)):
             for nx in range(max(0, x - span), min(width, x + span + 1)):
                 r = row_of[ny * width + nx]
@@ -197,10 +200,11 @@ def _fill(rows: Any, shape: Any, threshold: float, count: int, thinning: Any) ->
                         new_columns[end], new_values[end] = texel, 0.0
                         end += 1
                     new_values[slot[texel]] += share * values[k]
-        new_values[begin:end] /= total
+        for k in range(begin, end):
+            new_values[k] /= total
         if span > 0:
             new_columns, new_values = _with_room(new_columns, new_values, 2 * end - begin)
-            end = begin + thin_row(new_columns[begin:], new_values[begin:], end - begin, new_alphas[n], thinning)
+            end = begin + thin_row(new_columns[begin:], new_values[begin:], end - begin, alpha, thinning)
         new_indptr[n + 1] = end
     return new_pixels, new_alphas, new_indptr, new_columns[:end].copy(), new_values[:end].copy()
 
@@ -211,6 +215,6 @@ def _with_room(columns: Any, values: Any, size: int) -> Any:
     if size <= columns.shape[0]:
         return columns, values
     larger = np.empty(2 * size, columns.dtype), np.empty(2 * size, values.dtype)
-    larger[0][: columns.shape[0]] = columns
-    larger[1][: values.shape[0]] = values
+    for k in range(columns.shape[0]):
+        larger[0][k], larger[1][k] = columns[k], values[k]
     return larger

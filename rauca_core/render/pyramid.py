@@ -122,15 +122,17 @@ class Pyramid:
             colour = colour.repeat(scale, 0).repeat(scale, 1)
             inside = slot >= 0
             colour[inside] = levels[torch.from_numpy(slot[inside].astype(np.int64))].numpy()
-        _dilate(colour, self.slots[0] >= 0)
+        _dilate(colour, np.where(self.slots[0] >= 0, 0, -1).astype(np.int8))
         return torch.from_numpy(np.ascontiguousarray(colour.transpose(2, 0, 1)))
 
 
 @njit(cache=True, nogil=True)
-def _dilate(colour: Any, inside: Any) -> None:
-    """Grow the colours of ``inside`` outwards in place, one texel per round, by the mean of known neighbours."""
-    height, width = inside.shape
-    since = np.where(inside, 0, -1).astype(np.int8)  # the round in which a texel became known
+def _dilate(colour: Any, since: Any) -> None:
+    """Grow known colours outwards in place, one texel per round, by the mean of known neighbours.
+
+    ``since``: the round in which a texel became known, 0 at first; -1 until then.
+    """
+    height, width = since.shape
     for turn in range(1, DILATION_ROUNDS + 1):
         for y in range(height):
             for x in range(width):

@@ -60,8 +60,10 @@ def thin_row(listed: Any, weights: Any, count: int, alpha: float, how: Any) -> i
         for level in range(how.tree.level[-1]):
             count = _merge_siblings(listed, weights, count, level, worth, how)
         count = _drop_small(listed, weights, count, worth)
-    order = np.argsort(listed[:count])
-    listed[:count], weights[:count] = listed[:count][order], weights[:count][order]
+    texels, values = listed[:count].copy(), weights[:count].copy()
+    order = np.argsort(texels)
+    for k in range(count):
+        listed[k], weights[k] = texels[order[k]], values[order[k]]
     return count
 
 
@@ -143,5 +145,6 @@ def _drop_small(listed: Any, weights: Any, count: int, worth: float) -> int:
             listed[kept], weights[kept] = listed[k], weights[k]
             total += weights[k]
             kept += 1
-    weights[:kept] /= total
+    for k in range(kept):
+        weights[k] /= total
     return kept

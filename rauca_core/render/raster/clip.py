@@ -42,7 +42,8 @@ def clip_faces(points: Any, over: Any, fixed: Any, state: Any, triangles: Any, p
             corners[drawn, 0], corners[drawn, 1], corners[drawn, 2], owners[drawn] = i, j, k, f
             drawn += 1
         elif where == OUTSIDE:
-            polygon[0], polygon[1], polygon[2] = points[:, i], points[:, j], points[:, k]
+            for axis in range(3):
+                polygon[0, axis], polygon[1, axis], polygon[2, axis] = points[axis, i], points[axis, j], points[axis, k]
             count = _clip(planes, near, polygon, spare)
             for n in range(count):
                 inverse = 1.0 / max(polygon[n, 2], near)
@@ -75,16 +76,21 @@ def _clip(planes: Any, near: float, polygon: Any, spare: Any) -> int:
             d_here = planes[p, 0] * here[0] + planes[p, 1] * here[1] + planes[p, 2] * here[2] - offset
             d_there = planes[p, 0] * there[0] + planes[p, 1] * there[1] + planes[p, 2] * there[2] - offset
             if d_here >= 0.0:
-                spare[kept] = here
+                for axis in range(3):  # whole rows at once would take numba ten times as long to compile
+                    spare[kept, axis] = here[axis]
                 kept += 1
             if (d_here >= 0.0) != (d_there >= 0.0):
                 if abs(d_here) < abs(d_there) or (d_here >= 0.0 and d_here == -d_there):
-                    spare[kept] = here + (d_here / (d_here - d_there)) * (there - here)
+                    start, end, share = here, there, d_here / (d_here - d_there)
                 else:
-                    spare[kept] = there + (d_there / (d_there - d_here)) * (here - there)
+                    start, end, share = there, here, d_there / (d_there - d_here)
+                for axis in range(3):
+                    spare[kept, axis] = start[axis] + share * (end[axis] - start[axis])
                 kept += 1
         count = kept
-        polygon[:count] = spare[:count]
+        for i in range(count):
+            for axis in range(3):
+                polygon[i, axis] = spare[i, axis]
         if count < 3:
             return 0
     return count

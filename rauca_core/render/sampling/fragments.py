@@ -97,7 +97,8 @@ def _look_up(seen: Any, place: Any, side: float, surface: Any, levels: Any, prob
             if met == 0:
                 paint[n] = 0.0
             if met > 1:
-                weights[n] /= met
+                for k in range(weights.shape[1]):
+                    weights[n, k] /= met
 
 
 @njit(cache=True, nogil=True)
