@@ -95,9 +95,10 @@ def _merge(found: Any, place: Any, table: Any, stride: int, count: int, thinning
             for k in range(begin, end):
                 values[k] /= mass
             alphas[row] = min(alpha, 1.0)
+            rounded: Any = np.float64(alphas[row])
             pixels[row] = y * width + x
             columns, values = _with_room(columns, values, 2 * end - begin)
-            end = begin + thin_row(columns[begin:], values[begin:], end - begin, np.float64(alphas[row]), thinning)
+            end = begin + thin_row(columns[begin:], values[begin:], end - begin, rounded, thinning)
             row += 1
             indptr[row] = end
     return pixels[:row].copy(), alphas[:row].copy(), indptr[: row + 1].copy(), columns[:end], values[:end]
@@ -108,9 +109,9 @@ def _read_pixel(
     found: Any,
     corner: Any,
     table: Any,
-    stride: int,
-    row: int,
-    end: int,
+    stride: Any,
+    row: Any,
+    end: Any,
     columns: Any,
     values: Any,
     owner: Any,
@@ -182,7 +183,7 @@ def _fill(rows: Any, shape: Any, threshold: float, count: int, thinning: Any) ->
     for n in range(new_pixels.shape[0]):
         begin, own, total = end, row_of[new_pixels[n]], 0.0
         y, x = new_pixels[n] // width, new_pixels[n] % width
-        alpha = np.float64(alphas[own]) if own >= 0 else 0.0
+        alpha: Any = np.float64(alphas[own]) if own >= 0 else 0.0
         new_alphas[n] = alpha
         span = 0 if alpha >= threshold else 2
         for ny in range(max(0, y - span), min(height, y + span + 1)):
