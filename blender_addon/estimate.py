@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 from dataclasses import dataclass
 from pathlib import Path
 
-from .core import contract, files
+from .core import contract, files, schema
 
 # Seconds of one frame on two slow cores at 640 pixels a side (measured): per sample, for denoising, and for the rest
 # whatever the size. Light maps are two renders of the part of the picture that shows the vehicle.
@@ -70,8 +69,8 @@ def remember(pace: Pace, folder: Path) -> None:
 def recall(folder: Path) -> Pace:
     """The pace that was kept; the guess if there is none or it cannot be read."""
     try:
-        kept = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        pace = Pace(float(kept["factor"]), int(kept["frames"]))
-    except (OSError, ValueError, KeyError, TypeError):
+        kept = schema.read_json(folder / FILE)
+        pace = Pace(kept.number("factor"), kept.integer("frames"))
+    except contract.RaucaError:
         return Pace()
-    return pace if 0.0 < pace.factor < float("inf") else Pace()
+    return pace if pace.factor > 0.0 else Pace()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from rauca_core.contract import RaucaError
 from rauca_core.contract.files import write_json
+from rauca_core.contract.schema import read_json
 
 
 class Clock:
@@ -20,8 +21,9 @@ class Clock:
     @property
     def seconds(self) -> dict[str, float]:
         """Stage -> seconds so far."""
-        with contextlib.suppress(OSError, ValueError):
-            return {str(name): float(value) for name, value in json.loads(self._path.read_text()).items()}
+        with contextlib.suppress(RaucaError):
+            kept = read_json(self._path)
+            return {name: kept.number(name) for name in kept.names()}
         return {}
 
     @contextlib.contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract, files
+from ..core import colour, contract, files, reading, schema
 from .images import read_image_blender
 from .metering import expose
 from .rain import rain_before
@@ -123,6 +123,6 @@ def _claim(folder: Path, paintwork: Paintwork, plan: contract.Plan) -> None:
 def _noted(note: Path) -> object:
     """What a folder is bound to; None when it does not say, or says it in a damaged file."""
     try:
-        return json.loads(note.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return reading.parse_json(reading.read_text(note, schema.MAX_JSON_BYTES), note.name)
+    except contract.RaucaError:
         return None

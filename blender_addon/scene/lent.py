@@ -6,11 +6,14 @@ path of each setting -> [what it was, what it was set to].
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping
 
 import bpy
+
+from ..core import contract, reading
 
 Setting = bool | int | float | str
 
@@ -21,7 +24,7 @@ def lend(scene: bpy.types.Scene, loans: str, values: Mapping[str, Setting]) -> s
     A path that this Blender does not have is passed over: engines and versions differ in their settings. A setting
     that the artist changed since it was lent counts as his own from then on.
     """
-    known = json.loads(loans) if loans else {}
+    known = _known(loans)
     for path, value in values.items():
         owner, name = _find(scene, path)
         if owner is None:
@@ -34,11 +37,26 @@ def lend(scene: bpy.types.Scene, loans: str, values: Mapping[str, Setting]) -> s
 
 
 def give_back(scene: bpy.types.Scene, loans: str) -> None:
-    """Set everything back, but for what the artist has changed in the meantime."""
-    for path, (before, ours) in (json.loads(loans) if loans else {}).items():
+    """Set everything back, but for what the artist has changed in the meantime, or what no loan can have been."""
+    for path, (before, ours) in _known(loans).items():
         owner, name = _find(scene, path)
         if owner is not None and _same(getattr(owner, name), ours):
-            setattr(owner, name, before)
+            with contextlib.suppress(TypeError, ValueError, OverflowError):  # a value that Blender never had
+                setattr(owner, name, before)
+
+
+def _known(loans: str) -> dict[str, list[Setting]]:
+    """Path -> what it was, and what it was lent as; nothing where a .blend holds no such text."""
+    try:
+        found = reading.parse_json(loans, "loans") if loans else {}
+    except contract.RaucaError:
+        return {}
+    pairs = found.items() if isinstance(found, dict) else ()
+    return {path: pair for path, pair in pairs if _is_loan(pair)}
+
+
+def _is_loan(pair: object) -> bool:
+    return isinstance(pair, list) and len(pair) == 2 and type(pair[0]) is type(pair[1]) and isinstance(pair[0], Setting)
 
 
 def _find(scene: bpy.types.Scene, path: str) -> tuple[bpy.types.bpy_struct | None, str]:
@@ -47,7 +65,8 @@ def _find(scene: bpy.types.Scene, path: str) -> tuple[bpy.types.bpy_struct | Non
     owner = scene
     for parent in parents:
         owner = getattr(owner, parent, None)
-    return (owner if hasattr(owner, name) else None), name
+    known = owner.bl_rna.properties if isinstance(owner, bpy.types.bpy_struct) else {}
+    return (owner if name in known and not known[name].is_readonly else None), name
 
 
 def _same(first: Setting, second: Setting) -> bool:

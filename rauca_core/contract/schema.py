@@ -52,6 +52,10 @@ class Fields:
         """True when the field is there: for fields that may be left out."""
         return name in self._data
 
+    def names(self) -> list[str]:
+        """All fields, in the file's order: for an object that is a table of names."""
+        return list(self._data)
+
     def without(self, name: str) -> dict[str, Any]:
         """A copy of the object that lacks one field."""
         return {key: value for key, value in self._data.items() if key != name}

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..contract import Plan, load_camouflage
+from ..contract import Plan, RaucaError, load_camouflage
 from ..contract.files import write_json
+from ..contract.schema import read_json
 from ..detect.weights_file import sha256_of
 from ..images import is_whole
 
@@ -36,8 +37,12 @@ class RenderRecord:
 
     def holds(self, folder: Path, frames: Sequence[str]) -> bool:
         """True when ``folder`` was recorded to hold these renders, and all their images are there."""
-        found = _recorded(folder)
-        if found is None or found.plan != self.plan or not found.uv_maps.items() >= self.uv_maps.items():
+        try:
+            found = read_json(folder / FILE_NAME)
+            recorded = found.nested("uv_maps")
+            if found.text("plan") != self.plan or any(recorded.text(n) != uv for n, uv in self.uv_maps.items()):
+                return False
+        except RaucaError:
             return False
         return all((folder / name / f"{frame}.png").is_file() for name in self.uv_maps for frame in frames)
 
@@ -56,10 +61,3 @@ def discard_damaged(folder: Path, frames: Sequence[str]) -> None:
     for path in (folder / f"{frame}.png" for frame in frames):
         if path.is_file() and not is_whole(path):
             path.unlink()
-
-
-def _recorded(folder: Path) -> RenderRecord | None:
-    try:
-        return RenderRecord(**json.loads((folder / FILE_NAME).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        return None

@@ -10,6 +10,7 @@ import pytest
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
 from rauca_core.images import read_image
+from tests.hostile.nasty import DEEP
 
 
 @pytest.fixture
@@ -48,3 +49,8 @@ def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painte
     assert (part[~inside] == own[~inside]).all()
     assert np.abs(part - own)[vehicle].mean() > 0.05
     assert np.sqrt(np.square(part - whole).mean()) < 0.015
+
+    stamp = (tmp_path / "part" / "random" / f"{frame.id}.png").stat().st_mtime_ns
+    (tmp_path / "part" / "random" / "camouflage.json").write_bytes(DEEP)  # whose renders these are, no file tells
+    render_camouflages(session, dataset, [paintwork], tmp_path / "part", lambda done, total, last: None)
+    assert (tmp_path / "part" / "random" / f"{frame.id}.png").stat().st_mtime_ns > stamp

@@ -254,7 +254,7 @@ def test_a_damaged_pace_is_a_guess(tmp_path):
     assert recall(tmp_path) == Pace()
     remember(Pace(0.5, 40), tmp_path)
     assert recall(tmp_path) == Pace(0.5, 40)
-    for text in ("{", json.dumps({"factor": "x"}), json.dumps({"factor": -1.0, "frames": 3}), "[]"):
+    for text in ("{", json.dumps({"factor": "x"}), json.dumps({"factor": -1.0, "frames": 3}), "[]", "[" * 100_000):
         (tmp_path / "pace.json").write_text(text)
         assert recall(tmp_path) == Pace()
     with pytest.raises(RaucaError):

@@ -9,10 +9,11 @@ import pytest
 
 from rauca_core.contract import Camouflage, Plan, Quality, RaucaError, Vehicle, Weather, load_camouflage
 from rauca_core.contract.camouflage import save_camouflage
-from rauca_core.contract.files import png_bytes, write_bytes
+from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from rauca_core.evaluate.contestants import find_vehicles, keep_copy, match, read_contestants
-from rauca_core.evaluate.renders import RenderRecord
+from rauca_core.evaluate.renders import FILE_NAME, RenderRecord
 from rauca_core.evaluate.views import RING
+from tests.hostile.nasty import DEEP
 
 
 def camouflage(folder: Path, name: str = "rauca", atlas: str = "a1", grey: int = 90, size: int = 8) -> Path:
@@ -96,5 +97,10 @@ def test_renders_are_known_by_plan_map_and_image(tmp_path: Path) -> None:
     assert not RenderRecord.of(Plan(**{**plan.__dict__, "seed": 1}), [path]).holds(renders, ["f"])
     camouflage(tmp_path, grey=7)
     assert not RenderRecord.of(plan, [path]).holds(renders, ["f"])
+    for damaged in ({"plan": record.plan}, {"plan": record.plan, "uv_maps": 3}, {**record.__dict__, "plan": None}):
+        write_json(renders / FILE_NAME, damaged)
+        assert not record.holds(renders, ["f"])
+    write_bytes(renders / FILE_NAME, DEEP)
+    assert not record.holds(renders, ["f"])
     record.forget(renders)
     assert not record.holds(renders, ["f"])

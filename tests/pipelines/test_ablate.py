@@ -147,8 +147,9 @@ def test_the_clock_adds_up_what_was_interrupted(tmp_path: Path) -> None:
         pass
     assert clock.seconds["a"] >= 5.0
     assert set(Clock(path).seconds) == {"a", "b"}
-    path.write_text("{")
-    assert clock.seconds == {}
+    for damaged in ("{", "[]", '{"a": "x"}', "[" * 100_000):
+        path.write_text(damaged)
+        assert clock.seconds == {}
 
 
 def test_a_stop_is_told_with_what_goes_on_here() -> None:

@@ -1,0 +1,61 @@
+"""Settings lent and given back; the note of the loans is a line of text in a .blend that anybody may have written."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+from blender_addon.scene.lent import give_back, lend  # noqa: E402
+
+LENT = {"cycles.film_exposure": 2.0, "render.resolution_x": 64, "view_settings.view_transform": "Raw"}
+
+
+@pytest.fixture
+def scene():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.context.scene
+
+
+def settings(scene):
+    return scene.cycles.film_exposure, scene.render.resolution_x, scene.view_settings.view_transform
+
+
+def test_all_is_given_back_but_what_the_artist_changed(scene):
+    before = settings(scene)
+    loans = lend(scene, lend(scene, "", LENT), {"cycles.film_exposure": 3.0, "render.no_such_setting": 1})
+    assert settings(scene) == (3.0, 64, "Raw")
+    give_back(scene, loans)
+    assert settings(scene) == before
+
+    loans = lend(scene, "", LENT)
+    scene.render.resolution_x = 77
+    give_back(scene, loans)
+    assert settings(scene) == (before[0], 77, before[2])
+
+
+def test_a_damaged_loan_is_lent_anew(scene):
+    before = settings(scene)
+    give_back(scene, lend(scene, json.dumps({"render.resolution_x": ["wide", before[1]]}), LENT))
+    assert settings(scene) == before
+
+
+@pytest.mark.parametrize(
+    "loans",
+    [
+        "{",
+        "[" * 100_000,
+        "[]",
+        json.dumps({"render.resolution_x": 5, "render.resolution_y": [1]}),
+        json.dumps({"render.resolution_x": ["wide", 1920]}),
+        json.dumps({"render.resolution_x.": [1, 1920], "": [1, 2], "name": [1, "Scene"]}),
+        json.dumps({"view_settings.view_transform": ["No such", "AgX"], "render.resolution_x": [10**30, 1920]}),
+        json.dumps({"__class__": [1, 2], "bl_rna.name": ["x", "Scene"], "copy": [1, 2]}),
+    ],
+)
+def test_what_is_no_note_of_loans_changes_nothing(scene, loans):
+    before = settings(scene)
+    give_back(scene, loans)
+    assert (settings(scene), scene.name) == (before, "Scene")
