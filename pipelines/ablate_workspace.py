@@ -41,7 +41,7 @@ from rauca_core.contract import (
     load_vehicle,
 )
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.files import atomic_folder, write_bytes
+from rauca_core.contract.files import atomic_folder, open_to_append, write_bytes
 from rauca_core.detect.weights_file import sha256_of
 from rauca_core.environment.published_fit import fit_published
 from rauca_core.evaluate.ablations.sizes import Sizes
@@ -203,7 +203,7 @@ def alone(product: Path) -> Iterator[None]:
         yield
         return
     product.parent.mkdir(parents=True, exist_ok=True)
-    with (product.parent / f".{product.name}.lock").open("w") as lock:
+    with os.fdopen(open_to_append(product.parent / f".{product.name}.lock"), "r+b") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

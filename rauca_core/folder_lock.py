@@ -14,7 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .contract import RaucaError
-from .contract.files import disk_errors
+from .contract.files import disk_errors, open_to_append
+from .contract.reading import parse_json
+from .contract.schema import Fields
 
 LOCK_FILE = ".lock"
 
@@ -52,7 +54,7 @@ def _hold(folder: Path) -> int | None:
     while True:
         with disk_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            handle = open_to_append(path)
         try:
             fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if path.is_file() and os.fstat(handle).st_ino == path.stat().st_ino:
@@ -72,7 +74,7 @@ def _hold(folder: Path) -> int | None:
 
 def _holder(handle: int) -> str:
     """Who wrote the note in the lock file."""
-    with contextlib.suppress(ValueError, KeyError, TypeError):
-        note = json.loads(os.pread(handle, 1 << 12, 0))
-        return f"process {note['pid']} on {note['host']}"
+    with contextlib.suppress(RaucaError):
+        note = Fields(parse_json(os.pread(handle, 1 << 12, 0), LOCK_FILE), LOCK_FILE)
+        return f"process {note.integer('pid')} on {note.plain_name('host')}"
     return "another process"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract
+from ..core import contract, reading, schema
 from .job import Told
 from .thumbnail import thumbnail
 
 CHECKPOINT = Path("checkpoints") / "checkpoint.json"
 HISTORY = "history.jsonl"
 FIGURES = ("loss", "score")
+MAX_HISTORY_BYTES = 2**28  # as `rauca optimize` reads it
 
 
 @dataclass
@@ -70,15 +71,13 @@ def begun(folder: Path) -> bool:
 def earlier(folder: Path, step: int) -> list[Mapping[str, float]]:
     """The figures of the steps before ``step``, as an earlier run left them."""
     try:
-        lines = (folder / HISTORY).read_text(encoding="utf-8").splitlines()
-    except OSError:
+        lines = reading.read_text(folder / HISTORY, MAX_HISTORY_BYTES, "a history of steps").splitlines()
+    except contract.RaucaError:
         return []
     found: list[Mapping[str, float]] = []
     for line in lines:
-        try:
-            told = json.loads(line)
-            if told["step"] < step:
-                found.append({name: float(told[name]) for name in FIGURES})
-        except (ValueError, KeyError, TypeError):
-            continue  # cut off by a crash
+        with contextlib.suppress(contract.RaucaError):  # cut off by a crash
+            told = schema.Fields(reading.parse_json(line, HISTORY), HISTORY)
+            if told.integer("step") < step:
+                found.append({name: told.number(name) for name in FIGURES})
     return found

@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..core import contract, files
+from ..core import contract, files, reading, schema
 
 LOCK_FILE = ".lock"
 CLAIM = 1 << 40  # the byte that guards the writing of the plan; no camera has this number
@@ -77,7 +77,7 @@ def _open(folder: Path) -> int:
     while True:
         folder.mkdir(parents=True, exist_ok=True)
         try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+            handle = files.open_to_append(path)
         except FileNotFoundError:
             continue
         fcntl.lockf(handle, fcntl.LOCK_EX, 1, CLAIM)
@@ -107,12 +107,13 @@ def _holder(handle: int, first: int, end: int) -> str:
     """Who holds cameras in question, from the newest note in the lock file whose lock is still there."""
     text = os.pread(handle, 1 << 20, 0).decode(errors="replace")
     for line in reversed(text.splitlines()):
-        with contextlib.suppress(json.JSONDecodeError, KeyError, TypeError):
-            note = json.loads(line)
-            overlaps = note["first"] < end and first < note["end"]
-            if overlaps and not _is_free(handle, note["first"], note["end"] - note["first"]):
-                part = "" if note["shard"] == "1/1" else f" (shard {note['shard']})"
-                return f"process {note['pid']} on {note['host']}{part}"
+        with contextlib.suppress(contract.RaucaError):
+            note = schema.Fields(reading.parse_json(line, LOCK_FILE), LOCK_FILE)
+            begin, stop = note.integer("first", maximum=CLAIM), note.integer("end", maximum=CLAIM)
+            if max(begin, first) < min(stop, end) and not _is_free(handle, begin, stop - begin):
+                shard = note.text("shard")
+                part = f" (shard {shard})" if shard != "1/1" and shard.isprintable() else ""
+                return f"process {note.integer('pid')} on {note.plain_name('host')}{part}"
     return "another process"
 
 

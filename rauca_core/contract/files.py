@@ -11,6 +11,7 @@ import errno
 import json
 import os
 import shutil
+import stat
 import struct
 import tempfile
 import zlib
@@ -123,13 +124,35 @@ def sweep_partials(folder: Path) -> int:
     return len(leftovers)
 
 
+def open_to_append(path: Path) -> int:
+    """Handle of a file that is read and appended to in place, created if need be.
+
+    Never through a link, unlike what is only read: a folder that somebody else made could have one that leads to any
+    file of the user's.
+
+    Raises:
+        RaucaError: a link, a folder, a pipe or a device is there.
+        OSError: see :func:`disk_errors`.
+    """
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0), 0o644)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO, errno.ENODEV):
+            raise RaucaError(f"{path}: is no file of this folder (a link, a folder or a device); remove it") from error
+        raise
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise RaucaError(f"{path}: is no file of this folder (a pipe or a device); remove it")
+    return handle
+
+
 def append_line(path: Path, line: str) -> None:
     """Append one line to a ledger with a single write, then flush it to the disk.
 
-    A line that a crash cut off is ended first, so that it spoils no other.
+    A line that a crash cut off is ended first, so that it spoils no other. Raises as :func:`open_to_append`.
     """
     with disk_errors(path):
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        handle = open_to_append(path)
         try:
             size = os.fstat(handle).st_size
             cut = size > 0 and os.pread(handle, 1, size - 1) != b"\n"

@@ -19,6 +19,7 @@ pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 from blender_addon.background.curve import COLOUR, MARGIN, curve
 from blender_addon.background.endings import IN_THE_WINDOW, ending
 from blender_addon.background.job import Job, Told
+from blender_addon.background.optimise_task import earlier
 from blender_addon.background.thumbnail import SIDE, thumbnail
 from rauca_core.contract import Progress, RaucaError, parse_progress
 from rauca_core.contract.files import png_bytes
@@ -212,6 +213,14 @@ def test_no_thumbnail_of_what_rauca_did_not_write(tmp_path):
         path.write_bytes(data)
         assert thumbnail(path) is None, data[:20]
     assert thumbnail(tmp_path / "none.png") is None
+
+
+def test_the_curve_begins_with_the_whole_lines_of_an_earlier_run(tmp_path):
+    assert earlier(tmp_path, 9) == []
+    whole = [f'{{"step": {n}, "loss": {0.1 * n:.1f}, "score": 0.5, "seconds": 1}}' for n in (1, 2, 3)]
+    damaged = ["[" * 100_000, "3", '{"step": "one"}', '{"step": 1, "loss": NaN, "score": 0.5}', '{"step": 1, "lo']
+    (tmp_path / "history.jsonl").write_text("\n".join([*whole, *damaged]))
+    assert earlier(tmp_path, 3) == [{"loss": 0.1, "score": 0.5}, {"loss": 0.2, "score": 0.5}]
 
 
 def test_the_curve_goes_where_the_values_go():

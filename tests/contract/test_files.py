@@ -89,3 +89,13 @@ def test_ledger_lines_stay_whole(tmp_path):
     for i in range(3):
         append_line(tmp_path / "ledger", f"line {i}")
     assert (tmp_path / "ledger").read_text().splitlines() == ["line 0", "line 1", "line 2"]
+
+
+@pytest.mark.parametrize("kind", ["link", "folder", "pipe"])
+def test_nothing_is_appended_to_what_is_no_file_of_the_folder(tmp_path, kind):
+    elsewhere, ledger = tmp_path / "mine", tmp_path / "ledger"
+    elsewhere.write_text("precious")
+    {"link": lambda: ledger.symlink_to(elsewhere), "folder": ledger.mkdir, "pipe": lambda: os.mkfifo(ledger)}[kind]()
+    with pytest.raises(RaucaError, match="ledger: is no file of this folder"):
+        append_line(ledger, "line")
+    assert elsewhere.read_text() == "precious"

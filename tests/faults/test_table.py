@@ -62,6 +62,8 @@ def test_every_test_of_this_folder_is_in_the_table() -> None:
     of_their_tools = {
         "test_a_lock_leaves_nothing_behind",
         "test_a_lock_dies_with_its_holder",
+        "test_a_lock_that_leads_elsewhere_is_refused",
+        "test_a_damaged_note_names_nobody",
         "test_the_clock_does_jump",
     }
     for path in HERE.glob("test_*.py"):

@@ -62,3 +62,33 @@ def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
     with alone_in(tmp_path):
         pass
     assert not (tmp_path / LOCK_FILE).exists()
+
+
+def test_a_lock_that_leads_elsewhere_is_refused(tmp_path: Path) -> None:
+    mine, folder = tmp_path / "mine", tmp_path / "run"
+    mine.write_text("precious")
+    folder.mkdir()
+    (folder / LOCK_FILE).symlink_to(mine)
+    with pytest.raises(RaucaError, match="is no file of this folder"), alone_in(folder):
+        pass
+    assert mine.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "note", [b"", b"[" * 4096, b"3", b'{"pid": "x", "host": "y"}', b'{"pid": 1, "host": "a\\u001b"}']
+)
+def test_a_damaged_note_names_nobody(tmp_path: Path, note: bytes) -> None:
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with alone_in(tmp_path):
+            os.write(write, b".")
+            signal.pause()
+    os.read(read, 1)
+    (tmp_path / LOCK_FILE).write_bytes(note)
+    try:
+        with pytest.raises(RaucaError, match=": another process is at work here"), alone_in(tmp_path):
+            pass
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)

@@ -188,6 +188,10 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
     code, complaint = finish(start(folder))
     assert code == 2
     assert f"is being rendered by process {other.pid} on {socket.gethostname()} (shard 1/2)" in complaint
+    vast = '{"first": 0, "end": 1e30, "shard": "1/1", "pid": 1, "host": "x"}'
+    (folder / ".lock").write_text(f"{'[' * 5000}\n{vast}\n{vast.replace('1e30', '1' * 40)}\n3\n")
+    with pytest.raises(RaucaError, match="rendered by another process"), hold_cameras(folder, Shard(), (0, 2)):
+        pass
     other.kill()
     other.wait()
     with hold_cameras(folder, Shard(), (0, 2)) as lock:
@@ -197,6 +201,14 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
     with hold_cameras(folder, Shard(), (0, 2)):
         pass
     assert not folder.exists()  # an empty folder is not left behind
+
+    mine = tmp_path / "mine"
+    mine.write_text("precious")
+    folder.mkdir()
+    (folder / ".lock").symlink_to(mine)
+    with pytest.raises(RaucaError, match="is no file of this folder"), hold_cameras(folder, Shard(), (0, 2)):
+        pass
+    assert mine.read_text() == "precious"
 
 
 def test_scratch_folders_of_killed_processes_are_swept(monkeypatch):
