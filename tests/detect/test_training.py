@@ -165,6 +165,31 @@ def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, body):
     assert torch.equal(state(whole), state(resumed))
 
 
+def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, body):
+    class Died(BaseException):
+        """As SIGKILL: nothing after it runs."""
+
+    def report(run: Job, resume: bool = False) -> list[tuple[int, float]]:
+        told: list[tuple[int, float]] = []
+        train(run, resume, on_round=lambda r: told.append((r.step, r.loss)))
+        return told
+
+    def die(_: torch.nn.Module) -> Findings:
+        raise Died
+
+    lightest = {"steps": 4, "round": 2}
+    whole = report(job(NAMES[0], folder, tmp_path / "whole", body, **lightest))
+    assert [step for step, _ in whole] == [2, 4]
+    dying = dataclasses.replace(job(NAMES[0], folder, tmp_path / "parts", body, **lightest), test=die)
+    with pytest.raises(Died):
+        train(dying)
+    parts = lambda: job(NAMES[0], folder, tmp_path / "parts", body, **lightest)  # noqa: E731
+    assert report(parts(), resume=True) == whole
+    assert report(parts(), resume=True) == []  # finished, and said so before
+    lines = (tmp_path / "parts" / "rounds.jsonl").read_text()
+    assert lines == (tmp_path / "whole" / "rounds.jsonl").read_text()
+
+
 def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, body, monkeypatch, box_vehicle):
     monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
     ball = draw_dataset(tmp_path / "ball", dataclasses.replace(box_vehicle, name="ball"), category="shape").folder

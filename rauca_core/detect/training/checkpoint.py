@@ -13,7 +13,7 @@ from ...contract import RaucaError
 from ...contract.schema import read_json
 from ...environment.training_state import restore, state_tensors
 
-FORMAT = ("rauca-detector-checkpoint", 1)
+FORMAT = ("rauca-detector-checkpoint", 2)
 OTHER_RUN = "start the training in a new folder"
 _MEAN = "average."
 
@@ -22,28 +22,34 @@ def save_run(
     folder: Path,
     identity: dict[str, Any],
     step: int,
+    losses: list[float],
     network: nn.Module,
     average: nn.Module,
     optimiser: torch.optim.Optimizer,
 ) -> None:
-    """Write everything that a step changes; the checkpoint before goes when this one is whole."""
+    """Write everything that a step changes; the checkpoint before goes when this one is whole.
+
+    Args:
+        losses: of the steps whose round has not been reported.
+    """
     tensors: dict[str, Tensor] = state_tensors(network, optimiser)
     tensors |= {_MEAN + name: value for name, value in average.state_dict().items()}
-    write_checkpoint(folder, FORMAT, ("step", step, 7), {"identity": identity}, tensors)
+    write_checkpoint(folder, FORMAT, ("step", step, 7), {"identity": identity, "losses": losses}, tensors)
 
 
 def restore_run(
     folder: Path, identity: dict[str, Any], network: nn.Module, average: nn.Module, optimiser: torch.optim.Optimizer
-) -> int:
-    """Read the latest checkpoint into the three; returns the steps done.
+) -> tuple[int, list[float]]:
+    """Read the latest checkpoint into the three; returns the steps done, and the losses of their unreported round.
 
     Raises:
         RaucaError: none or a damaged one, or one of a run made under other conditions, which are named.
     """
     fields = read_json(folder / POINTER)
-    fields.format(*FORMAT)
+    fields.format(*FORMAT, oldest=FORMAT[1])
     step, tensors = fields.integer("step"), read_tensors(folder, fields, OTHER_RUN)
     found = fields.raw("identity")
+    losses = fields.array("losses", (max(1, len(fields.items("losses"))),)).tolist()
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
@@ -52,4 +58,4 @@ def restore_run(
         average.load_state_dict({n.removeprefix(_MEAN): t for n, t in tensors.items() if n.startswith(_MEAN)})
     except RuntimeError as error:
         raise RaucaError(f"{folder}: a checkpoint of another network; {OTHER_RUN}") from error
-    return step
+    return step, losses

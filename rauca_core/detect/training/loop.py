@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import math
@@ -18,6 +19,9 @@ from torch.nn.utils import clip_grad_norm_
 from ...checkpoint_files import POINTER
 from ...contract import RaucaError, StoppedError
 from ...contract.files import append_line
+from ...contract.ledger import MAX_LEDGER_BYTES
+from ...contract.reading import parse_json, read_limited
+from ...contract.schema import Fields
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
 from ...folder_lock import alone_in
@@ -124,23 +128,35 @@ class _Training:
         job, steps = self.job, self.job.settings.steps
         findings: Findings | None = None
         if resume:
-            self.done = restore_run(job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimiser)
+            self.done, self.losses = restore_run(
+                job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimiser
+            )
+            if self._round_ends():  # killed in the test behind it, or after
+                findings = self._report(on_round)
         while self.done < steps:
             self.losses.append(self._step(self.done))
             self.done += 1
             on_step(self.done, steps, self.losses[-1])
-            ends = self.done % job.settings.round == 0 or self.done == steps
-            if ends or stop:
+            if self._round_ends() or stop:
                 self._save()
             if stop:
                 raise StoppedError(f"{job.out}: stopped after step {self.done}")
-            if ends:
-                findings = job.test(self.average)
-                report = RoundReport(self.done, steps, sum(self.losses) / len(self.losses), findings)
-                append_line(job.out / LEDGER, _line(report))
-                on_round(report)
-                self.losses = []
+            if self._round_ends():
+                findings = self._report(on_round)
         return self.average, findings or job.test(self.average)
+
+    def _round_ends(self) -> bool:
+        return self.done % self.job.settings.round == 0 or self.done == self.job.settings.steps
+
+    def _report(self, on_round: Callable[[RoundReport], None]) -> Findings:
+        """Test, and write the round's line unless an earlier run has."""
+        ledger, findings = self.job.out / LEDGER, self.job.test(self.average)
+        if self.done not in _reported(ledger):
+            report = RoundReport(self.done, self.job.settings.steps, sum(self.losses) / len(self.losses), findings)
+            append_line(ledger, _line(report))
+            on_round(report)
+        self.losses = []
+        return findings
 
     def _step(self, step: int) -> float:
         settings, lr = self.job.settings, self.job.settings.lr * self._schedule(step)
@@ -194,12 +210,30 @@ class _Training:
         return min(rising, 0.5 * (1 + math.cos(math.pi * step / whole)))
 
     def _save(self) -> None:
-        save_run(self.job.out / CHECKPOINTS, self.identity, self.done, self.network, self.average, self.optimiser)
+        save_run(
+            self.job.out / CHECKPOINTS,
+            self.identity,
+            self.done,
+            self.losses,
+            self.network,
+            self.average,
+            self.optimiser,
+        )
 
 
 def sum_of(losses: dict[str, Tensor]) -> Tensor:
     """One scalar of them all."""
     return torch.stack([loss.float() for loss in losses.values()]).sum()
+
+
+def _reported(ledger: Path) -> set[int]:
+    """The rounds of which a line is there, by their last step."""
+    found: set[int] = set()
+    lines = read_limited(ledger, MAX_LEDGER_BYTES, "a ledger").splitlines() if ledger.is_file() else []
+    for line in lines:
+        with contextlib.suppress(RaucaError):  # cut off by a crash
+            found.add(Fields(parse_json(line, LEDGER), LEDGER).integer("step"))
+    return found
 
 
 def _line(report: RoundReport) -> str:
