@@ -163,7 +163,8 @@ def test_shards_at_the_same_time_make_the_whole(whole, tmp_path):
     assert sorted(path.name for path in folder.glob("ledger*")) == ["ledger-1of2.jsonl", "ledger-2of2.jsonl"]
 
 
-def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
+def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
+    from blender_addon.jobs import lock as lock_file
     from blender_addon.jobs.lock import hold_cameras
 
     code = (
@@ -190,6 +191,7 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path):
     assert f"is being rendered by process {other.pid} on {socket.gethostname()} (shard 1/2)" in complaint
     vast = '{"first": 0, "end": 1e30, "shard": "1/1", "pid": 1, "host": "x"}'
     (folder / ".lock").write_text(f"{'[' * 5000}\n{vast}\n{vast.replace('1e30', '1' * 40)}\n3\n")
+    monkeypatch.setattr(lock_file, "PATIENCE_S", 0.2)  # real patience was tried above
     with pytest.raises(RaucaError, match="rendered by another process"), hold_cameras(folder, Shard(), (0, 2)):
         pass
     other.kill()
