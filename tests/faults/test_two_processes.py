@@ -46,14 +46,20 @@ def test_a_lock_leaves_nothing_behind(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["kept"]
 
 
-def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
+def child_in(folder: Path) -> int:
+    """The number of a process that holds ``folder`` until it is killed."""
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
-        with alone_in(tmp_path):
+        with alone_in(folder):
             os.write(write, b".")
             signal.pause()
     os.read(read, 1)
+    return child
+
+
+def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
+    child = child_in(tmp_path)
     with pytest.raises(RaucaError, match=f"process {child} on .* is at work here; wait for it"), alone_in(tmp_path):
         pass
     os.kill(child, signal.SIGKILL)
@@ -78,13 +84,7 @@ def test_a_lock_that_leads_elsewhere_is_refused(tmp_path: Path) -> None:
     "note", [b"", b"[" * 4096, b"3", b'{"pid": "x", "host": "y"}', b'{"pid": 1, "host": "a\\u001b"}']
 )
 def test_a_damaged_note_names_nobody(tmp_path: Path, note: bytes) -> None:
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        with alone_in(tmp_path):
-            os.write(write, b".")
-            signal.pause()
-    os.read(read, 1)
+    child = child_in(tmp_path)
     (tmp_path / LOCK_FILE).write_bytes(note)
     try:
         with pytest.raises(RaucaError, match=": another process is at work here"), alone_in(tmp_path):
