@@ -131,7 +131,9 @@ class _Training:
             self.done, self.losses = restore_run(
                 job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimiser
             )
-            if self._round_ends():  # killed in the test behind it, or after
+            if self._round_ends() and self.done in _reported(job.out / LEDGER):
+                self.losses = []
+            elif self._round_ends():  # killed in the test behind it
                 findings = self._report(on_round)
         while self.done < steps:
             self.losses.append(self._step(self.done))
@@ -149,12 +151,11 @@ class _Training:
         return self.done % self.job.settings.round == 0 or self.done == self.job.settings.steps
 
     def _report(self, on_round: Callable[[RoundReport], None]) -> Findings:
-        """Test, and write the round's line unless an earlier run has."""
-        ledger, findings = self.job.out / LEDGER, self.job.test(self.average)
-        if self.done not in _reported(ledger):
-            report = RoundReport(self.done, self.job.settings.steps, sum(self.losses) / len(self.losses), findings)
-            append_line(ledger, _line(report))
-            on_round(report)
+        """Test, and write the round's line."""
+        findings = self.job.test(self.average)
+        report = RoundReport(self.done, self.job.settings.steps, sum(self.losses) / len(self.losses), findings)
+        append_line(self.job.out / LEDGER, _line(report))
+        on_round(report)
         self.losses = []
         return findings
 
