@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, reading, schema
+from ..core import contract, json_lines, schema
 from .job import Told
 from .thumbnail import thumbnail
 
@@ -71,13 +70,11 @@ def begun(folder: Path) -> bool:
 def earlier(folder: Path, step: int) -> list[Mapping[str, float]]:
     """The figures of the steps before ``step``, as an earlier run left them."""
     try:
-        lines = reading.read_text(folder / HISTORY, MAX_HISTORY_BYTES, "a history of steps").splitlines()
+        told = json_lines.whole_lines(folder / HISTORY, MAX_HISTORY_BYTES, "a history of steps", _figures)
     except contract.RaucaError:
         return []
-    found: list[Mapping[str, float]] = []
-    for line in lines:
-        with contextlib.suppress(contract.RaucaError):  # cut off by a crash
-            told = schema.Fields(reading.parse_json(line, HISTORY), HISTORY)
-            if told.integer("step") < step:
-                found.append({name: told.number(name) for name in FIGURES})
-    return found
+    return [figures for at, figures in told if at < step]
+
+
+def _figures(line: schema.Fields) -> tuple[int, Mapping[str, float]]:
+    return line.integer("step"), {name: line.number(name) for name in FIGURES}

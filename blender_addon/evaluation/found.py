@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import contract, reading, schema
+from ..core import contract, json_lines, schema
 
 STUDY, RESULTS = "study.json", "results.json"
 MAX_DETECTIONS_BYTES = 2**30  # a line is some 5 kB: 200 000 images
@@ -133,14 +133,14 @@ def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, 
     for path in sorted(folder.glob("*.jsonl")):
         if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
             continue
-        for line in reading.read_limited(path, MAX_DETECTIONS_BYTES).splitlines():
-            try:
-                entry = reading.parse_json(line, path.name)
-                rows = zip(entry["boxes"], entry["names"], entry["scores"], strict=True)
-                found[entry["image"]] = tuple(
-                    Detection((float(a), float(b), float(c), float(d)), str(name), float(score))
-                    for (a, b, c, d), name, score in rows
-                )
-            except (contract.RaucaError, ValueError, KeyError, TypeError, OverflowError):
-                continue
+        found |= json_lines.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
     return found
+
+
+def _of_an_image(line: schema.Fields) -> tuple[str, tuple[Detection, ...]]:
+    names, count = line.items("names"), len(line.items("names"))
+    boxes, scores = line.array("boxes", (count, 4)) if count else (), line.array("scores", (count,))
+    return line.text("image"), tuple(
+        Detection((left, top, right, bottom), str(name), float(score))
+        for (left, top, right, bottom), name, score in zip(boxes, names, scores, strict=True)
+    )

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from .errors import RaucaError
 from .files import append_line
-from .reading import parse_json, read_limited
+from .json_lines import whole_lines
+from .schema import Fields
 
 MAX_LEDGER_BYTES = 2**28
 """A line is some 100 bytes; the largest plan, tried twice, makes 200 MB."""
@@ -53,7 +54,8 @@ def read_ledger(folder: Path) -> dict[str, LedgerEntry]:
     """
     result: dict[str, LedgerEntry] = {}
     for path in sorted(Path(folder).glob("ledger*.jsonl")):
-        for frame, entry in _last_lines(path).items():
+        entries = whole_lines(path, MAX_LEDGER_BYTES, "a ledger", _entry)
+        for frame, entry in {entry.frame: entry for entry in entries}.items():
             if frame not in result or STATES.index(entry.state) < STATES.index(result[frame].state):
                 result[frame] = entry
     return result
@@ -68,13 +70,14 @@ def frame_states(folder: Path) -> dict[str, str]:
     return states
 
 
-def _last_lines(path: Path) -> dict[str, LedgerEntry]:
-    entries = {}
-    for line in read_limited(path, MAX_LEDGER_BYTES, "a ledger").splitlines():
-        try:
-            entry = LedgerEntry(**parse_json(line, path.name))
-        except (RaucaError, TypeError):
-            continue  # the line in flight when a job was killed
-        if isinstance(entry.frame, str) and entry.state in STATES:
-            entries[entry.frame] = entry
-    return entries
+def _entry(line: Fields) -> LedgerEntry:
+    state = line.text("state")
+    if state not in STATES:
+        raise RaucaError(f"{line.where}: state must be one of {', '.join(STATES)}, not {state!r}")
+    return LedgerEntry(
+        line.text("frame"),
+        state,
+        seconds=line.number("seconds") if line.has("seconds") else None,
+        visible=line.number("visible") if line.has("visible") else None,
+        reason=line.text("reason") if line.has("reason") else None,
+    )

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
-from ..contract.reading import parse_json, read_limited
+from ..contract.json_lines import whole_lines
+from ..contract.schema import Fields
 from ..detect import Detections, Detector, canonical
 from ..detect.scoring import class_index
 
@@ -81,7 +81,7 @@ class DetectionCache:
         if not self.path.exists():
             write_bytes(self.path, b"")
         append_line(self.path, "\n".join(json.dumps(line, allow_nan=False) for line in lines))
-        self._found |= {line["image"]: _found(line) for line in lines}
+        self._found |= dict(_found(Fields(line, self.path.name)) for line in lines)
 
     def _line(self, detector: Detector, image_sha256: str, detections: Detections) -> dict[str, Any]:
         target = class_index(detector, self.settings.category)
@@ -96,27 +96,11 @@ class DetectionCache:
     def _read(self) -> dict[str, Found]:
         if not self.path.is_file():
             return {}
-        lines = read_limited(self.path, MAX_CACHE_BYTES, "a cache of detections").splitlines()
-        read = {line: _read_line(line) for line in lines}
-        whole = [line for line in lines if read[line] is not None]
-        if whole != lines:
-            write_bytes(self.path, b"".join(line + b"\n" for line in whole))
-        return dict(entry for entry in read.values() if entry is not None)
+        return dict(whole_lines(self.path, MAX_CACHE_BYTES, "a cache of detections", _found, mend=True))
 
 
-def _read_line(text: bytes) -> tuple[str, Found] | None:
-    """The image's sha256 and what was found in it; None for a damaged line."""
-    try:
-        line = parse_json(text, "detections")
-        return str(line["image"]), _found(line)
-    except (RaucaError, ValueError, KeyError, TypeError, OverflowError):
-        return None
-
-
-def _found(line: dict[str, Any]) -> Found:
-    boxes = np.array(line["boxes"], np.float64).reshape(-1, 4)
-    scores = np.array(line["scores"], np.float64)
-    names = tuple(str(name) for name in line["names"])
-    if not len(boxes) == len(scores) == len(names):
-        raise ValueError("boxes, scores and names differ in number")
-    return Found(boxes, scores, names)
+def _found(line: Fields) -> tuple[str, Found]:
+    """An image's sha256, and what was found in it."""
+    names = tuple(str(name) for name in line.items("names"))
+    boxes = line.array("boxes", (len(names), 4)) if names else np.zeros((0, 4))
+    return line.text("image"), Found(boxes, line.array("scores", (len(names),)), names)

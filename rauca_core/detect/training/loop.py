@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import json
 import math
@@ -19,9 +18,8 @@ from torch.nn.utils import clip_grad_norm_
 from ...checkpoint_files import POINTER
 from ...contract import RaucaError, StoppedError
 from ...contract.files import append_line
+from ...contract.json_lines import whole_lines
 from ...contract.ledger import MAX_LEDGER_BYTES
-from ...contract.reading import parse_json, read_limited
-from ...contract.schema import Fields
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
 from ...folder_lock import alone_in
@@ -229,12 +227,9 @@ def sum_of(losses: dict[str, Tensor]) -> Tensor:
 
 def _reported(ledger: Path) -> set[int]:
     """The rounds of which a line is there, by their last step."""
-    found: set[int] = set()
-    lines = read_limited(ledger, MAX_LEDGER_BYTES, "a ledger").splitlines() if ledger.is_file() else []
-    for line in lines:
-        with contextlib.suppress(RaucaError):  # cut off by a crash
-            found.add(Fields(parse_json(line, LEDGER), LEDGER).integer("step"))
-    return found
+    if not ledger.is_file():
+        return set()
+    return set(whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", lambda line: line.integer("step")))
 
 
 def _line(report: RoundReport) -> str:
