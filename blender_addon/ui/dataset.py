@@ -51,7 +51,11 @@ class RaucaDataset(bpy.types.PropertyGroup):
         description="Render a part of so many frames, balanced over places, weathers and cameras; 0 renders all",
     )
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Blenders at Once", default=1, min=1, max=64, description="They share the machine; each needs its memory"
+        name="Blenders",
+        default=1,
+        min=1,
+        max=64,
+        description="How many render at once: they share the machine, and each needs its memory",
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"

@@ -114,6 +114,18 @@ class Sidebar:
         self.screen.key("Return")
         time.sleep(0.5)
 
+    def unfold(self, below: str, wanted: str) -> None:
+        """Open the panel "More" that follows the button or field ``below``, until it shows ``wanted``."""
+        _, y = self.find(below)
+        left, _, width, _ = self.blender.region("UI")
+        for down in range(TALLEST // 2, 2 * TALLEST, LOOK_EVERY):
+            self.screen.click(left + width * 0.2, y + down)
+            time.sleep(1)  # panels glide
+            with contextlib.suppress(LookupError):
+                self.find(wanted)
+                return
+        raise LookupError(f"nothing below {below} opens and shows {wanted}")
+
     def turn(self, wanted: str, notches: int) -> None:
         """Turn the wheel over a menu with Ctrl held: goes on to the next entry, or back for fewer than 0."""
         self.screen.move(*self.find(wanted))

@@ -66,6 +66,8 @@ def test_step_2_shows_a_weather(desk: Sidebar) -> None:
     desk.press("rauca.show_weather(", lambda: blender.settings("weather.shown.on"))
     desk.press("rauca.next_weather(", lambda: blender.settings("weather.picked") != "clear-day")
     assert blender.ask("value = bpy.context.scene.world.name") == blender.settings("weather.shown.world.name")
+    desk.unfold("puddles", "fog_falloff")
+    blender.shoot("2-more")
     # Use Cycles, then Rendered View.
     desk.press("engine", lambda: blender.ask("value = bpy.context.scene.render.engine") == "CYCLES")
     desk.press("type", lambda: shading(blender) == "RENDERED")
@@ -92,6 +94,10 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
     desk.open(4)
     desk.enter("folder", str(blender.scratch / "dataset"))
     desk.enter("size", SIDE)
+    desk.unfold("rauca.generate_dataset(", "workers")
+    desk.enter("seed", 7)
+    blender.shoot("4-more")
+    assert blender.settings("dataset.seed") == 7
     if not blender.ask("value = own('compat').denoiser_is_built_in()"):
         blender.shoot("4-no-denoiser")
         desk.press("rauca.without_denoiser(", lambda: not blender.settings("dataset.denoise"))
@@ -118,6 +124,10 @@ def test_step_5_optimises(desk: Sidebar, figures: dict[str, str]) -> None:
     assert blender.ask("value = own('preferences').preferences(bpy.context).ready"), blender.ask(checked)
     desk.enter("folder", str(blender.scratch / "optimised"))
     desk.enter("steps", STEPS)
+    desk.unfold("rauca.optimise(", "batch")
+    desk.enter("batch", 2)
+    blender.shoot("5-more")
+    assert blender.settings("optimise.batch") == 2
     blender.shoot("5-ready")
     desk.press("rauca.optimise(", lambda: begun(blender, "optimise"))
     figures["optimising"] = measured(desk, "optimise", "5-optimising")
