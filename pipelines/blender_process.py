@@ -13,6 +13,9 @@ from pathlib import Path
 
 from rauca_core.contract import Progress, RaucaError, parse_progress
 
+LIBRARIES = "libx11-6 libxi6 libxrender1 libxxf86vm1 libxfixes3 libxkbcommon0 libsm6 libice6 libgl1 libegl1 libgomp1"
+"""What Blender links to, as Debian's packages."""
+
 
 def blender_command(job: str, arguments: Sequence[str], blender: Path | None = None) -> list[str]:
     """The command that runs ``blender_addon.headless`` for ``job``: in ``blender`` if given, else in the bpy wheel.
@@ -95,4 +98,11 @@ def reason_of(job: str, code: int, complaints: Sequence[str]) -> str:
         name = signal.Signals(-code).name
         return f"{job}: Blender was killed by {name} (out of memory?); finished frames are kept, run the command again"
     tail = next((line.strip() for line in reversed(complaints) if line.strip()), "no message")
+    if advice := libraries_for(tail):
+        return f"{job}: Blender does not start: {tail.removeprefix('ImportError: ')}; {advice}"
     return f"{job}: Blender stopped with code {code}: {tail}"
+
+
+def libraries_for(complaint: str) -> str:
+    """What to install where Blender complains of a library that the system lacks; empty for any other complaint."""
+    return f"on Debian: apt-get install {LIBRARIES}" if "cannot open shared object file" in complaint else ""

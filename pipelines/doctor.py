@@ -15,6 +15,8 @@ from pathlib import Path
 from rauca_core import __version__
 from rauca_core.detect.store import status
 
+from .blender_process import libraries_for
+
 PACKAGES = ("numpy", "numba", "xatlas", "opencv-contrib-python-headless", "faster-coco-eval", "safetensors")
 BLENDER_PROBE = """
 import bpy
@@ -74,7 +76,7 @@ def _blender() -> Iterator[Finding]:
     answer = next((line.split() for line in probe.stdout.splitlines() if line.startswith("version ")), None)
     if answer is None:
         reason = (probe.stderr.strip().splitlines() or ["no message"])[-1]
-        yield Finding("bpy", reason, False, "pip install rauca[dataset]; if a library is missing, see the README")
+        yield Finding("bpy", reason, False, libraries_for(reason) or "pip install rauca[dataset]")
         return
     yield Finding("bpy", " ".join(answer[1:-1]))
     denoises = answer[-1] == "denoiser"

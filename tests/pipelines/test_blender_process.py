@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.render.vehicles import open_vehicle
-from pipelines.blender_process import blender_command, reason_of, require_bpy
+from pipelines.blender_process import LIBRARIES, blender_command, reason_of, require_bpy
 from rauca_core.contract import RaucaError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -36,3 +38,12 @@ def test_how_a_job_died_is_told_by_its_own_sentence_or_its_signal() -> None:
     assert reason_of("bake", 2, ["x", "error: car.obj: no faces\n", "quit\n"]) == "car.obj: no faces"
     assert "killed by SIGKILL (out of memory?)" in reason_of("bake", -9, [])
     assert reason_of("bake", 11, ["last words\n", "\n"]) == "bake: Blender stopped with code 11: last words"
+
+
+def test_a_library_that_the_system_lacks_is_named_with_the_packages_that_bring_it() -> None:
+    told = "libX11.so.6: cannot open shared object file: No such file or directory"
+    for complaint in (f"ImportError: {told}\n", f"blender: error while loading shared libraries: {told}\n"):
+        reason = reason_of("bake", 127, [complaint])
+        assert told in reason
+        assert reason.endswith(f"; on Debian: apt-get install {LIBRARIES}")
+    assert LIBRARIES in (REPOSITORY / "README.md").read_text(encoding="utf-8")
