@@ -138,9 +138,8 @@ def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, 
 
 
 def _of_an_image(line: schema.Fields) -> tuple[str, tuple[Detection, ...]]:
-    names, count = line.items("names"), len(line.items("names"))
-    boxes, scores = line.array("boxes", (count, 4)) if count else (), line.array("scores", (count,))
-    return line.text("image"), tuple(
-        Detection((left, top, right, bottom), str(name), float(score))
-        for (left, top, right, bottom), name, score in zip(boxes, names, scores, strict=True)
-    )
+    names = line.items("names")
+    boxes = line.array("boxes", (len(names), 4)).tolist() if names else []
+    scores = line.array("scores", (len(names),)).tolist()
+    found = zip(boxes, names, scores, strict=True)
+    return line.text("image"), tuple(Detection(tuple(box), str(name), score) for box, name, score in found)
