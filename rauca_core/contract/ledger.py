@@ -54,7 +54,7 @@ def read_ledger(folder: Path) -> dict[str, LedgerEntry]:
     """
     result: dict[str, LedgerEntry] = {}
     for path in sorted(Path(folder).glob("ledger*.jsonl")):
-        entries = whole_lines(path, MAX_LEDGER_BYTES, "a ledger", _entry)
+        entries = whole_lines(path, MAX_LEDGER_BYTES, "a ledger", entry_of)
         for frame, entry in {entry.frame: entry for entry in entries}.items():
             if frame not in result or STATES.index(entry.state) < STATES.index(result[frame].state):
                 result[frame] = entry
@@ -70,7 +70,8 @@ def frame_states(folder: Path) -> dict[str, str]:
     return states
 
 
-def _entry(line: Fields) -> LedgerEntry:
+def entry_of(line: Fields) -> LedgerEntry:
+    """What a line of a ledger says; raises :class:`RaucaError` where a field is missing or of another kind."""
     state = line.text("state")
     if state not in STATES:
         raise RaucaError(f"{line.where}: state must be one of {', '.join(STATES)}, not {state!r}")

@@ -6,8 +6,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from ..contract import RaucaError, read_ledger
-from ..contract.ledger import MAX_LEDGER_BYTES, STATES
+from ..contract.ledger import MAX_LEDGER_BYTES, STATES, entry_of
 from ..contract.reading import parse_json, read_limited
+from ..contract.schema import Fields
 from .findings import Finding
 
 DROP_LINE = "remove the line; frames in folders are not affected"
@@ -46,10 +47,11 @@ def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
 
 def _problem(line: bytes, planned: Collection[str]) -> str | None:
     try:
-        entry = parse_json(line, "ledger")
-        frame, state = str(entry["frame"]), entry["state"]
-    except (RaucaError, TypeError, KeyError):
+        told = Fields(parse_json(line, "ledger"), "ledger")
+        state = told.text("state")
+        if state not in STATES:
+            return f"has the unknown state {state!r}"
+        frame = entry_of(told).frame
+    except RaucaError:
         return "is damaged"
-    if state not in STATES:
-        return f"has the unknown state {state!r}"
     return None if frame in planned else f"names {frame!r}, which is no frame of the plan"

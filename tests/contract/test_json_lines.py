@@ -8,6 +8,7 @@ from rauca_core.contract import LedgerEntry, RaucaError, append_entry, read_ledg
 from rauca_core.contract.files import append_line
 from rauca_core.contract.json_lines import whole_lines
 from rauca_core.contract.schema import Fields
+from rauca_core.dataset_tools.ledger_lines import check_ledgers
 from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
 
 DAMAGED = (
@@ -50,6 +51,12 @@ def test_a_ledger_has_only_entries_of_their_own_kind(tmp_path):
     for wrong in ({"seconds": "fast"}, {"visible": []}, {"reason": 3}, {"state": "lost"}, {"frame": None}):
         append_line(tmp_path / "ledger.jsonl", json.dumps({**good, **wrong}))
     assert read_ledger(tmp_path) == {"a": LedgerEntry("a", "done", seconds=2.0)}
+    told = [finding.what for finding in check_ledgers(tmp_path, {"a", "b"}, {"a"})]
+    assert told == [
+        *(f"line {n} is damaged" for n in (2, 3, 4)),
+        "line 5 has the unknown state 'lost'",
+        "line 6 is damaged",
+    ]
 
 
 def test_a_cache_of_detections_reads_its_whole_lines(tmp_path):
