@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +27,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     require_file(path)
     try:
         _verify(path)
-        with Image.open(path, formats=FORMATS) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise RaucaError(f"{path}: {image.width}x{image.height} pixels; at most 8192x8192 are read")
+        with _opened(path) as image:
             return np.asarray(image.convert("L" if image.mode in ("1", "L", "I;16") else "RGB"))
     except RaucaError:
         raise
@@ -47,5 +46,16 @@ def is_whole(path: Path) -> bool:
 
 def _verify(path: Path) -> None:
     """Hold a PNG against its own checksums, which Pillow passes over when it decodes: a flipped bit shows otherwise."""
-    with Image.open(path, formats=FORMATS) as image:
+    with _opened(path) as image:
         image.verify()
+
+
+def _opened(path: Path) -> Image.Image:
+    """An image of which the header was read, and is no larger than :data:`MAX_PIXELS`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # Pillow's limit is higher, and only warns
+        image = Image.open(path, formats=FORMATS)
+    if image.width * image.height > MAX_PIXELS:
+        image.close()
+        raise RaucaError(f"{path}: {image.width}x{image.height} pixels; at most 8192x8192 are read")
+    return image

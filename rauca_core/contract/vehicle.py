@@ -275,6 +275,9 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
             unpacked = sum(archive.zip.getinfo(f"{name}.npy").file_size for name in names)
             if unpacked > MAX_UNPACKED_BYTES:
                 raise ValueError(f"unpacks to {unpacked / 2**20:.0f} MiB; at most {MAX_UNPACKED_BYTES >> 20} are read")
-            return {name: archive[name] for name in names}
+            arrays = {name: archive[name] for name in names}
+            if strange := [name for name in names if not isinstance(arrays[name], np.ndarray)]:
+                raise ValueError(f"{strange[0]} is no array")  # numpy hands the bytes of such a member out as they are
+            return arrays
     except _DAMAGED as error:
         raise RaucaError(f"{path}: damaged or not a rauca file ({error}); make it again") from error

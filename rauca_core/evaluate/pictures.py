@@ -93,7 +93,7 @@ def _in_window(box: NDArray[np.float64], window: tuple[float, float, float]) -> 
 
 def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8] | None) -> bytes:
     """A UV map as JPEG, dimmed outside the paintable charts and with their outline where the mask is known."""
-    picture = Image.open(uv_map).convert("RGB").resize((MAP, MAP), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(read_image(uv_map)).convert("RGB").resize((MAP, MAP), Image.Resampling.LANCZOS)
     if paint_mask is None:
         return _jpeg(picture)
     inside = np.asarray(Image.fromarray(paint_mask).resize((MAP, MAP), Image.Resampling.BILINEAR)) > 127

@@ -70,13 +70,21 @@ def main() -> None:
         parser.error(f"no reader {', '.join(sorted(unknown))}; see --help")
     for name in options.readers or READERS:
         print(f"READER {name}", file=sys.stderr, flush=True)
-        executions = RawValue(c_uint64)  # shared with the child, which may end at any moment
-        child = os.fork()  # libFuzzer ends its process; the imports are paid for once
-        if not child:
-            fuzz(READERS[name], options.minutes, options.work, executions)
-        used = os.wait4(child, 0)[2]
-        with (options.work / HOURS).open("a", newline="") as file:
-            csv.writer(file).writerow([name, executions.value, f"{used.ru_utime + used.ru_stime:.1f}"])
+        end = monotonic() + 60 * options.minutes
+        while monotonic() < end:  # libFuzzer's process ends with what hangs, crashes or fills the memory
+            fuzz_in_child(READERS[name], end, options.work)
+
+
+def fuzz_in_child(target: Target, end: float, work: Path) -> None:
+    """Fuzz one reader in a process of its own until it ends, and note what it came to; imports are paid for once."""
+    work.mkdir(parents=True, exist_ok=True)
+    executions = RawValue(c_uint64)  # shared with the child, which may end at any moment
+    child = os.fork()
+    if not child:
+        fuzz(target, end, work, executions)
+    used = os.wait4(child, 0)[2]
+    with (work / HOURS).open("a", newline="") as file:
+        csv.writer(file).writerow([target.name, executions.value, f"{used.ru_utime + used.ru_stime:.1f}"])
 
 
 def print_figures(work: Path) -> None:
@@ -92,8 +100,8 @@ def print_figures(work: Path) -> None:
     print(f"| all {len(executions)} | {executions.total():,} | {seconds.total() / 60:.1f} |")
 
 
-def fuzz(target: Target, minutes: float, work: Path, executions: c_uint64) -> None:
-    """Fuzz one reader, counting each input; ends the process."""
+def fuzz(target: Target, end: float, work: Path, executions: c_uint64) -> None:
+    """Fuzz one reader until :func:`monotonic` reaches ``end``, counting each input; ends the process."""
     found, kept = work / "findings", work / "corpus" / target.name
     for folder in (found, kept):
         folder.mkdir(parents=True, exist_ok=True)
@@ -101,8 +109,6 @@ def fuzz(target: Target, minutes: float, work: Path, executions: c_uint64) -> No
     healthy = target.seed(folder)
     (kept / "healthy").write_bytes(healthy)
     told: set[str] = set()
-
-    end = monotonic() + 60 * minutes
 
     def test(data: bytes) -> None:
         if monotonic() > end:
@@ -130,6 +136,7 @@ def fuzz(target: Target, minutes: float, work: Path, executions: c_uint64) -> No
             return bytes(atheris.Mutate(data, largest))
         return target.damaged(data or healthy, rng)[:largest]
 
+    # Each file's memory is bounded by the target; atheris keeps what comparisons of arrays gave, which adds up to this.
     limits = ["-rss_limit_mb=4096", "-timeout=60", "-max_len=300000"]
     quiet = ["-verbosity=0", f"-artifact_prefix={found}/{target.name}-"]
     seeds = [str(kept), *([str(CORPUS / target.name)] if (CORPUS / target.name).is_dir() else [])]

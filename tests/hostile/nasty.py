@@ -81,6 +81,15 @@ def long_shape(healthy: bytes) -> bytes:
     return stream.getvalue()
 
 
+def no_array(healthy: bytes) -> bytes:
+    """A member that is named as an array and holds other bytes: numpy hands them out as they are."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(healthy)) as source, zipfile.ZipFile(stream, "w") as target:
+        for name in source.namelist():
+            target.writestr(name, b"no array")
+    return stream.getvalue()
+
+
 class Trap:
     """Pickled, it would write a file where it is unpickled."""
 
@@ -176,6 +185,7 @@ NASTY: tuple[Nasty, ...] = (
     ("ledger", "deep", given(DEEP + b"\n"), None),
     ("history", "no object", given(b"3\n4\n"), "line 1 is damaged"),
     ("png", "60 000 pixels", given(png(60_000, 60_000)), "8192|bomb|exceeds"),
+    ("png", "120 million pixels", given(png(12_000, 10_000)), "at most 8192x8192"),  # where Pillow warns
     ("png", "cut", given(png(99, 99)), "not a readable image"),
     ("png", "postscript", given(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"), "not a readable image"),
     ("jpeg", "65 500 pixels", given(jpeg(65_500, 65_500)), "8192|bomb|exceeds"),
@@ -183,6 +193,8 @@ NASTY: tuple[Nasty, ...] = (
     ("vehicle-npz", "lone array", given(b"\x93NUMPY\x01\x00\x76\x00" + b" " * 117 + b"\n"), "damaged"),
     ("vehicle-npz", "boasting", boasting, "unpacks to"),
     ("vehicle-npz", "long shape", long_shape, "damaged"),
+    ("vehicle-npz", "no array", no_array, "is no array"),
+    ("frame-npz", "no array", no_array, "is no array"),
     ("frame-npz", "text", given(archive(A=["x"], B=["y"], distance=["z"])), "values of type"),
     ("checkpoint-tensors", "long header", given(safetensors({}, 2**63)), "damaged"),
     ("checkpoint-tensors", "type", given(HALF_BYTES), "damaged"),
