@@ -103,6 +103,7 @@ def _contestants(wish: Wish) -> list[Contestant]:
     if not contestants:
         raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
     trained = {sha256_of(load_camouflage(path)[1]): path for path in wish.camouflages}
+    trained |= {sha256_of(png): png.with_suffix(".json") for png in wish.out.glob("round-*/attack/camouflage.png")}
     for contestant in contestants:
         if path := trained.get(sha256_of(contestant.path.with_suffix(".png"))):
             raise RaucaError(f"{contestant.path}: the same UV map as {path}; what is trained on cannot be held out")
@@ -161,7 +162,9 @@ def _harden(wish: Wish, attacked: Sequence[Path], resume: bool) -> Path:
                 step = f"step {report.step}/{report.steps}"
                 console.print(f"round {found.number} of {found.rounds}, {step}: loss {report.loss:.3f}{said}")
 
-        wanted = Hardening(wish.detector, wish.data, wish.camouflages, wish.out, chosen, attack, score, command_line())
+        wanted = Hardening(
+            wish.detector, wish.data, wish.camouflages, wish.out, chosen, attack, score, command_line(), attacked
+        )
         return harden(wanted, resume, show_test, show_step)
 
 
@@ -195,10 +198,14 @@ def _attack_settings(wish: Wish, name: str, steps: int, what: object) -> Optimis
 def _optimise(
     dataset: Path, detector: Detector, settings: OptimiserSettings, folder: Path, on_step: Callable[[StepReport], None]
 ) -> Path:
-    """Optimise, or go on; a finished camouflage is left as it is."""
+    """Optimise, or go on, also to more steps than it was finished with; what has as many is left as it is."""
     done = folder / "camouflage.json"
     if done.is_file():
-        return done
+        steps = load_camouflage(done)[0].made.get("steps")
+        if steps == settings.steps:
+            return done
+        if isinstance(steps, int) and steps > settings.steps:
+            raise RaucaError(f"{done}: took {steps} steps, not {settings.steps}; ask for as many, or remove {folder}")
     started = (folder / "checkpoints" / POINTER).is_file()
     return optimise(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
 

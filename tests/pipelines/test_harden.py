@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.stability.drawn import make_dataset
+from pipelines import harden as hardening
 from pipelines.cli import app
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Camouflage, RaucaError, Vehicle, load_vehicle, save_camouflage
@@ -61,3 +64,47 @@ def test_mistakes_are_told_before_any_work(folder: Path, arguments: list[str], c
 
 def test_a_judge_is_needed(folder: Path) -> None:
     assert "Missing option" in CliRunner().invoke(app, ["harden", "frcnn-synth", "--data", "data", "--out", "x"]).output
+
+
+SHORT = ["--rounds", "1", "--steps", "1", "--batch", "1", "--attack-steps", "1", "--map-size", "64", "--samples", "2"]
+
+
+@pytest.fixture
+def hardened(folder: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The arguments of a hardening that was done, but for the judging, on data of two vehicles."""
+    mirrored = replace(box_vehicle, name="mirrored", uvs=1 - box_vehicle.uvs, paint_mask=box_vehicle.paint_mask[::-1])
+    data = make_dataset(folder / "others", mirrored, 64, (40.0, 130.0))
+    random_camouflage(folder / "three.json", load_vehicle(data.vehicle_folder, read_image), 64)
+
+    def judge(*_: object) -> None:
+        raise RaucaError("judged")
+
+    monkeypatch.setattr(hardening, "_evaluate", judge)
+    arguments = [*GOOD, "--data", "others", "--out", "out", "--threads", "1", *SHORT]
+    with pytest.raises(RaucaError, match="judged"):
+        harden(*arguments, "--adaptive-steps", "1")
+    return [*arguments, "--resume"]
+
+
+def test_a_longer_adaptive_attack_goes_on_where_the_shorter_one_ended(folder: Path, hardened: list[str]) -> None:
+    adaptive = folder / "out" / "adaptive" / "box"
+    with pytest.raises(RaucaError, match="judged"):
+        harden(*hardened, "--adaptive-steps", "3")
+    assert json.loads((adaptive / "camouflage.json").read_text())["made"]["steps"] == 3
+    steps = [json.loads(line)["step"] for line in (adaptive / "history.jsonl").read_text().splitlines()]
+    assert steps == [1, 2, 3]
+    with pytest.raises(RaucaError, match=r"box/camouflage.json: took 3 steps, not 2; ask for as many, or remove .*box"):
+        harden(*hardened, "--adaptive-steps", "2")
+
+
+def test_what_a_round_was_trained_on_cannot_be_held_out(hardened: list[str]) -> None:
+    made = "out/round-1/attack/camouflage.json"
+    with pytest.raises(RaucaError, match=f"{made}: the same UV map as {made}; what is trained on cannot be held out"):
+        harden(*hardened, "--held-out", f"x={made}")
+
+
+def test_held_out_camouflages_of_another_vehicle_would_attack_other_data(hardened: list[str]) -> None:
+    with pytest.raises(RaucaError, match="holds a hardening with another choice of data sets to attack on"):
+        harden(*hardened, "--held-out", "three=three.json")
+    with pytest.raises(RaucaError, match="judged"):
+        harden(*hardened, "--adaptive-steps", "1", "--held-out", "two=two.json")

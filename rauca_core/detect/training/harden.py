@@ -54,6 +54,7 @@ class Hardening:
         out: folder for the weights and all on the way.
         attack, score: see the module, and `measure`.
         command: for the card.
+        attacked: of ``datasets``, those that ``attack`` works on; a resumed run must share them.
     """
 
     detector: str
@@ -64,6 +65,7 @@ class Hardening:
     attack: Attack
     score: Score
     command: str = ""
+    attacked: Sequence[Path] = ()
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,9 @@ class _Rounds:
             "detector": origin.fingerprint,
             "data": self.frames.digest,
             "camouflages": [sha256_of(load_camouflage(path)[1]) for path in wanted.camouflages],
+            "choice of data sets to attack on": [
+                wanted.datasets.index(folder) for folder in wanted.attacked if settings.attack_steps
+            ],
             **settings.identity(),
         }
 
