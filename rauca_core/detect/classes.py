@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +14,9 @@ MAX_NAMES_BYTES = 2**20  # the longest list in use, LVIS, has 1203 names
 
 # COCO numbers its 80 categories up to 90; the numbers in between belong to none.
 GAP = "n/a"
+
+OWN_CLASSES = ("car", "boat", "bus", "truck")
+"""Of the detectors that come with rauca."""
 
 # From the names of darknet's and VOC's lists to COCO's, which data sets use.
 _COCO_NAMES = {
@@ -38,6 +42,12 @@ def class_list(name: str) -> tuple[str, ...]:
     ``coco-91`` has 90 entries: category 1 comes first, and :data:`GAP` stands where COCO left a number out.
     """
     return tuple(canonical(line) for line in read_names(assets_folder() / "detectors" / f"{name}.names"))
+
+
+def unusual_names(class_names: Sequence[str]) -> str:
+    """What a detector's fingerprint says of its class names: nothing of the usual lists, all of any other."""
+    names = tuple(map(canonical, class_names))
+    return "" if names in (class_list("coco-80"), OWN_CLASSES) else json.dumps(names)
 
 
 def find_class(class_names: Sequence[str], category: str) -> int | None:

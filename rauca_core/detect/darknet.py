@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ..contract import RaucaError
+from .classes import unusual_names
 from .dry_run import require_fit
 from .interface import DensePredictions
 from .letterbox import Letterbox
@@ -50,7 +51,7 @@ class DarknetDetector(SinglePassDetector):
         self.name = name
         self.class_names = class_names
         self.size = size
-        settings = f"{hashlib.sha256(cfg.read_bytes()).hexdigest()} {weights_sha256} {size}"
+        settings = f"{hashlib.sha256(cfg.read_bytes()).hexdigest()} {weights_sha256} {size}{unusual_names(class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
     def to(self, device: torch.device | str) -> DarknetDetector:

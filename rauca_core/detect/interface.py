@@ -49,8 +49,8 @@ class Detector(Protocol):
     Attributes:
         name: as in tables, e.g. ``"yolov3-tiny"``.
         class_names: (C,) names, see :mod:`rauca_core.detect.classes`.
-        fingerprint: hexadecimal; changes with anything that could change a prediction (weights, network, input size),
-            so that results may be kept on disk under it.
+        fingerprint: hexadecimal; changes with anything that could change a prediction (weights, network, input size,
+            class names), so that results may be kept on disk under it.
     """
 
     name: str

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
-from .classes import class_list
+from .classes import class_list, unusual_names
 from .heads import precise
 from .interface import DensePredictions
 from .onnx_fusion import fuse
@@ -68,7 +68,7 @@ class OnnxDetector(SinglePassDetector):
         self._layout = _layout(graph, tuple(output.shape), self.size, family)
         self.class_names = _class_names(graph, self._layout.classes, class_names)
         self._module, self._why_not = _differentiable(graph, image, output)
-        settings = f"{graph.sha256} {self.size} {self._layout.yolox}"
+        settings = f"{graph.sha256} {self.size} {self._layout.yolox}{unusual_names(self.class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
     @property

@@ -116,6 +116,17 @@ def test_the_fingerprint_follows_weights_and_size(
     assert fingerprint(64) != first
 
 
+def test_a_mended_names_file_makes_another_fingerprint(cfg: Path, weights: Path) -> None:
+    """What is kept under a fingerprint names classes, so detections under swapped names must not answer again."""
+
+    def fingerprint(names: str) -> str:
+        cfg.with_suffix(".names").write_text(names)
+        return load_detector(str(weights), 64).fingerprint
+
+    assert fingerprint("car\nboat\n") != fingerprint("boat\ncar\n")
+    assert fingerprint("aeroplane\ncar\n") == fingerprint("airplane\nCar\n")  # kept in COCO's words
+
+
 def test_a_detector_by_path_needs_its_cfg_and_names_beside_it(cfg: Path, weights: Path) -> None:
     with pytest.raises(RaucaError, match=r"every\.names: not found; it must lie beside"):
         load_detector(str(weights))

@@ -207,6 +207,7 @@ def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, body, monkeypatch,
     detector = load_weights(path)
     kept = measure(detector, Sights(LightFrames([folder]), card.class_names, SIZE), [0, 1], score)
     assert set(kept.ap50) == {"all", "clear day"}
+    _rename(path)
     _start_from(path, folder, tmp_path, settings)
     _damage(path)
 
@@ -218,6 +219,15 @@ def _start_from(path: Path, folder: Path, tmp_path: Path, settings) -> None:
     assert card.body == read_card(path.with_suffix(".json"))[1]
     with pytest.raises(RaucaError, match=r"holds a frcnn-synth of the classes car, truck, but .* of car, bus"):
         fit(dataclasses.replace(onward, out=tmp_path / "other", classes=("bus",)))
+
+
+def _rename(path: Path) -> None:
+    """Other class names on the card make another fingerprint."""
+    card, before = path.with_suffix(".json"), load_weights(path).fingerprint
+    whole = card.read_text()
+    card.write_text(json.dumps({**json.loads(whole), "class_names": ["truck", "car"]}))
+    assert load_weights(path).fingerprint != before
+    card.write_text(whole)
 
 
 def _damage(path: Path) -> None:

@@ -18,6 +18,7 @@ from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.schema import Fields, read_json
 from ..batch_norm import freeze_batch_norms
+from ..classes import unusual_names
 from .adapter import SynthDetector
 from .networks import RECIPES, build_network, find_recipe, is_darknet
 
@@ -106,7 +107,8 @@ def load_weights(path: Path) -> SynthDetector:
         RaucaError: missing, damaged, or not what the card describes.
     """
     network, card, digest = load_network(path)
-    fingerprint = hashlib.sha256(f"{digest} {card.name} {card.size}".encode()).hexdigest()
+    settings = f"{digest} {card.name} {card.size}{unusual_names(card.class_names)}"
+    fingerprint = hashlib.sha256(settings.encode()).hexdigest()
     return as_detector(card, freeze_batch_norms(network).requires_grad_(False), fingerprint)
 
 

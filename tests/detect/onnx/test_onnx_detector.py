@@ -160,6 +160,8 @@ def test_the_fingerprint_follows_the_file(exported: Callable[..., Path], tmp_pat
     copy = tmp_path / "another-name.onnx"
     copy.write_bytes(exported("v5").read_bytes())
     assert first.fingerprint == load_detector(str(copy)).fingerprint != second.fingerprint
+    copy.with_suffix(".names").write_text("car\nboat\naeroplane\n")
+    assert first.fingerprint != load_detector(str(copy)).fingerprint
 
 
 def test_an_operator_that_torch_lacks_leaves_detections(exported: Callable[..., Path], tmp_path: Path) -> None:
