@@ -230,6 +230,25 @@ def _rename(path: Path) -> None:
     card.write_text(whole)
 
 
+def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, body, monkeypatch, box_vehicle):
+    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+    boats = draw_dataset(tmp_path / "boats", dataclasses.replace(box_vehicle, name="boat"), category="boat").folder
+    settings = make_detector_settings(**(TINY | {"steps": 2, "round": 2}))
+    trucks = Fit("frcnn-synth", [folder, boats], tmp_path / "run", settings, score, classes=("truck",))
+
+    def terminate(done: int, steps: int, loss: float) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    with pytest.raises(RaucaError, match="stopped after step 1"):
+        fit(trucks, on_step=terminate)
+    with pytest.raises(RaucaError, match="holds a training with another classes"):
+        fit(dataclasses.replace(trucks, classes=("boat",)), resume=True)
+    with pytest.raises(RaucaError, match="--classes boatt: in no frame to train on; choose among boat, car, truck"):
+        fit(dataclasses.replace(trucks, classes=("truck", "boatt")))
+    path, _ = fit(trucks, resume=True)
+    assert read_card(path.with_suffix(".json"))[0].class_names == ("car", "truck")
+
+
 def _damage(path: Path) -> None:
     card = path.with_suffix(".json")
     whole = json.loads(card.read_text())

@@ -35,7 +35,8 @@ class Fit:
         out: folder for the weights and checkpoints.
         tests: folders to test on; without any, a share of the locations of ``datasets`` is held out.
         start: weights of an earlier training of the same detector to begin with.
-        classes: to tell apart, beside ``car``; without any, those with ``settings.fewest`` boxes in the data.
+        classes: to tell apart, beside ``car``, each in the data unless ``start`` knows it; without any, those with
+            ``settings.fewest`` boxes in the data.
         command, remarks: for the card.
     """
 
@@ -75,7 +76,10 @@ def fit(
         detector = SynthDetector(wanted.name, average, class_names, settings.size)
         return measure(detector, sights, held_out, wanted.score, settings.seed)
 
-    identity = {"name": wanted.name, "data": frames.digest, "datasets": len(wanted.datasets), "start": origin}
+    identity = {
+        "name": wanted.name, "classes": list(class_names), "data": frames.digest, "datasets": len(wanted.datasets),
+        "start": origin,
+    }  # fmt: skip
     job = Job(network, sights, chosen, test, settings, wanted.out, identity)
     average, findings = train(job, resume, on_round, on_step)
     weights = wanted.out / f"{wanted.name}.safetensors"
@@ -127,15 +131,21 @@ def _split(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
 
 
 def _class_names(frames: LightFrames, chosen: Sequence[int], wanted: Fit) -> tuple[str, ...]:
-    """``car``, then the classes asked for, or those annotated often enough by name."""
-    if wanted.classes:
-        return tuple(dict.fromkeys((CAR, *wanted.classes)))
+    """``car``, then the classes asked for, or those annotated often enough by name.
+
+    A class that no frame shows can be kept from the weights to begin with, but not be learnt.
+    """
     count: Counter[str] = Counter()
     for index in chosen:
         count[frames.vehicle(index).category] += 1
         count.update(instance.category for instance in frames.places[index].frame.instances)
-    del count[CAR]
-    return (CAR, *sorted(name for name, boxes in count.items() if boxes >= wanted.settings.fewest and name != "shape"))
+    if not wanted.classes:
+        usual = (name for name, boxes in count.items() if boxes >= wanted.settings.fewest)
+        return (CAR, *sorted(name for name in usual if name not in (CAR, "shape")))
+    unseen = [name for name in wanted.classes if name not in count]
+    if unseen and wanted.start is None:
+        raise RaucaError(f"--classes {unseen[0]}: in no frame to train on; choose among {', '.join(sorted(count))}")
+    return tuple(dict.fromkeys((CAR, *wanted.classes)))
 
 
 def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
