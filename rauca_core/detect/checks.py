@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..contract import RaucaError
 
@@ -36,6 +36,12 @@ def check_images(name: str, images: Tensor, waits: bool = False) -> None:
         raise RaucaError(f"{name}: images must be sRGB in [0, 1] as floating point, not {images.dtype}; divide by 255")
     if waits or images.device.type == "cpu":
         _check_values(name, images.detach())
+
+
+def in_type_of(network: nn.Module | None, images: Tensor) -> Tensor:
+    """Images in the floating-point type that a network computes in, float32 where it says none; gradients flow."""
+    parameters = () if network is None else network.parameters()
+    return images.to(next((p.dtype for p in parameters if p.is_floating_point()), torch.float32))
 
 
 def _check_values(name: str, images: Tensor) -> None:

@@ -30,6 +30,8 @@ class DarknetDetector(SinglePassDetector):
         network: the differentiable module; its weights take no gradient.
     """
 
+    network: DarknetNetwork
+
     def __init__(
         self, name: str, cfg: Path, weights: Path, class_names: tuple[str, ...], size: int | None = None
     ) -> None:

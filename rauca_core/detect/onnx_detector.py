@@ -33,6 +33,7 @@ class OnnxDetector(SinglePassDetector):
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         size: the graph's square input, pixels.
+        network: the graph in torch, if it can be converted.
         differentiable: gradients flow from the predictions to the images.
     """
 
@@ -67,18 +68,18 @@ class OnnxDetector(SinglePassDetector):
         family = family or ("ultralytics" if graph.class_names else None)
         self._layout = _layout(graph, tuple(output.shape), self.size, family)
         self.class_names = _class_names(graph, self._layout.classes, class_names)
-        self._module, self._why_not = _differentiable(graph, image, output)
+        self.network, self._why_not = _differentiable(graph, image, output)
         settings = f"{graph.sha256} {self.size} {self._layout.yolox}{unusual_names(self.class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
     @property
     def differentiable(self) -> bool:
-        return self._module is not None
+        return self.network is not None
 
     def to(self, device: torch.device | str) -> OnnxDetector:
         """Move the network to a device; returns self. A graph that is not differentiable stays on the CPU."""
-        if self._module is not None:
-            self._module.to(device)
+        if self.network is not None:
+            self.network.to(device)
         return self
 
     def dense(self, images: Tensor) -> DensePredictions:
@@ -97,7 +98,7 @@ class OnnxDetector(SinglePassDetector):
     def _forward(self, prepared: Tensor) -> Tensor:
         wants_gradient = prepared.requires_grad and torch.is_grad_enabled()
         in_torch = wants_gradient or prepared.device.type != "cpu" or prepared.dtype != torch.float32
-        run = self._module if in_torch and self._module is not None else self._session
+        run = self.network if in_torch and self.network is not None else self._session
         if self._one_by_one and len(prepared) > 1:
             return torch.cat([run(one) for one in prepared.split(1)])
         found: Tensor = run(prepared)

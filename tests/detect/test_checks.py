@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect import DarknetDetector, check_images, checks
+from rauca_core.detect import DarknetDetector, check_images, checks, load_detector
 
 
 def with_value(value: float) -> Tensor:
@@ -46,6 +46,19 @@ def test_a_list_is_not_a_batch() -> None:
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
 def test_the_ends_of_the_range_pass(dtype: torch.dtype) -> None:
     check_images("mine", torch.tensor([0.0, 1.0, 0.5], dtype=dtype).view(1, 3, 1, 1))
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float64])
+def test_other_floating_types_become_the_networks(dtype: torch.dtype, detector: DarknetDetector) -> None:
+    images = torch.rand(1, 3, 40, 52).to(dtype).requires_grad_()
+    for one in (detector, load_detector("frcnn-synth")):
+        found, same = one.dense(images), one.dense(images.detach().float())
+        assert torch.equal(found.boxes, same.boxes)
+        assert torch.equal(found.classes, same.classes)
+        assert torch.equal(one.detect(images)[0].boxes, one.detect(images.float())[0].boxes)
+    detector.dense(images).objectness.sum().backward()
+    assert images.grad is not None
+    assert images.grad.abs().sum() > 0
 
 
 def test_gradients_pass_the_check(detector: DarknetDetector) -> None:

@@ -68,6 +68,8 @@ class SsdDetector(SinglePassDetector):
         network: the differentiable layers; their weights take no gradient.
     """
 
+    network: LayerNetwork
+
     def __init__(self, name: str, parts: SsdParts, class_names: tuple[str, ...], files: tuple[Path, ...]) -> None:
         """Build the network and run it once.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..checks import check_images
+from ..checks import check_images, in_type_of
 from ..interface import DensePredictions, Detections
 from ..letterbox import Letterbox
-from ..nms import detections
+from ..nms import clipped, detections
 from .networks import trainable
 
 
@@ -38,7 +38,7 @@ class SynthDetector:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
         check_images(self.name, images)
         box = Letterbox(images.shape[2], images.shape[3], self.size)
-        found = trainable(self.network).dense(box.fit(images))
+        found = trainable(self.network).dense(box.fit(in_type_of(self.network, images)))
         found.boxes = box.boxes_to_image(found.boxes)
         return found
 
@@ -47,7 +47,4 @@ class SynthDetector:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         check_images(self.name, images, waits=images.device.type != "cpu")
         found = detections(self.dense(images), score_threshold, iou_threshold)
-        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
-        for one in found:
-            one.boxes = one.boxes.clamp(min=0).minimum(limit)
-        return found
+        return clipped(found, in_type_of(self.network, images))

@@ -116,7 +116,7 @@ def test_gradient_is_the_direction_of_change(
 ) -> None:
     detector = load_detector(f"yolox-nano={yolox_nano}" if kind == "yolox" else str(exported(kind)))
     assert detector.differentiable
-    detector._module.double()
+    detector.network.double()
     images = batch_of(picture(60, 44)).double().clamp(0.01, 0.99).requires_grad_()
 
     def total(x: torch.Tensor) -> torch.Tensor:
