@@ -40,8 +40,8 @@ class Wish:
 
 def train_detector(wish: Wish, resume: bool) -> tuple[Path, Findings]:
     """Train with a progress bar; returns the weights' path and the last test."""
-    lr = wish.settings.get("lr") or find_recipe(wish.name).lr
-    settings = make_detector_settings(**{**wish.settings, "lr": lr})
+    given = {name: value for name, value in wish.settings.items() if value is not None}
+    settings = make_detector_settings(**{"lr": find_recipe(wish.name).lr, **given})
     classes = [name.strip() for name in wish.classes.split(",") if name.strip()]
     wanted = Fit(
         wish.name, wish.datasets, wish.out, settings, score, wish.tests, wish.start, classes, command_line(),

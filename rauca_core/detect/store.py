@@ -38,7 +38,7 @@ def shipped_path(source: Source) -> Path:
 
 
 def fetch(name: str, folder: Path | None = None) -> Path:
-    """The path of the named weights, brought here if they are not yet.
+    """The path of the named weights, brought here if they are not yet; some come with rauca.
 
     Args:
         folder: looked through for the source's files, which may have any name as they are known by their sha256;
@@ -49,6 +49,8 @@ def fetch(name: str, folder: Path | None = None) -> Path:
             no connection, or a file that is not what its sha256 promises.
     """
     source = find_source(name)
+    if source.family == "synth" and shipped_path(source).is_file():
+        return shipped_path(source)
     if not source.files:
         raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
     missing = [file for file in source.files if not _whole(file)]

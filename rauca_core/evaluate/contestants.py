@@ -48,10 +48,10 @@ def read_contestants(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) 
     for contestant in contestants:
         label, path = contestant.label, contestant.path
         if label in set(reserved) or not _LABEL.fullmatch(label):
-            raise RaucaError(f"{path}: cannot be called {label!r} in a study; name it: --camouflage LABEL={path}")
+            raise RaucaError(f"{path}: cannot be called {label!r} in a study; name it: LABEL={path}")
         twin = seen.setdefault((contestant.record.atlas_id, label), contestant)
         if twin is not contestant:
-            raise RaucaError(f"{path}: called {label!r} as {twin.path} is; name one: --camouflage LABEL={path}")
+            raise RaucaError(f"{path}: called {label!r} as {twin.path} is; name one: LABEL={path}")
     return contestants
 
 

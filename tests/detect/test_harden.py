@@ -17,7 +17,7 @@ from rauca_core.attack import make_settings, optimise, random_camouflage
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_vehicle, save_camouflage
-from rauca_core.contract.files import png_bytes
+from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import Detector, load_detector
 from rauca_core.detect.training import read_card
@@ -174,6 +174,9 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
         assert not out.exists() or not any(out.rglob("*.safetensors"))
         assert not (out / "hardening.json").exists()
     with pytest.raises(RaucaError, match="holds no hardening; start it without resuming"):
+        harden(good, resume=True)
+    write_json(out / "hardening.json", {"format": "rauca-hardening", "version": 1, "identity": None})
+    with pytest.raises(RaucaError, match="holds a hardening with another identity;"):
         harden(good, resume=True)
     for option, value in (("share", 1.0), ("rounds", 0), ("lr", -1.0)):
         with pytest.raises(RaucaError, match=f"{option}: "):

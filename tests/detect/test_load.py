@@ -90,6 +90,8 @@ def test_a_source_is_its_family() -> None:
         ("detr=absent", "absent: not a folder; detr is loaded from a folder, made by: hf download"),
         ("yolov9", "weights 'yolov9' are unknown; choose one of"),
         ("picture.png", "weights 'picture.png' are unknown"),
+        ("yolov9=mine.weights", "weights 'yolov9' are unknown"),
+        ("runs/lr=0.1/absent.onnx", "runs/lr=0.1/absent.onnx: not found"),
         ("yolov4", "its weights must be given as yolov4=PATH; get them with: curl"),
     ],
 )
@@ -113,6 +115,18 @@ def test_graphs_by_path(standard_weights: list[str], tmp_path: Path) -> None:
         assert detector.fingerprint == load_detector(name).fingerprint
 
 
+def test_an_equals_sign_in_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path that holds one is no NETWORK=PATH; behind a network's name one may still stand."""
+    folder = tmp_path / "lr=0.1"
+    folder.mkdir()
+    mine = folder / "a=b.onnx"
+    mine.touch()
+    assert resolve(str(mine)).files == (mine,)
+    assert resolve(f"yolox-nano={mine}").files == (mine,)
+    monkeypatch.chdir(folder)
+    assert resolve("a=b.onnx").name == "a=b"
+
+
 def test_weights_of_another_model(standard_weights: list[str], tmp_path: Path) -> None:
     """Each adapter refuses another's file with one line that names it."""
     foreign = store.stored_path(find_source("yolov4-tiny"))
@@ -122,6 +136,10 @@ def test_weights_of_another_model(standard_weights: list[str], tmp_path: Path) -
         with pytest.raises(RaucaError, match=rf"foreign\{suffix}") as caught:
             load_detector(f"{name}={path}")
         assert "\n" not in str(caught.value)
+
+
+def test_what_comes_with_rauca_need_not_be_fetched() -> None:
+    assert fetch("frcnn-synth") == store.shipped_path(SOURCES["frcnn-synth"])
 
 
 def test_fetching_from_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, standard_weights: list[str]) -> None:

@@ -16,7 +16,7 @@ from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import detections
 from rauca_core.detect.training.assignment import assign
-from rauca_core.detect.training.criterion import corners, generalised_iou, layer_losses, match
+from rauca_core.detect.training.criterion import centred, corners, generalised_iou, layer_losses, match
 from rauca_core.detect.training.network import Truth
 from rauca_core.detect.training.networks import build_network
 
@@ -65,6 +65,20 @@ def test_two_stage_detects_what_torchvision_would(two_stage, monkeypatch):
         for box, label, value in zip(reference["boxes"], reference["labels"] - 1, reference["scores"], strict=True):
             same = (mine.labels == label) & ((mine.scores - value).abs() < 1e-5)
             assert ((boxes[same] - box).abs().amax(1) < 1e-3).any()
+
+
+def test_of_more_objects_than_queries_the_largest_are_learnt(transformer):
+    low = torch.rand(70, 2, generator=torch.Generator().manual_seed(0)) * 40
+    side = torch.linspace(4, 20, 70)[torch.randperm(70, generator=torch.Generator().manual_seed(1))]
+    crowd = Truth(torch.cat([low, low + side[:, None]], 1), torch.zeros(70, dtype=torch.int64))
+    network = transformer.train()
+    losses = network.losses(picture(), [crowd])
+    network.eval()
+    assert all(torch.isfinite(loss) for loss in losses.values())
+    goals = Truth(centred(crowd.boxes) / SIZE, crowd.labels)
+    ((queries, objects),) = match(torch.zeros(1, 60, 2), torch.rand(1, 60, 4), [goals])
+    assert len(queries.unique()) == 60
+    assert set(objects.tolist()) == set(side.topk(60).indices.tolist())
 
 
 def test_fewer_proposals_are_padded_with_nothing(two_stage, monkeypatch):

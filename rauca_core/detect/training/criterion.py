@@ -48,7 +48,7 @@ def generalised_iou(a: Tensor, b: Tensor) -> Tensor:
 
 @torch.no_grad()
 def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
-    """The cheapest assignment of every image.
+    """The cheapest assignment of every image; of more objects than predictions, the largest are answered for.
 
     Args:
         logits: (B, N, C).
@@ -57,14 +57,17 @@ def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
     """
     matches = []
     for one_logits, one_boxes, truth in zip(logits, boxes, truths, strict=True):
-        probability = one_logits.sigmoid()[:, truth.labels]
+        area = truth.boxes[:, 2:].prod(1)
+        which = area.topk(min(len(area), len(one_boxes))).indices.sort().values
+        labels, goals = truth.labels[which], truth.boxes[which]
+        probability = one_logits.sigmoid()[:, labels]
         present = FOCAL_ALPHA * (1 - probability) ** GAMMA * -(probability + 1e-8).log()
         absent = (1 - FOCAL_ALPHA) * probability**GAMMA * -(1 - probability + 1e-8).log()
-        apart = torch.cdist(one_boxes, truth.boxes, p=1)
-        overlap = generalised_iou(corners(one_boxes)[:, None], corners(truth.boxes)[None])
+        apart = torch.cdist(one_boxes, goals, p=1)
+        overlap = generalised_iou(corners(one_boxes)[:, None], corners(goals)[None])
         cost = CLASS_COST * (present - absent) + L1_COST * apart - GIOU_COST * overlap
         chosen = torch.from_numpy(assign(cost.T.double().cpu().numpy())).to(one_boxes.device)
-        matches.append((chosen, torch.arange(len(chosen), device=one_boxes.device)))
+        matches.append((chosen, which))
     return matches
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from ...checkpoint_files import differences
 from ...contract import RaucaError, load_camouflage
 from ...contract.files import write_json
 from ...contract.schema import read_json
@@ -129,7 +130,7 @@ def _claim(out: Path, identity: dict[str, Any], resume: bool) -> None:
     fields.format(*FORMAT)
     found = fields.raw("identity")
     fields.done()
-    if changed := [key for key in identity if found.get(key) != identity[key]]:
+    if changed := differences(found, identity):
         raise RaucaError(f"{out}: holds a hardening with another {', '.join(changed)}; use the same or another folder")
 
 
