@@ -181,10 +181,18 @@ def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Itera
     """The folder from which workers read plan and vehicle: ``out`` if it has them, else a draft outside it.
 
     So a scene that cannot be built leaves no plan behind that the corrected options would clash with.
+
+    Raises:
+        RaucaError: ``out`` holds a data set of another plan, or of another vehicle.
     """
     if (out / "dataset.json").is_file():
         contract.claim_folder(out, plan)
         if (out / "vehicle" / "vehicle.json").is_file():  # else it was damaged and removed
+            # The plan tells another atlas only: the mesh or its materials may have changed since.
+            if not vehicle.renders_as(contract.load_vehicle(out / "vehicle", read_image_blender)):
+                raise contract.RaucaError(
+                    f"{out}: holds a data set of another {vehicle.name}; choose another folder or remove it"
+                )
             yield out
             return
     with scratch_folder() as draft:

@@ -149,6 +149,19 @@ class Vehicle:
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
 
+    def renders_as(self, other: Vehicle) -> bool:
+        """True when renders of both show the same; what another processor rounds otherwise is no difference."""
+        mine, theirs = ([(m.name, m.kind, m.textured) for m in v.materials] for v in (self, other))
+        numbers = [
+            [(*m.base_color, m.roughness, m.metallic, m.coat, m.emission) for m in v.materials] for v in (self, other)
+        ]
+        arrays = ("positions", "triangles", "uvs", "normals", "material", "paint_mask", "base_texture")
+        return (
+            (self.category, mine) == (other.category, theirs)
+            and _alike(*numbers)
+            and all(_alike(getattr(self, name), getattr(other, name)) for name in arrays)
+        )
+
     def size(self) -> NDArray[np.float64]:
         """Length, width, height in metres."""
         return np.ptp(self.positions, axis=0).astype(np.float64)
@@ -225,6 +238,12 @@ class Vehicle:
             "base_texture": self.base_texture is not None,
             "materials": [m.to_json() for m in self.materials],
         }
+
+
+def _alike(one: Any, other: Any) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.shape(one) == np.shape(other) and np.allclose(one, other, rtol=0.0, atol=1e-4)
 
 
 def load_vehicle(folder: Path, read_image: Any) -> Vehicle:

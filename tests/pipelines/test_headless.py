@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camouflage, Dataset, chunks, load_passes, planned_frames, save_camouflage
+from rauca_core.contract import Camouflage, Dataset, chunks, load_passes, load_vehicle, planned_frames, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.images import read_image
 
@@ -85,6 +86,21 @@ def test_another_plan_in_the_same_folder_is_refused(dataset):
     refused = run(MAKE, "--out", dataset.folder, *SMALL, "--seed", "9")
     assert refused.returncode == 2
     assert refused.stderr.strip().splitlines()[-1].startswith(f"error: {dataset.folder}: holds a data set made with")
+
+
+def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
+    """One whose atlas is the same: taller, or of another colour; the plan alone cannot tell."""
+    given = load_vehicle(dataset.folder / "vehicle", read_image)
+    taller = replace(given, positions=given.positions * np.float32([1, 1, 1.5]))
+    red = replace(given, materials=[replace(m, base_color=(0.6, 0.0, 0.0)) for m in given.materials])
+    for kind, changed in (("taller", taller), ("red", red)):
+        changed.save(tmp_path / kind)
+        refused = run(MAKE, "--out", dataset.folder, *SMALL, "--vehicle", tmp_path / kind)
+        assert refused.returncode == 2
+        told = f"error: {dataset.folder}: holds a data set of another sedan; choose another folder or remove it"
+        assert refused.stderr.strip().splitlines()[-1] == told
+    given.save(tmp_path / "same")
+    assert run(MAKE, "--out", dataset.folder, *SMALL, "--vehicle", tmp_path / "same").returncode == 0
 
 
 def test_interrupted_then_resumed(tmp_path):
