@@ -25,7 +25,7 @@ class FogLayer:
     """The layer of one scene.
 
     Attributes:
-        box: its object, hidden when there is no fog.
+        box: its object, hidden when there is no fog; it stands on the ground at its own origin.
     """
 
     def __init__(self, scene: bpy.types.Scene) -> None:
@@ -73,7 +73,7 @@ def _build_shaped(tree: bpy.types.NodeTree) -> None:
         node = nodes.add(tree, "ShaderNodeValue")
         node.name = name
         numbers[name] = node.outputs[0]
-    position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
+    position = nodes.add(tree, "ShaderNodeTexCoord").outputs["Object"]  # the box stands on the ground
     height = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=position).outputs["Z"]
     above = nodes.compute(tree, "MAXIMUM", height, 0.0)
     halvings = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", above, numbers["fog_falloff"]), -0.1)

@@ -53,7 +53,10 @@ class Session:
     def enter(self, location: int) -> None:
         """Put the vehicle at a location."""
         self.place.enter(location)
-        self.vehicle.place(self.place.pose(location))
+        pose = self.place.pose(location)
+        self.vehicle.place(pose)
+        if self.plan.scenery.kind != "town":  # which lies on z = 0, all of it inside the box
+            self.weather.fog.location = pose[:3, 3]
         self._update()
 
     def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:

@@ -10,7 +10,9 @@ import math
 from typing import Protocol
 
 import bpy
+import numpy as np
 from mathutils import Vector
+from numpy.typing import NDArray
 
 from ..core import contract
 from . import clouds, fog, nodes, weather, wetness
@@ -41,12 +43,18 @@ class Shown(Protocol):
 
 
 def show(
-    scene: bpy.types.Scene, shown: Shown, asked: contract.Weather, lamps: list[bpy.types.Object], turn_deg: float = 0.0
+    scene: bpy.types.Scene,
+    shown: Shown,
+    asked: contract.Weather,
+    lamps: list[bpy.types.Object],
+    ground: NDArray[np.float64],
+    turn_deg: float = 0.0,
 ) -> None:
     """Put a weather into the scene, or change the one that is there.
 
     Args:
         lamps: street lamps, turned up after dark.
+        ground: (3,) the point under the vehicle, metres, where fog lies.
         turn_deg: how far the street stands turned from where the data set has it; the sun turns with it.
     """
     turned = contract.Weather(**{**asked.to_json(), "sun_azimuth_angle": asked.sun_azimuth_angle + turn_deg})
@@ -56,6 +64,7 @@ def show(
     weather.draw_sky(world, turned)
     _expose_for_eevee(world.node_tree, weather.film_exposure(turned))
     fog.fill(box, turned)
+    box.location = ground
     box.hide_render = box.hide_viewport = turned.extinction == 0.0
     _aim_sun(sun, turned)
     shown.loans = lend(scene, shown.loans, _settings(turned))

@@ -104,6 +104,16 @@ def test_sliders_move_the_shown_weather_and_nothing_else_does(addon, weather):
     assert scene.cycles.film_exposure > 3 * exposure
 
 
+def test_the_shown_fog_lies_under_the_vehicle(addon, weather):
+    addon.ops.rauca.show_weather()
+    assert tuple(weather.shown.fog.location) == (0.0, 0.0, 0.0)  # no vehicle is picked
+    addon.context.scene.cursor.location = (5.0, -3.0, 20.0)
+    addon.ops.rauca.add_vehicle(vehicle="cube")
+    addon.context.view_layer.update()
+    addon.ops.rauca.show_weather()
+    assert tuple(weather.shown.fog.location) == pytest.approx((5.0, -3.0, 20.0))
+
+
 def test_a_deleted_part_comes_back_with_the_next_change(addon, weather):
     addon.ops.rauca.show_weather()
     addon.data.objects.remove(weather.shown.fog)

@@ -137,6 +137,28 @@ def test_a_frame_of_the_users_scene(bpy_module, yard, box_vehicle):
         assert np.isfinite(session.render(location, 0, session.plan.weathers[0])).all()
 
 
+@pytest.mark.parametrize("falloff", [0.0, 2.0])
+def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(bpy_module, yard, box_vehicle, falloff):
+    from blender_addon.scene.session import Session
+
+    fog = Weather("fog", 45.0, fog_density=90.0, fog_falloff=falloff)
+
+    def picture(x, z):
+        def move(scene):
+            for thing in scene.objects:
+                thing.location.x, thing.location.z = thing.location.x + x, thing.location.z + z
+
+        path = yard(change=move)
+        plan = replace(_plan(box_vehicle, path), quality=Quality(16, denoise=False), weathers=(fog,))
+        session = Session(plan, box_vehicle, path)
+        session.enter(0)
+        session.set_weather(fog)
+        return session.render(0, 0, fog)
+
+    here, there = picture(0.0, 0.0), picture(400.0, 20.0)
+    assert np.abs(there - here).mean() < 0.01 * here.mean()
+
+
 def test_another_file_than_the_plans_is_refused(bpy_module, yard, box_vehicle):
     from blender_addon.scene.place import build_place
 

@@ -12,6 +12,7 @@ import bpy
 from ...core import contract, seeding
 from ...own_folder import own_folder
 from ...scene import shown_weather, street
+from ..cameras.anchor import anchor
 from ..fields import angle
 from . import lists
 from .pictures import Item, gallery
@@ -169,8 +170,9 @@ class RaucaWeather(bpy.types.PropertyGroup):
 
     def show(self) -> None:
         """Put the sliders' weather into this scene."""
-        scene = self.id_data
-        shown_weather.show(scene, self.shown, self.current(), street.lamps(self.street), self.street_turn_deg)
+        scene, ground = self.id_data, anchor(bpy.context).vehicle_to_world[:3, 3]
+        lamps = street.lamps(self.street)
+        shown_weather.show(scene, self.shown, self.current(), lamps, ground, self.street_turn_deg)
 
     def preset_file(self, context: bpy.types.Context) -> str:
         """What ``--weathers`` of the jobs takes: a list's name, or a file.
