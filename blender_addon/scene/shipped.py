@@ -8,6 +8,7 @@ import numpy as np
 from ..core import assets, contract
 from .images import read_image_blender
 from .paint import UV_LAYER
+from .rendered import rendered
 from .vehicle import SceneVehicle
 from .vehicle_request import VehicleRequest
 
@@ -37,9 +38,8 @@ def add_shipped(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 def untouched_shipped(objects: list[bpy.types.Object], request: VehicleRequest) -> contract.Vehicle | None:
     """The shipped vehicle that ``objects`` are; None for another mesh, an edited one, or one with other paint."""
-    own_paint = request.paint_material is not None or request.paint_mask is not None or request.by_marks
-    meshes = [thing for thing in objects if thing.type == "MESH" and not thing.hide_render]
-    if own_paint or len(meshes) != 1 or meshes[0].get(NAME_KEY) not in shipped_names():
+    meshes = [thing for thing in rendered(objects) if thing.type == "MESH"]
+    if request.own_paint or len(meshes) != 1 or meshes[0].get(NAME_KEY) not in shipped_names():
         return None
     thing = meshes[0]
     vehicle, mesh = load_shipped(thing[NAME_KEY]), thing.data

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core import contract, semantics
 from .massing import turned
 from .render import silenced
+from .rendered import layers_below
 from .vehicle_files import DAMAGE, all_blocks, scripts_off
 
 MARK = "rauca"
@@ -150,17 +151,13 @@ def _is_mark(thing: bpy.types.Object) -> bool:
 
 def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
     """Link a scene's collections and objects to another; what its view layer leaves out is not rendered."""
-    for layer in _layers(source.view_layers[0].layer_collection):
+    for layer in layers_below(source.view_layers[0].layer_collection):
         if layer.exclude:
             layer.collection.hide_render = True
     for collection in source.collection.children:
         scene.collection.children.link(collection)
     for thing in source.collection.objects:
         scene.collection.objects.link(thing)
-
-
-def _layers(layer: bpy.types.LayerCollection) -> list[bpy.types.LayerCollection]:
-    return [layer, *(deeper for child in layer.children for deeper in _layers(child))]
 
 
 def _pose(mark: bpy.types.Object, path: Path) -> NDArray[np.float64]:

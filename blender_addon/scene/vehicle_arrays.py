@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..core import contract
 from .paint import UV_LAYER
+from .rendered import rendered, unhidden
 
+SHAPES = ("MESH", "CURVE", "SURFACE", "META", "FONT")  # objects that have faces
 MAX_FACES = 2**24  # of all objects and instances together: as arrays some 3 GiB; scans of cars have one or two million
 PAINT_MARK = "rauca_paint"  # boolean attribute of faces: marked as paint by hand
 
@@ -77,7 +79,13 @@ def read_objects(objects: list[bpy.types.Object]) -> Soup:
 
     In the order of the objects' names, so that one vehicle has one order of faces in every file and scene.
     """
-    wanted = {o.name_full for o in objects if not o.hide_render}
+    wanted = rendered(objects)
+    with unhidden(wanted):
+        return _read({thing.name_full for thing in wanted})
+
+
+def _read(wanted: set[str]) -> Soup:
+    """The meshes of the objects of these names."""
     blocks: dict[str, bpy.types.Material | None] = {}
     found: list[tuple[tuple[str, list[int]], Soup]] = []
     faces = 0
@@ -88,7 +96,7 @@ def read_objects(objects: list[bpy.types.Object]) -> Soup:
         if not (instance.show_self or instance.is_instance):
             continue
         item = instance.object
-        if item.type not in {"MESH", "CURVE", "SURFACE", "META", "FONT"}:
+        if item.type not in SHAPES:
             continue
         mesh = item.to_mesh()
         faces += 0 if mesh is None else len(mesh.polygons)

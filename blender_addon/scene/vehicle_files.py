@@ -14,6 +14,7 @@ import bpy
 from ..core import contract, image_header, reading
 from .gltf_check import check_gltf
 from .render import silenced
+from .rendered import rendered_by
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
 # What importers raise on files that are not what their name says.
@@ -45,7 +46,7 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
     try:
         try:
             _require_finite(path)
-            with silenced():
+            with silenced(), _into_the_scenes_own_collection():
                 _import(path)
             _check_images([b for b in all_blocks() if b.as_pointer() not in before], path)
         except DAMAGE as error:
@@ -84,12 +85,26 @@ def _import(path: Path) -> None:
 
 
 def _append(path: Path) -> None:
-    """Append all objects of a .blend."""
+    """Append the objects that renders of a .blend's scenes show; all of them from a file without scenes."""
     with scripts_off(), bpy.data.libraries.load(str(path), link=False) as (source, target):
-        target.objects = source.objects
+        target.scenes, target.objects = source.scenes, source.objects
+    scenes = [scene for scene in target.scenes if scene is not None]
+    shown = {thing for scene in scenes for layer in scene.view_layers for thing in rendered_by(layer)}
     for item in target.objects:
-        if item is not None:
+        if item is not None and (item in shown or not scenes):
             bpy.context.scene.collection.objects.link(item)
+
+
+@contextlib.contextmanager
+def _into_the_scenes_own_collection() -> Iterator[None]:
+    """Within: importers add to the scene itself; the artist's active collection may be hidden."""
+    view_layer = bpy.context.view_layer
+    active = view_layer.active_layer_collection
+    view_layer.active_layer_collection = view_layer.layer_collection
+    try:
+        yield
+    finally:
+        view_layer.active_layer_collection = active
 
 
 @contextlib.contextmanager

@@ -38,6 +38,11 @@ class VehicleRequest:
     by_marks: bool | None = None
     remedy: str = OPTIONS_REMEDY
 
+    @property
+    def own_paint(self) -> bool:
+        """True when the user says what is paint; else the vehicle does."""
+        return self.paint_material is not None or self.paint_mask is not None or bool(self.by_marks)
+
     @staticmethod
     def of_file(path: Path, paint_mask: Path | None, paint_material: str | None) -> VehicleRequest:
         """For a file's objects; an OBJ knows neither its up axis nor, often, its texture."""

@@ -170,6 +170,47 @@ def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_pat
     assert import_vehicle(folder).geometry_id == here.geometry_id
 
 
+def hide_from(what, thing, parts) -> None:
+    """Hide an object, or the collection that it is in, by one of Blender's switches."""
+    layer = bpy.context.view_layer.layer_collection.children[parts.name]
+    switches = {
+        "object, eye": lambda: thing.hide_set(True),
+        "object, monitor": lambda: setattr(thing, "hide_viewport", True),
+        "object, camera": lambda: setattr(thing, "hide_render", True),
+        "collection, eye": lambda: setattr(layer, "hide_viewport", True),
+        "collection, monitor": lambda: setattr(parts, "hide_viewport", True),
+        "collection, camera": lambda: setattr(parts, "hide_render", True),
+        "collection, left out": lambda: setattr(layer, "exclude", True),
+    }
+    switches[what]()
+
+
+@pytest.mark.parametrize(
+    ("what", "faces"),
+    [
+        ("object, eye", 24), ("object, monitor", 24), ("object, camera", 12),
+        ("collection, eye", 24), ("collection, monitor", 24), ("collection, camera", 12), ("collection, left out", 12),
+    ],
+)  # fmt: skip
+def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, tmp_path, what, faces):
+    from blender_addon.scene.vehicle_import import import_vehicle
+
+    body, wheels = a_box("Body"), a_box("Wheels", "tyre", size=(3.0, 2.2, 0.5))
+    parts = bpy.data.collections.new("Parts")
+    bpy.context.scene.collection.children.link(parts)
+    bpy.context.scene.collection.objects.unlink(wheels)
+    parts.objects.link(wheels)
+    wheels.parent, vehicle.object = body, body
+    hide_from(what, wheels, parts)
+    hidden = wheels.hide_get(), wheels.hide_viewport, parts.hide_viewport, wheels.visible_get()
+    assert len(vehicle.chosen(bpy.context).triangles) == faces
+    assert (wheels.hide_get(), wheels.hide_viewport, parts.hide_viewport, wheels.visible_get()) == hidden
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "car.blend"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert len(import_vehicle(tmp_path / "car.blend").triangles) == faces
+    assert len(bpy.data.scenes) == 1
+
+
 def test_a_collection_is_the_object_with_its_children(vehicle):
     parts_with_everything()
     one = vehicle.chosen(bpy.context)

@@ -105,6 +105,17 @@ def test_obj_keeps_its_uvs_and_finds_paint_by_name(box_obj):
     assert np.dot(np.cross(*edges), vehicle.normals[0, 0]) > 0
 
 
+def test_a_file_is_read_whatever_of_the_open_scene_is_hidden(box_obj):
+    hidden = bpy.data.collections.new("hidden")
+    bpy.context.scene.collection.children.link(hidden)
+    layer = bpy.context.view_layer.layer_collection.children["hidden"]
+    bpy.context.view_layer.active_layer_collection = layer
+    hidden.hide_render = True
+    assert len(import_vehicle(box_obj).triangles) == 10
+    assert bpy.context.view_layer.active_layer_collection == layer
+    bpy.data.collections.remove(hidden)
+
+
 def test_y_up_obj_along_z_is_turned(tmp_path):
     path = tmp_path / "car.obj"
     path.write_text(obj_text(np.stack([CORNERS[:, 1], CORNERS[:, 2], CORNERS[:, 0]], axis=1)))
