@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .orient import TURNS
 from .shipped import NAME_KEY
-from .vehicle_request import Front
+from .vehicle_arrays import SHAPES
+from .vehicle_request import VehicleRequest
 
 HALF_HEIGHT_M = 0.75  # of the middle of no vehicle in particular
 
@@ -34,14 +35,15 @@ class Anchor:
 NOWHERE = Anchor(np.eye(4), np.array([0.0, 0.0, HALF_HEIGHT_M]), found=False)
 
 
-def find_anchor(objects: Sequence[bpy.types.Object], front: Front) -> Anchor:
-    """The anchor of a vehicle made of ``objects``, as `orient.py` and the shipped vehicles place it."""
-    shaped = [thing for thing in objects if thing.type != "EMPTY" and not thing.hide_render]
+def find_anchor(objects: Sequence[bpy.types.Object], request: VehicleRequest) -> Anchor:
+    """The anchor of a vehicle made of ``objects``, which renders show, as `orient.py` and `shipped.py` place it."""
+    shaped = [thing for thing in objects if thing.type in SHAPES]
     if not shaped:
         return NOWHERE
-    if len(shaped) == 1 and NAME_KEY in shaped[0]:
-        local = _vertices(shaped[0])
-        matrix = np.array(shaped[0].matrix_world)
+    meshes = [thing for thing in shaped if thing.type == "MESH"]
+    if len(meshes) == 1 and NAME_KEY in meshes[0] and not request.own_paint and not meshes[0].modifiers:
+        local = _vertices(meshes[0])
+        matrix = np.array(meshes[0].matrix_world)
         if len(local) and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4):
             return Anchor(matrix, (local.min(axis=0) + local.max(axis=0)) / 2)
     placed = [
@@ -52,6 +54,7 @@ def find_anchor(objects: Sequence[bpy.types.Object], front: Front) -> Anchor:
         return NOWHERE
     low, high = points.min(axis=0), points.max(axis=0)
     length, width, height = high - low
+    front = request.front
     if front == "AUTO":
         front = "-Y" if width > length else "+X"
     pose = np.eye(4)

@@ -207,11 +207,39 @@ def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
     cube.scale, cube.location, cube.rotation_euler = (0.9, 2.1, 0.7), (5.0, 1.0, 0.7), (0.0, 0.0, 0.1)
     addon.context.view_layer.update()
     soup = read_objects([cube])
-    to_vehicle, _ = orient(soup, VehicleRequest("cube", "cube", front=front))
-    found = find_anchor([cube], front)
+    request = VehicleRequest("cube", "cube", front=front)
+    to_vehicle, _ = orient(soup, request)
+    found = find_anchor([cube], request)
     np.testing.assert_allclose(found.vehicle_to_world @ to_vehicle, np.eye(4), atol=1e-5)
     middle = (soup.positions.min(axis=0) + soup.positions.max(axis=0)) / 2
     np.testing.assert_allclose(found.centre, middle, atol=1e-5)
+
+
+@pytest.mark.parametrize("paint", ["SHIPPED", "MATERIAL", "FACES"])
+def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the_vehicle(addon, paint):
+    """A shipped vehicle turned by 90 degrees, with a camera for a child; with paint of his own its mesh is read."""
+    from blender_addon.scene.mesh_edits import mark_faces
+    from blender_addon.ui.cameras.anchor import anchor
+
+    addon.ops.rauca.add_vehicle(vehicle="sedan")
+    chosen = addon.context.scene.rauca.vehicle
+    thing = chosen.object
+    rig = addon.data.objects.new("rig", addon.data.cameras.new("rig"))
+    addon.context.scene.collection.objects.link(rig)
+    rig.parent, rig.location, thing.rotation_euler.z = thing, (-12.0, 0.0, 4.0), math.radians(90)
+    addon.context.view_layer.update()
+    where, middle = np.array(thing.matrix_world), anchor(addon.context).centre
+    if paint == "MATERIAL":
+        chosen.material = next(m for m in thing.data.materials if "paint" in m.name)
+    elif paint == "FACES":
+        mark_faces(thing.data, np.arange(len(thing.data.polygons)) < 100)
+        chosen.paint = "FACES"
+    if paint != "SHIPPED":
+        where = np.linalg.inv(chosen.reading(addon.context).to_vehicle)
+    found = anchor(addon.context)
+    np.testing.assert_allclose(found.vehicle_to_world, where, atol=1e-5)
+    np.testing.assert_allclose(found.centre, middle, atol=1e-2)
+    assert middle[2] < 1.0
 
 
 def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_path):
