@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..core import colour, contract, instances, semantics
 from . import nodes
+from .annotatable import categories
 from .exchange import exchanged_materials, is_volume, shown_objects
 from .render import Crop, render_linear
 from .vehicle import SceneVehicle
@@ -122,10 +123,10 @@ def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.t
     """Within: surfaces emit numbers, the sky is transparent, light and fog are off. After: all as before.
 
     Raises:
-        RaucaError: an object's instance id is not a vehicle's, or two categories share one.
+        RaucaError: see :func:`categories`.
     """
     things = shown_objects(scene)
-    categories = _categories(things)
+    numbered = categories(things, scene.name)
     emitters = _Emitters(vehicle)
     cycles, render = scene.cycles, scene.render
     before = cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world
@@ -138,7 +139,7 @@ def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.t
             for thing, _ in hidden:
                 thing.hide_render = True
             cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = 0, 1.0, True, None
-            yield GeometryView(scene, emitters.materials, categories)
+            yield GeometryView(scene, emitters.materials, numbered)
     finally:
         for thing, was in hidden:
             thing.hide_render = was
@@ -147,23 +148,6 @@ def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.t
         if ours is not None:
             vehicle.object[semantics.INSTANCE_PROPERTY] = ours
         emitters.remove()
-
-
-def _categories(things: list[bpy.types.Object]) -> dict[int, str]:
-    """COCO class of every other vehicle's id."""
-    found: dict[int, str] = {}
-    for thing in things:
-        number = thing.get(semantics.INSTANCE_PROPERTY)
-        if number is None or number == semantics.TARGET_INSTANCE:
-            continue
-        category = str(thing.get(semantics.CATEGORY_PROPERTY, ""))
-        if not 0 < number < semantics.TARGET_INSTANCE or not category or found.get(number, category) != category:
-            raise contract.RaucaError(
-                f"object {thing.name}: {semantics.INSTANCE_PROPERTY} {number} with "
-                f"{semantics.CATEGORY_PROPERTY} {category!r}; give each vehicle a number from 1 to 254 and a category"
-            )
-        found[number] = category
-    return found
 
 
 class _Emitters:
@@ -181,8 +165,6 @@ class _Emitters:
         """The emitter that stands for a material on an object."""
         ours = thing == self._vehicle.object
         name = str(material.get(semantics.CLASS_PROPERTY, "other")) if material else "other"
-        if not ours and semantics.INSTANCE_PROPERTY in thing:
-            name = "other_vehicle"
         kind = (name if name in semantics.CLASS_IDS else "other", ours, ours and _is_paint(self._vehicle, material))
         if kind not in self._by_kind:
             self._by_kind[kind] = self._emitter(*kind)
@@ -201,7 +183,9 @@ class _Emitters:
         if paint:
             mask = self._vehicle.paint.mask_socket(tree)
             tree.links.new(mask, coverage.inputs["Y"])
-            tree.links.new(_class_of_paint(tree, mask), ids.inputs["X"])
+            tree.links.new(_class_where(tree, mask, "paint", "vehicle_part"), ids.inputs["X"])
+        elif not ours:  # decided where it is shown: a collection's object may be a vehicle in one instance only
+            tree.links.new(_class_where(tree, instance.outputs["Fac"], "other_vehicle", name), ids.inputs["X"])
         mode = tree.nodes.new("ShaderNodeValue")
         mode.name = MODE
         shown = nodes.mix_colour(tree, mode.outputs[0], coverage.outputs[0], ids.outputs[0])
@@ -213,17 +197,19 @@ class _Emitters:
             bpy.data.materials.remove(material)
 
 
-def _class_of_paint(tree: bpy.types.NodeTree, mask: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """``paint`` where the mask lets the camouflage in, else ``vehicle_part``: no blend along the mask's edge."""
-    chosen = nodes.add(tree, "ShaderNodeMath")
-    chosen.operation = "GREATER_THAN"
-    tree.links.new(mask, chosen.inputs[0])
-    chosen.inputs[1].default_value = 0.5
-    part, paint = semantics.CLASS_IDS["vehicle_part"], semantics.CLASS_IDS["paint"]
+def _class_where(
+    tree: bpy.types.NodeTree, chosen: bpy.types.NodeSocket, there: str, elsewhere: str
+) -> bpy.types.NodeSocket:
+    """One class where ``chosen`` is above a half, else the other: no blend along an edge between them."""
+    above = nodes.add(tree, "ShaderNodeMath")
+    above.operation = "GREATER_THAN"
+    tree.links.new(chosen, above.inputs[0])
+    above.inputs[1].default_value = 0.5
+    one, other = semantics.CLASS_IDS[there], semantics.CLASS_IDS[elsewhere]
     number = nodes.add(tree, "ShaderNodeMath")
     number.operation = "MULTIPLY_ADD"
-    tree.links.new(chosen.outputs[0], number.inputs[0])
-    number.inputs[1].default_value, number.inputs[2].default_value = float(paint - part), float(part)
+    tree.links.new(above.outputs[0], number.inputs[0])
+    number.inputs[1].default_value, number.inputs[2].default_value = float(one - other), float(other)
     return number.outputs[0]
 
 

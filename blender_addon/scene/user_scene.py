@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract, semantics
+from .annotatable import require_annotatable
 from .massing import turned
 from .render import silenced
 from .rendered import layers_below
@@ -39,19 +40,20 @@ class UserScene:
             locations: how many places are needed.
 
         Raises:
-            RaucaError: not a readable ``.blend``, no or too few marks, a linked file is missing, or a material names an
-                unknown semantic class.
+            RaucaError: not a readable ``.blend``, no or too few marks, a linked file is missing, a material names an
+                unknown semantic class, or the masks could not be right (see `annotatable.py`).
         """
         self.notes: list[str] = []
         before = {block.as_pointer() for block in all_blocks()}
         try:
             source = _marked(_appended(path), path)
             _adopt(scene, source)
-            self._leave_light_behind(source, path)
-            fresh = [block for block in all_blocks() if block.as_pointer() not in before]
+            self._leave_light_behind(source, _since(before), path)
+            fresh = _since(before)
             self._check_files(fresh, path)
             self._classify(fresh, path)
             scene.frame_set(source.frame_current)
+            require_annotatable(scene, str(path))
             marks = sorted((o for o in source.objects if _is_mark(o)), key=lambda mark: mark.name)
             if len(marks) < locations:
                 raise contract.RaucaError(
@@ -66,7 +68,7 @@ class UserScene:
             for extra in [block for block in fresh if isinstance(block, bpy.types.Scene)]:
                 bpy.data.scenes.remove(extra)
         except contract.RaucaError:
-            bpy.data.batch_remove([block for block in all_blocks() if block.as_pointer() not in before])
+            bpy.data.batch_remove(_since(before))
             raise
 
     def pose(self, location: int) -> NDArray[np.float64]:
@@ -79,8 +81,9 @@ class UserScene:
     def light_windows(self, level: float) -> None:
         """Nothing to switch: the file's materials are its own."""
 
-    def _leave_light_behind(self, source: bpy.types.Scene, path: Path) -> None:
-        suns = [o for o in source.objects if o.type == "LIGHT" and o.data.type == "SUN"]
+    def _leave_light_behind(self, source: bpy.types.Scene, fresh: list[bpy.types.ID], path: Path) -> None:
+        lights = [block for block in fresh if isinstance(block, bpy.types.Object) and block.type == "LIGHT"]
+        suns = [light for light in lights if light.data.type == "SUN"]  # those in instanced collections too
         left = [f"sun {sun.name!r}" for sun in suns]
         if source.world is not None:
             left.append(f"world {source.world.name!r}")
@@ -119,6 +122,11 @@ class UserScene:
             self.notes.append(
                 f"{path.name}: {unnamed} materials name no {semantics.CLASS_PROPERTY} and show as 'other' in the masks"
             )
+
+
+def _since(before: set[int]) -> list[bpy.types.ID]:
+    """The data blocks that came after those at these addresses."""
+    return [block for block in all_blocks() if block.as_pointer() not in before]
 
 
 def _appended(path: Path) -> list[bpy.types.Scene]:

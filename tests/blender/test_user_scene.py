@@ -215,6 +215,79 @@ def test_faults_of_the_scene_are_told(bpy_module, yard):
         assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize(
+    ("number", "category"), [(255, "bus"), (0, "bus"), ("7", "bus"), (7.4, "bus"), (True, "bus"), (7, "car"), (7, 3)]
+)
+def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_rendered(bpy_module, yard, number, category):
+    def misnumber(scene):
+        block = next(thing for thing in scene.objects if thing.name == "floor")
+        block["rauca_instance"], block["rauca_category"] = number, category
+
+    path = yard(change=misnumber)
+    known = set(bpy_module.data.materials.keys())
+    with pytest.raises(RaucaError, match=r"object floor: rauca_instance .* a whole number from 1 to 254") as told:
+        _place(bpy_module, path)
+    assert str(path) in str(told.value)
+    assert "\n" not in str(told.value)
+    assert set(bpy_module.data.materials.keys()) == known
+
+
+@pytest.mark.parametrize("kind", ["GeometryNodeSetMaterial", "GeometryNodeMeshCube", "GeometryNodeTransform"])
+def test_a_surface_whose_material_geometry_nodes_choose_is_refused(bpy_module, yard, kind):
+    def add_nodes(scene):
+        group = bpy_module.data.node_groups.new("nodes", "GeometryNodeTree")
+        for direction in ("INPUT", "OUTPUT"):
+            group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+        begin, node, end = (group.nodes.new(name) for name in ("NodeGroupInput", kind, "NodeGroupOutput"))
+        if "Geometry" in node.inputs:
+            group.links.new(begin.outputs[0], node.inputs["Geometry"])
+        if "Material" in node.inputs:
+            node.inputs["Material"].default_value = bpy_module.data.materials["slab"]
+        group.links.new(node.outputs[0], end.inputs[0])
+        scene.objects["floor"].modifiers.new("nodes", "NODES").node_group = group
+
+    path = yard(change=add_nodes)
+    if kind == "GeometryNodeTransform":  # leaves the materials alone
+        scene, _ = _place(bpy_module, path)
+        assert [slot.material.name for slot in scene.objects["floor"].material_slots] == ["slab"]
+        return
+    with pytest.raises(RaucaError, match=r"yard.blend: object floor: its geometry nodes .* apply its modifiers"):
+        _place(bpy_module, path)
+
+
+def test_what_a_collections_instance_brings_is_seen(bpy_module, yard, box_vehicle):
+    """Its sun stays behind; its truck is another vehicle where the instance says so, and only there."""
+    from blender_addon.scene.session import Session
+
+    def add_instances(scene):
+        rig = bpy_module.data.collections.new("rig")
+        rig.objects.link(bpy_module.data.objects.new("rig sun", bpy_module.data.lights.new("rig sun", "SUN")))
+        truck = _quad(bpy_module, "truck", 1.0, 1.0)
+        tarpaulin = bpy_module.data.materials.new("tarpaulin")
+        tarpaulin["rauca_class"] = "pole"  # a class that nothing else here has
+        truck.data.materials.append(tarpaulin)
+        rig.objects.link(truck)
+        for sideways, number in ((-3.5, 9), (3.5, None)):
+            shown = bpy_module.data.objects.new("shown", None)
+            shown.instance_type, shown.instance_collection = "COLLECTION", rig
+            shown.location = (3.0, -2.0 + sideways, 0.5)
+            if number:
+                shown["rauca_instance"], shown["rauca_category"] = number, "truck"
+            scene.collection.objects.link(shown)
+
+    path = yard(change=add_instances)
+    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+    assert "sun 'rig sun'" in " ".join(session.place.notes)
+    assert "rig sun" not in bpy_module.data.objects
+    session.enter(0)
+    seen = session.annotations(0, [0])[0]
+    assert [(other.id, other.category) for other in seen.others] == [(9, "truck")]
+    assert (seen.semantic[seen.instances == 9] == CLASS_IDS["other_vehicle"]).all()
+    elsewhere = seen.semantic[seen.instances != 9]
+    assert (elsewhere == CLASS_IDS["pole"]).any()
+    assert not (elsewhere == CLASS_IDS["other_vehicle"]).any()
+
+
 def test_what_is_no_blend_is_told(bpy_module, tmp_path):
     for content in (b"not a scene", b"", b"BLENDER-v405"):
         path = tmp_path / "broken.blend"
