@@ -6,6 +6,7 @@ import ast
 import hashlib
 import importlib
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,10 @@ from ..contract import RaucaError
 from ..contract.reading import read_limited
 
 if TYPE_CHECKING:
-    from onnx import GraphProto, ModelProto, TensorProto
+    from onnx import FunctionProto, GraphProto, ModelProto
 
 MAX_FILE_BYTES = 2**31  # protobuf's own limit
+MAX_NODES = 50_000  # with each function written out as often as it is called; detectors have hundreds
 MAX_LITERAL = 2**16  # characters of a list of class names; LVIS, the longest in use, has 20 000
 _LOOPS = {"Loop", "Scan"}
 
@@ -30,7 +32,7 @@ class OnnxGraph:
 
     Attributes:
         batch, height, width: of the input; None where the export left them open.
-        operators: types of its nodes.
+        operators: types of its nodes, those of its functions too.
         metadata: text that the exporter left.
         sha256: of the file and the tensors outside it.
     """
@@ -81,8 +83,8 @@ def read_graph(path: Path) -> OnnxGraph:
     """Read and check an ONNX file.
 
     Raises:
-        RaucaError: not an ONNX file, unknown operators, tensors outside the file's folder, inputs other than one image
-            batch; names the file. Or onnx is not installed.
+        RaucaError: not an ONNX file, unknown operators, loops, too many nodes, tensors outside the file's folder,
+            inputs other than one image batch; names the file. Or onnx is not installed.
     """
     onnx = extra("onnx")
     data = read_limited(path, MAX_FILE_BYTES, "a detector's graph")
@@ -91,11 +93,12 @@ def read_graph(path: Path) -> OnnxGraph:
     except Exception as error:  # protobuf's own error type differs between its implementations
         raise RaucaError(f"{path}: not an ONNX file ({first_line(error)})") from error
     digest = hashlib.sha256(data)
-    _refuse_loops(path, model.graph)
+    operators = frozenset(node.op_type for node in _within(model, "NodeProto"))
+    _refuse_endless(path, model, operators)
     for outside in _external_files(path, model):
         digest.update(read_limited(outside, MAX_FILE_BYTES, "a detector's tensors"))
     try:
-        onnx.external_data_helper.load_external_data_for_model(model, str(path.parent))
+        _load_external(model, path.parent)
         onnx.checker.check_model(model)
     except Exception as error:  # its checks are its own, and those of the C++ and protobuf below it
         raise RaucaError(f"{path}: not a graph that can run ({first_line(error)})") from error
@@ -110,7 +113,7 @@ def read_graph(path: Path) -> OnnxGraph:
         batch,
         height,
         width,
-        frozenset(node.op_type for node in model.graph.node),
+        operators,
         {entry.key: entry.value for entry in model.metadata_props},
         digest.hexdigest(),
     )
@@ -140,7 +143,7 @@ def _external_files(path: Path, model: ModelProto) -> list[Path]:
     """Files that hold tensors of the model: each must lie in its folder."""
     folder = path.resolve().parent
     found: dict[Path, None] = {}
-    for tensor in _tensors(model.graph):
+    for tensor in _within(model, "TensorProto"):
         for entry in tensor.external_data:
             if entry.key != "location":
                 continue
@@ -155,28 +158,55 @@ def _external_files(path: Path, model: ModelProto) -> list[Path]:
     return list(found)
 
 
-def _refuse_loops(path: Path, graph: GraphProto) -> None:
-    """A loop may turn for ever, and no export of a detector without suppression has one."""
-    looping = sorted({node.op_type for node in graph.node} & _LOOPS)
-    if looping:
+def _load_external(model: ModelProto, folder: Path) -> None:
+    """Read the tensors that lie outside; onnx itself leaves out sparse ones and those in branches of functions."""
+    helper = extra("onnx").external_data_helper
+    for tensor in _within(model, "TensorProto"):
+        if helper.uses_external_data(tensor):
+            helper.load_external_data_for_tensor(tensor, str(folder))
+            tensor.ClearField("data_location")  # older onnx leaves these two
+            tensor.ClearField("external_data")
+
+
+def _refuse_endless(path: Path, model: ModelProto, operators: frozenset[str]) -> None:
+    """A loop may turn for ever, and no export of a detector without suppression has one.
+
+    Functions that call functions twice double with each: thirty of them unfold to more nodes than any machine holds.
+    """
+    if looping := sorted(operators & _LOOPS):
         raise RaucaError(f"{path}: has an operator {looping[0]}; export without non-maximum suppression")
-    for node in graph.node:
-        for attribute in node.attribute:
-            for inner in (attribute.g, *attribute.graphs):
-                if inner.node:
-                    _refuse_loops(path, inner)
+    nodes: dict[tuple[str, str], Counter[tuple[str, str]]] = {}
+    for function in model.functions:  # of overloads the most, as runtimes differ in which they take
+        key = function.domain, function.name
+        nodes[key] = nodes.get(key, Counter()) | _calls(function)
+    total, level = 0, _calls(model.graph)
+    while level:
+        total += level.total()
+        if total > MAX_NODES:
+            raise RaucaError(
+                f"{path}: has more than {MAX_NODES} nodes, functions written out; export a smaller network"
+            )
+        inner: Counter[tuple[str, str]] = Counter()
+        for key in level.keys() & nodes.keys():
+            inner.update({called: level[key] * count for called, count in nodes[key].items()})
+        level = inner
 
 
-def _tensors(graph: GraphProto) -> Iterator[TensorProto]:
-    yield from graph.initializer
-    for sparse in graph.sparse_initializer:
-        yield from (sparse.values, sparse.indices)
-    for node in graph.node:
-        for attribute in node.attribute:
-            yield from (attribute.t, *attribute.tensors)
-            for inner in (attribute.g, *attribute.graphs):
-                if inner.node:
-                    yield from _tensors(inner)
+def _calls(part: GraphProto | FunctionProto) -> Counter[tuple[str, str]]:
+    """How many nodes of each domain and type it has, in its branches too."""
+    return Counter((node.domain, node.op_type) for node in _within(part, "NodeProto"))
+
+
+def _within(message: Any, kind: str) -> Iterator[Any]:
+    """All messages of a kind, however deep: in branches, functions, their attributes' defaults, sparse tensors."""
+    if message.DESCRIPTOR.name == kind:
+        yield message
+    if message.DESCRIPTOR.name == "TensorProto":
+        return  # holds numbers alone, which would be copied
+    for field, value in message.ListFields():
+        if field.message_type is not None:
+            for inner in [value] if hasattr(value, "ListFields") else value:
+                yield from _within(inner, kind)
 
 
 def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | None]]:

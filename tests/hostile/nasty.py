@@ -142,6 +142,28 @@ def _loop(model: Any, onnx: Any, kind: str) -> None:
     model.graph.node.insert(0, onnx.helper.make_node(kind, [], ["never"]))
 
 
+def _function(model: Any, onnx: Any, kind: str) -> None:
+    """A node in a branch in a function, called in front of the graph."""
+    node, opsets = onnx.helper.make_node(kind, [], ["never"]), [onnx.helper.make_opsetid("", 17)]
+    branch = onnx.helper.make_graph([node], "branch", [], [])
+    choice = onnx.helper.make_node("If", ["x"], [], then_branch=branch, else_branch=branch)
+    _call(model, onnx, [onnx.helper.make_function("own", "F0", ["x"], ["y"], [choice], opsets)])
+
+
+def _laughs(model: Any, onnx: Any, count: int) -> None:
+    """Functions that each call the next one twice."""
+    opsets = [onnx.helper.make_opsetid("", 17), onnx.helper.make_opsetid("own", 1)]
+    calls = [[(f"F{i + 1}", "x", "m"), (f"F{i + 1}", "m", "y")] for i in range(count)] + [[("Neg", "x", "y")]]
+    made = [[onnx.helper.make_node(n, [a], [b], domain="own" if n[0] == "F" else "") for n, a, b in c] for c in calls]
+    _call(model, onnx, [onnx.helper.make_function("own", f"F{i}", ["x"], ["y"], m, opsets) for i, m in enumerate(made)])
+
+
+def _call(model: Any, onnx: Any, functions: list[Any]) -> None:
+    model.functions.extend(functions)
+    model.opset_import.append(onnx.helper.make_opsetid("own", 1))
+    model.graph.node.insert(0, onnx.helper.make_node("F0", [model.graph.input[0].name], ["unused"], domain="own"))
+
+
 def _expand(model: Any, onnx: Any, count: int) -> None:
     shape = onnx.numpy_helper.from_array(np.array([count], np.int64), "large")
     model.graph.initializer.append(shape)
@@ -149,6 +171,7 @@ def _expand(model: Any, onnx: Any, count: int) -> None:
 
 
 _ONNX = {"size": _size, "elsewhere": _elsewhere, "literal": _literal, "loop": _loop, "expand": _expand}
+_ONNX |= {"function": _function, "laughs": _laughs}
 HALF_BYTES = safetensors({"x": {"dtype": "F4", "shape": [2], "data_offsets": [0, 1]}}, None, b"x")
 WIDE = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[convolutional]\nfilters=65536\nsize=31\n" * 3
 LAYERS = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[maxpool]\nsize=1\n" * 5000
@@ -218,6 +241,8 @@ NASTY: tuple[Nasty, ...] = (
     ("onnx", "literal", onnx(literal="-" * 60_000 + "1"), None),
     ("onnx", "brackets", onnx(literal="[" * 60_000), None),
     ("onnx", "loop", onnx(loop="Loop"), "an operator Loop"),
+    ("onnx", "loop in a function", onnx(function="Loop"), "an operator Loop"),
+    ("onnx", "functions in functions", onnx(laughs=40), "more than 50000 nodes"),
     ("onnx", "expand", onnx(expand=2**45), None),
     ("transformers", "countless layers", changed(encoder_layers=2**31), "at most 256"),
     ("transformers", "wide", changed(d_model=2**16), "another model's weights|cannot build"),

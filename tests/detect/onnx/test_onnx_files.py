@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import onnx
 import pytest
+import torch
 from onnx import TensorProto, helper
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import load_detector
+from rauca_core.detect.onnx_graph import read_graph
+from rauca_core.detect.onnx_session import Session
 
 Exported = Callable[..., Path]
 IMAGES = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 64])
@@ -87,6 +91,56 @@ def test_tensors_beside_the_file_count(tmp_path: Path, exported: Exported) -> No
     data[0] ^= 1
     (folder / "beside.bin").write_bytes(data)
     assert load_detector(str(path)).fingerprint != before
+
+
+def with_functions_tensor(path: Path, location: str) -> Path:
+    """A graph of a function that holds tensors outside the file: in a branch, in a sparse one, in a default."""
+    path.parent.mkdir(exist_ok=True)
+    shape = {"data_type": TensorProto.FLOAT, "dims": [1], "data_location": TensorProto.EXTERNAL}
+    tensors = [TensorProto(name=f"t{i}", **shape) for i in range(3)]
+    for i, tensor in enumerate(tensors):
+        tensor.external_data.add(key="location", value=f"{location}{i}.bin")
+        (path.parent.parent / f"outside{i}.bin").write_bytes(np.float32(i + 1).tobytes())
+    spot = onnx.numpy_helper.from_array(np.array([0], np.int64), "spot")
+    sparse = helper.make_sparse_tensor(tensors[1], spot, [1])
+    found = helper.make_tensor_value_info("same", TensorProto.FLOAT, [1])
+    branch = helper.make_graph([helper.make_node("Identity", ["t0"], ["same"])], "branch", [], [found], [tensors[0]])
+    default = helper.make_node("Constant", [], ["c"])
+    default.attribute.add(name="value", ref_attr_name="held", type=onnx.AttributeProto.TENSOR)
+    opsets = [helper.make_opsetid("", 17), helper.make_opsetid("own", 1)]
+    nodes = [
+        helper.make_node("Constant", [], ["yes"], value=onnx.numpy_helper.from_array(np.array(True))),
+        helper.make_node("If", ["yes"], ["a"], then_branch=branch, else_branch=branch),
+        helper.make_node("Constant", [], ["b"], sparse_value=sparse),
+        default,
+        helper.make_node("Sum", ["x", "a", "b", "c"], ["y"]),
+    ]
+    held = [helper.make_attribute("held", tensors[2])]
+    function = helper.make_function("own", "Shift", ["x"], ["y"], nodes, opsets, attribute_protos=held)
+    call = helper.make_node("Shift", ["images"], ["output0"], domain="own")
+    graph = helper.make_graph([call], "graph", [IMAGES], [OUTPUT])
+    model = helper.make_model(graph, functions=[function], opset_imports=opsets, ir_version=9)
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def test_tensors_of_functions_outside_the_folder_are_not_read(tmp_path: Path) -> None:
+    path = with_functions_tensor(tmp_path / "model" / "hostile.onnx", "../outside")
+    refused(path, "lies outside its folder, at .*outside0.bin'; refused")
+
+
+def test_tensors_of_functions_beside_the_file_count(tmp_path: Path) -> None:
+    path = with_functions_tensor(tmp_path / "model" / "split.onnx", "outside")
+    files = [(tmp_path / f"outside{i}.bin").rename(path.parent / f"outside{i}.bin") for i in range(3)]
+    image = torch.zeros(1, 3, 64, 64)
+    graph = read_graph(path)
+    assert Session(graph)(image).unique().tolist() == [1 + 2 + 3]
+    for i, file in enumerate(files):
+        file.write_bytes(np.float32(10).tobytes())
+        changed = read_graph(path)
+        assert changed.sha256 != graph.sha256
+        assert Session(changed)(image).unique().tolist() == [[15, 23, 30][i]]
+        graph = changed
 
 
 def test_inputs_that_are_no_images(tmp_path: Path) -> None:
