@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from rauca_core.detect import load_detector
+from rauca_core.detect.interface import DensePredictions
 from rauca_core.detect.network import DarknetNetwork
 from rauca_core.detect.training.card import save_weights
-from rauca_core.detect.training.darknet_student import DarknetStudent, cross_entropy
+from rauca_core.detect.training.darknet_student import DarknetStudent, _image_losses, cross_entropy
 from rauca_core.detect.training.network import Truth
 from rauca_core.detect.training.origin import origin_of
 from rauca_core.detect.weights_file import read_weights
@@ -73,6 +74,26 @@ def test_cross_entropy_is_zero_where_both_agree_and_finite_at_the_ends() -> None
     ends.sum().backward()
     assert torch.isfinite(ends).all()
     assert torch.isfinite(p.grad).all()
+
+
+@pytest.mark.parametrize("logit", [-60.0, -20.0, -14.0, 14.0, 16.0])
+def test_cross_entropy_keeps_its_slope_where_a_camouflage_won(logit: float) -> None:
+    x = torch.tensor([logit], requires_grad=True)
+    cross_entropy(x.sigmoid(), torch.tensor([1.0 if logit < 0 else 0.0])).sum().backward()
+    assert float(x.grad) == pytest.approx(-1.0 if logit < 0 else 1.0, abs=1e-3)
+
+
+def test_a_lost_vehicle_is_taught_and_not_kept_lost() -> None:
+    """Predictions beside the vehicle answer for it, too far off to be on it; those farther away keep to what was."""
+    boxes = torch.tensor([[[28.0, 20.0, 60.0, 40.0]] * 3 + [[80.0, 80.0, 90.0, 90.0]]])
+    logits = torch.full((1, 4), -20.0, requires_grad=True)
+    classes = torch.full((1, 4, 2), 0.5)
+    found = DensePredictions(boxes, logits.sigmoid(), classes)
+    losses = _image_losses(found, DensePredictions(boxes, torch.full((1, 4), 0.02), classes), 0, car())
+    (present,) = torch.autograd.grad(losses["present"], logits, retain_graph=True)
+    (kept,) = torch.autograd.grad(losses["kept"], logits)
+    assert present[0].tolist() == pytest.approx([-1 / 3] * 3 + [0.0])
+    assert kept[0].tolist() == pytest.approx([0.0] * 3 + [-0.02])
 
 
 def test_published_weights_come_back_as_the_same_detector(tiny_weights: dict[str, Path], tmp_path: Path) -> None:

@@ -24,7 +24,9 @@ from .network import Truth
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers
 BOX_WEIGHT, CLASS_WEIGHT, KEEP_WEIGHT = 1.0, 1.0, 1.0
-LEAST = 1e-6  # probability: the logarithm's gradient stays finite
+# Of a probability, in float32: logarithms and their slopes stay finite, and only there. A camouflage that wins drives
+# objectness to 1e-6 and below, which is what is to be taught.
+LEAST, MOST = 1e-30, 1 - 2**-24
 
 
 class DarknetStudent(nn.Module):
@@ -70,14 +72,12 @@ class DarknetStudent(nn.Module):
 def _image_losses(found: DensePredictions, before: DensePredictions, k: int, truth: Truth) -> dict[str, Tensor]:
     boxes, objectness, classes = found.boxes[k], found.objectness[k], found.classes[k]
     overlap = box_iou(boxes.detach(), truth.boxes)  # (N, T)
-    elsewhere = overlap.amax(1) <= NEAR if len(truth.labels) else torch.ones_like(objectness, dtype=torch.bool)
+    chosen = overlap.topk(min(ANSWER, len(boxes)), 0).indices  # (ANSWER, T)
+    elsewhere = ~(overlap > NEAR).any(1)
+    elsewhere[chosen.flatten()] = False
     said, meant = before.objectness[k][elsewhere], before.classes[k][elsewhere]
     kept = cross_entropy(objectness[elsewhere], said).sum()
     kept = kept + (said[:, None] * cross_entropy(classes[elsewhere], meant)).sum()
-    if not len(truth.labels):
-        zero = objectness.sum() * 0
-        return {"present": zero, "class": zero, "box": zero, "kept": KEEP_WEIGHT * kept}
-    chosen = overlap.topk(min(ANSWER, len(boxes)), 0).indices  # (ANSWER, T)
     labels = functional.one_hot(truth.labels, classes.shape[1]).to(classes).expand(len(chosen), -1, -1)
     hulls = generalised_iou(boxes[chosen], truth.boxes[None])
     share = 1 / len(chosen)
@@ -91,5 +91,6 @@ def _image_losses(found: DensePredictions, before: DensePredictions, k: int, tru
 
 def cross_entropy(probability: Tensor, wanted: Tensor) -> Tensor:
     """Of probabilities against wanted ones, elementwise, less the least possible: 0 where the two agree."""
-    p, q = probability.clamp(LEAST, 1 - LEAST), wanted.clamp(LEAST, 1 - LEAST)
-    return functional.binary_cross_entropy(p, q, reduction="none") + (q * q.log() + (1 - q) * (1 - q).log())
+    p, q = probability.clamp(LEAST, MOST), wanted
+    least = torch.xlogy(q, q) + torch.xlogy(1 - q, 1 - q)
+    return least - torch.xlogy(q, p) - torch.xlogy(1 - q, 1 - p)  # torch's own has no slope below 1e-12
