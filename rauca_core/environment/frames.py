@@ -150,7 +150,7 @@ class LightFrames:
         """Frames to train on and frames to test on, as indices.
 
         Whole locations, or whole views of the camera ring, are held out of every data set: ``share`` of them, at least
-        one, drawn by ``seed``. Weathers are on both sides.
+        one, drawn by ``seed`` and the plan's name, which stays when the folder is moved. Weathers are on both sides.
 
         Raises:
             RaucaError: a data set has a single location or view.
@@ -162,7 +162,7 @@ class LightFrames:
             names = sorted({self._name(i, by) for i in members})
             if len(names) < 2:
                 raise RaucaError(f"{dataset.folder}: has one {by}, none can be held out to test; choose another split")
-            order = named_rng(seed, "split", by, dataset.folder.name).permutation(len(names))
+            order = named_rng(seed, "split", by, dataset.plan.name).permutation(len(names))
             held_out = {names[k] for k in order[: max(1, round(share * len(names)))]} - {names[order[-1]]}
             for i in members:
                 (test if self._name(i, by) in held_out else train).append(i)

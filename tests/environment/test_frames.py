@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -61,6 +63,17 @@ def test_the_split_holds_out_whole_places(dataset, by):
     assert not names[0] & names[1]
     assert {frames.places[i].frame.weather.name for i in test} == {"clear", "fog"}
     assert frames.split(by) == (train, test)
+
+
+def test_the_split_stays_where_a_data_set_is_moved(tmp_path, monkeypatch, box_vehicle, dataset_factory):
+    folder = dataset_factory(tmp_path / "made", box_vehicle, locations=8, views=1).folder
+    made = LightFrames([folder])
+    sides = made.split("location", share=0.5)
+    monkeypatch.chdir(folder)
+    inside = LightFrames([Path()])
+    assert (inside.digest, inside.split("location", share=0.5)) == (made.digest, sides)
+    moved = LightFrames([folder.rename(tmp_path / "moved")])
+    assert (moved.digest, moved.split("location", share=0.5)) == (made.digest, sides)
 
 
 def test_mistakes_are_named(tmp_path, box_vehicle, dataset, dataset_factory):
