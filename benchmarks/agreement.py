@@ -9,9 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib
-from rich.console import Console
 from rich.table import Table
 
+from pipelines.console import output
 from pipelines.evaluate import render_camouflages
 from pipelines.renderers import REFERENCE
 from rauca_core.contract import Dataset, load_camouflage
@@ -30,7 +30,7 @@ def bench_agreement(dataset: Path, camouflage: Path, out: Path, samples: tuple[i
     opened = Dataset(dataset)
     measure_agreement(opened, camouflage, folder, samples=1)  # compiles the kernels, which is not what is measured
     measured = {n: measure_agreement(opened, camouflage, folder, samples=n) for n in samples}
-    Console().print(_table(measured))
+    output().print(_table(measured))
     write_json(out, {"dataset": str(dataset), "samples": {n: asdict(a) for n, a in measured.items()}})
     _plot(measured, out.with_suffix(".png"))
 

@@ -18,13 +18,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from blender_addon.jobs.crew import Worker
 from blender_addon.jobs.messages import News
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
 from pipelines.blender_process import blender_command
-from pipelines.console import progress_bar
+from pipelines.console import output, progress_bar
 from rauca_core.contract import Plan, Quality, Ring, Shard, chunks, claim_folder, find_preset, planned_frames
 from rauca_core.contract import load_vehicle as load
 from rauca_core.contract.assets import assets_folder
@@ -47,9 +45,9 @@ def bench_jobs(out: Path, quick: bool) -> dict[str, Any]:
     """
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         kills = measure_kills(Path(temporary), kills=5 if quick else 20, views=20)
-        Console().print(f"kills: {kills}")
+        output().print(f"kills: {kills}")
         memory, chunk = measure_worker(Path(temporary), frames=100 if quick else 500)
-    Console().print(f"memory: { ({**memory, 'resident_mib': '...'}) }\nchunk: {chunk}")
+    output().print(f"memory: { ({**memory, 'resident_mib': '...'}) }\nchunk: {chunk}")
     figures = {"memory": memory, "chunk": chunk, "kills": kills}
     write_json(out, figures)
     return figures

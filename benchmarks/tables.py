@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from rich.console import Console
 from rich.table import Table
+
+from pipelines.console import output
 
 Rows = list[tuple[str, ...]]
 Grid = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]  # title, headers, rows
@@ -13,7 +14,7 @@ Grid = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]  # title, headers,
 
 def print_tables(grids: Iterable[Grid], width: int) -> None:
     """Print tables at least ``width`` characters wide: a log has no terminal's width."""
-    console = Console(width=max(Console().width, width))
+    console = output(width)
     for title, headers, rows in grids:
         table = Table(*headers, title=title)
         for row in rows:

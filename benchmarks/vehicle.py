@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from rich.console import Console
 from rich.table import Table
 
 from pipelines.blender_process import run_blender
-from pipelines.console import progress_bar
+from pipelines.console import output, progress_bar
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import write_json
 from rauca_core.detect import car_score, load_detector
@@ -49,6 +48,6 @@ def bench_vehicle(vehicle: Sequence[str], detectors: Sequence[str], out: Path) -
     table = Table("detector", *(f"{a:.0f}°" for a in azimuths), "mean", title="car score (azimuth 0: front)")
     for name, row in scores.items():
         table.add_row(name, *(f"{s:.2f}" for s in row), f"{np.mean(row):.3f}")
-    Console().print(table)
+    output().print(table)
     write_json(out, {"azimuths_deg": azimuths, "scores": scores})
     return scores

@@ -14,15 +14,15 @@ from types import FrameType, ModuleType
 from typing import Annotated, NoReturn
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from blender_addon.arguments import apply_parser
 from rauca_core.contract import RaucaError
 
 from .ablate_command import ablate
 from .blender_process import run_blender
-from .console import console, progress_bar
+from .console import console, output, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
@@ -359,8 +359,8 @@ def doctor() -> None:
     table = Table("what", "found", "", title="rauca doctor")
     ready = True
     for finding in findings():
-        table.add_row(finding.what, finding.found, "ok" if finding.ok else f"[red]{finding.remedy}")
+        table.add_row(finding.what, finding.found, "ok" if finding.ok else Text(finding.remedy, "red"))
         ready &= finding.ok
-    Console().print(table)
+    output().print(table)
     if not ready:
         raise typer.Exit(1)

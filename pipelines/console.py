@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -13,7 +14,14 @@ from rich.text import Text
 from blender_addon.jobs.pace import spoken
 from rauca_core.contract import Progress, RaucaError
 
-console = Console(stderr=True)
+# No markup: a path or a remedy may hold `[/b]` or `rauca[detectors]`, which rich would take for its own.
+_Plain = partial(Console, markup=False, emoji=False)
+console = _Plain(stderr=True)
+
+
+def output(width: int = 0) -> Console:
+    """Standard output, for tables; at least ``width`` characters wide, as a log has no terminal's width."""
+    return _Plain(width=max(Console().width, width))
 
 
 class TimeLeft(TimeRemainingColumn):
@@ -34,13 +42,13 @@ def progress_bar(title: str, every_step: bool = False) -> Iterator[Callable[[Pro
         RaucaError: in place of a KeyboardInterrupt inside.
     """
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeLeft(),
-        TextColumn("[dim]{task.fields[last]}"),
+        TextColumn("{task.fields[last]}", style="dim", markup=False),
     )
     with Bar(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=None, last="")
@@ -49,7 +57,7 @@ def progress_bar(title: str, every_step: bool = False) -> Iterator[Callable[[Pro
         def move(progress: Progress) -> None:
             bar.update(task, completed=progress.done, total=progress.total, last=progress.last, left_s=progress.left_s)
             if every_step and not console.is_terminal and progress not in seen:
-                console.print(step_line(progress), markup=False, highlight=False, soft_wrap=True)
+                console.print(step_line(progress), highlight=False, soft_wrap=True)
             seen[:] = [progress]
 
         if not console.is_terminal:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Column, Table
+from rich.text import Text
 
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract.files import write_json
@@ -24,7 +24,7 @@ from rauca_core.dataset_tools import (
 from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
 
 from .blender_process import run_blender
-from .console import console, progress_bar
+from .console import console, output, progress_bar
 from .slurm import render_on_slurm, slurm_parser
 
 dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
@@ -67,7 +67,7 @@ def dataset_check(
         result = check_dataset(folder, min_psnr, unfinished, move)
     if json:
         write_json(json, result.to_json())
-    Console().print(_table(folder, result))
+    output().print(_table(folder, result))
     for finding in result.findings:
         print(finding)
     for name in remove_damaged(folder, result) if remove else ():
@@ -122,5 +122,6 @@ def _table(folder: Path, result: CheckResult) -> Table:
         table.add_row(name, *(str(weather.counts[state]) for state in STATES), psnr)
     sums = (str(sum(w.counts[state] for w in result.weathers.values())) for state in STATES)
     table.add_section()
-    table.add_row("all", *sums, "[green]whole" if not result.findings else f"[red]{len(result.findings)} findings")
+    bad = len(result.findings)
+    table.add_row("all", *sums, Text(f"{bad} findings", "red") if bad else Text("whole", "green"))
     return table

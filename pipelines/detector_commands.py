@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rauca_core.contract import RaucaError
 
-from .console import console
+from .console import console, output
 
 detectors_app = typer.Typer(help="Detectors: what is ready, what the others need.", no_args_is_help=True)
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
@@ -39,13 +39,13 @@ def detectors_list() -> None:
     table = Table("name", "family", "trained on", "licence", "gradients", "state", title="rauca detectors")
     for entry in listed:
         source = entry.source
-        state = f"[green]{entry.state}" if entry.ready else entry.state
+        state = Text(entry.state, "green" if entry.ready else "")
         table.add_row(source.name, source.family, source.trained_on, source.licence, "yes", state)
-    wide = Console(width=max(Console().width, TABLE_WIDTH))  # a log has no terminal's width
+    wide = output(TABLE_WIDTH)
     wide.print(table)
     for entry in listed:
         for remedy in entry.remedies:
-            wide.print(f"[bold]{entry.source.name}[/bold]: {remedy}", soft_wrap=True, highlight=False)
+            wide.print(Text.assemble((entry.source.name, "bold"), f": {remedy}"), soft_wrap=True)
     wide.print(OTHERS, soft_wrap=True, highlight=False)
 
 
@@ -79,7 +79,7 @@ def detectors_train(
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():
         table.add_row(group, f"{ap:.3f}", str(found.frames[group]))
-    Console().print(table)
+    output().print(table)
     for thing, share in found.false_alarms.items():
         console.print(f"{thing}: taken for a car in {share:.0%} of {found.frames[thing]} frames")
     console.print(f"weights: {weights}")
@@ -94,7 +94,7 @@ def weights_list() -> None:
     for entry in status():
         size = f"{entry.source.size_bytes / 2**20:.0f}" if entry.source.size_bytes else "?"
         table.add_row(entry.source.name, entry.source.licence, size, entry.state)
-    Console().print(table)
+    output().print(table)
 
 
 @weights_app.command("fetch")
@@ -115,5 +115,5 @@ def weights_fetch(names: Names = None, everything: All = False, folder: From = N
         raise errors[wanted[0]]
     if errors:
         for error in errors.values():
-            console.print(f"[red]{error}", soft_wrap=True)
+            console.print(str(error), style="red", soft_wrap=True)
         raise RaucaError(f"{len(errors)} of {len(wanted)} could not be fetched: {', '.join(errors)}; see above")

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from rauca_core.contract.recolour import TEST, find_colours
 
-from .console import console, progress_bar
+from .console import console, output, progress_bar
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
@@ -122,7 +121,7 @@ def efe_evaluate(
         for method, row in methods.items():
             figures = (f"{row['psnr_db']:.2f}", *(f"{row[n]:.4f}" for n in ("mse", "mae", "bce")), f"{row['ms']:.1f}")
             table.add_row(weather, method, *figures)
-    Console().print(table)
+    output().print(table)
     if json is not None:
         write_json(json, found)
 

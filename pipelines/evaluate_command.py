@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from rauca_core.contract import Dataset, RaucaError, find_preset
 from rauca_core.contract.assets import assets_folder
 
-from .console import console
+from .console import console, output
 from .dataset_commands import Blender
 
 if TYPE_CHECKING:
@@ -222,7 +221,7 @@ def _detectors(
 
 def _print(entries: Sequence[Entry], out: Path) -> None:
     """AP of every entry, a table each."""
-    wide = Console()
+    wide = output()
     for entry in entries:
         table = entry.results.table
         title = f"{entry.vehicle}, {entry.weathers}, defence {entry.defence}: AP@0.5 of class {entry.category}"

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from rauca_core.contract import RaucaError
 
-from .console import console
+from .console import console, output
 from .dataset_commands import Blender
 
 if TYPE_CHECKING:
@@ -101,5 +100,5 @@ def _print(gains: Gains) -> None:
     for gain in (gains.clean, *gains.rows, gains.held_out):
         share = "–" if gain.recovered is None else spoken(gain.recovered, percent=True)
         table.add_row(gain.paint, spoken(gain.before), spoken(gain.after), spoken(gain.change, sign=True), share)
-    Console(width=max(Console().width, 100)).print(table)
+    output(100).print(table)
     console.print(f"in brackets: 95 % interval by a bootstrap over {gains.draws}")
