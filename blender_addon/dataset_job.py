@@ -118,6 +118,8 @@ class _Run:
         out, shard = self.options.out, self.options.shard
         with hold_cameras(out, shard, contract.cameras_of(self.plan, shard)) as lock:
             lock.sweep()
+            if (out / "dataset.json").is_file():
+                self._claim(lock)  # a vehicle removed as damaged comes back where no frame is missing, too
             wanted, left_out = self._survey()
             files.require_space(out, self.plan.size**2 * BYTES_PER_PIXEL * len(wanted))
             listener = Listener(self.progress, _note)
@@ -168,7 +170,7 @@ class _Run:
         return Crew(command, options.workers, options.recycle)
 
     def _claim(self, lock: FolderLock) -> None:
-        """Write vehicle and plan, once a worker has shown that the scene can be built."""
+        """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""
         with lock.claiming():
             if not (self.options.out / "vehicle" / "vehicle.json").is_file():
                 self.vehicle.save(self.options.out / "vehicle")

@@ -65,6 +65,20 @@ def test_frames_of_a_data_set(inputs: Inputs, whole: Whole, begun: Callable[[Job
     assert check(out) == []
 
 
+@NO_BLENDER
+def test_vehicle_of_a_data_set(inputs: Inputs, finished: Folder, whole: Whole, tmp_path: Path) -> None:
+    """It comes back to the byte, although no frame is missing and so no worker is started."""
+    out = tmp_path / "out"
+    shutil.copytree(finished(MAKE), out)
+    flip(out / "vehicle" / "mesh.npz")
+    check(out, "--remove-damaged")
+    assert not (out / "vehicle").exists()
+    ended = rauca(MAKE.words(inputs, out), tmp_path / "log")
+    assert ended.code == 0, ended.said
+    assert MAKE.content(out) == whole(MAKE)
+    assert check(out) == []
+
+
 @pytest.mark.parametrize(
     ("job", "name", "spoil"),
     [
