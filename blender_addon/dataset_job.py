@@ -172,7 +172,8 @@ class _Run:
     def _claim(self, lock: FolderLock) -> None:
         """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""
         with lock.claiming():
-            if not (self.options.out / "vehicle" / "vehicle.json").is_file():
+            # Without a plan, nothing says that a vehicle which lies there is the one that is rendered.
+            if not all((self.options.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
                 self.vehicle.save(self.options.out / "vehicle")
             contract.claim_folder(self.options.out, self.plan)
             contract.seal_dataset(self.options.out)

@@ -243,13 +243,15 @@ def read_plan(folder: Path) -> Plan:
 def claim_folder(folder: Path, plan: Plan) -> None:
     """Write the plan into an empty folder, or accept a folder that already holds the same plan.
 
-    A different plan is refused rather than mixed in; only the Blender version may differ, and is kept as first written.
+    A different plan is refused rather than mixed in; only the Blender version and the name may differ (folders are
+    moved and renamed), and are kept as first written.
     """
     path = Path(folder) / "dataset.json"
     if path.is_file():
         found = read_plan(folder)
-        if replace(found, blender="") != replace(plan, blender=""):
-            changed = [k for k, v in plan.to_json().items() if k != "blender" and found.to_json()[k] != v]
+        plan = replace(plan, blender=found.blender, name=found.name)
+        if found != plan:
+            changed = [k for k, v in plan.to_json().items() if found.to_json()[k] != v]
             raise RaucaError(
                 f"{folder}: holds a data set made with another {', '.join(changed)}; choose another folder or remove it"
             )

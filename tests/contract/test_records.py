@@ -139,6 +139,7 @@ def test_the_plan_names_every_frame_once():
 def test_a_folder_keeps_to_one_plan(tmp_path):
     claim_folder(tmp_path, PLAN)
     claim_folder(tmp_path, replace(PLAN, blender="4.5.0"))
+    claim_folder(tmp_path, replace(PLAN, name="renamed"))
     assert Dataset(tmp_path).plan == PLAN
     with pytest.raises(RaucaError, match="another size, seed"):
         claim_folder(tmp_path, replace(PLAN, size=64, seed=8))
