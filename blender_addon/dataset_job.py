@@ -150,7 +150,8 @@ class _Run:
                 left_out[frame.id] = ledger[frame.id].reason or ""
             elif state not in ("done", "occluded"):
                 wanted.append(frame)
-            elif frame.id not in ledger:  # killed between the frame's rename and the ledger's line
+            elif state == "done" and (frame.id not in ledger or ledger[frame.id].state != "done"):
+                # killed between the frame's rename and the ledger's line; when tried again, that still says otherwise
                 contract.append_entry(out, contract.LedgerEntry(frame.id, "done"), self.options.shard.label)
         return wanted, left_out
 

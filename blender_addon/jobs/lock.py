@@ -41,6 +41,8 @@ class FolderLock:
         """Remove what killed jobs left half-written, unless another shard is at work and may be writing it."""
         if not _try_lock(self._handle, 0, CLAIM):
             return
+        with self.claiming():  # a shard that has no camera to lock may be writing the vehicle
+            files.sweep_partials(self._folder)
         files.sweep_partials(self._folder / "frames")
         if self._first:
             fcntl.lockf(self._handle, fcntl.LOCK_UN, self._first, 0)

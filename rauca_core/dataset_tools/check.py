@@ -152,11 +152,13 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
     names = {"dataset.json", *(f"vehicle/{path.name}" for path in vehicle.glob("*"))}
     checksums(lambda file, what: found.append(_of_top_level(file, what)), dataset.folder, names)
     yield from found
+    left = [path.name for path in dataset.folder.glob(f"{TEMPORARY_PREFIX}*")]
+    left += [f"frames/{name}" for name in dataset.begun() if name.startswith(TEMPORARY_PREFIX)]
+    for name in sorted(left):
+        yield Finding(name, "left by a killed job", "run the same `rauca dataset make` again")
     known = {frame_id for frame_id, *_ in dataset.plan.frame_ids()}
     for name in sorted(dataset.begun()):
-        if name.startswith(TEMPORARY_PREFIX):
-            yield Finding(f"frames/{name}", "left by a killed job", "run the same `rauca dataset make` again")
-        elif name not in known:
+        if name not in known and not name.startswith(TEMPORARY_PREFIX):
             yield Finding(f"frames/{name}", "is no frame of the plan", "remove it")
 
 

@@ -219,11 +219,13 @@ def test_missing_occluded_and_quarantined_frames_are_counted(mini):
 
 def test_what_does_not_belong_is_named(mini):
     (mini.folder / "frames" / ".partial-x").mkdir()
+    (mini.folder / ".partial-y").write_text("half a plan")
     (mini.folder / "frames" / "L99").mkdir()
     (mini.frame_folder(mini.frames()[0].id) / "notes.txt").write_text("x")
     (mini.frame_folder(mini.frames()[1].id) / "paint.png").unlink()
     texts = "\n".join(told(check_dataset(mini.folder)))
     assert "frames/.partial-x: left by a killed job" in texts
+    assert ".partial-y: left by a killed job" in texts.splitlines()[0]
     assert "frames/L99: is no frame of the plan; remove it" in texts
     assert "/notes.txt: is not among the files" in texts
     assert "/paint.png: missing" in texts

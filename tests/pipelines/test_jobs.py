@@ -17,7 +17,17 @@ from pathlib import Path
 
 import pytest
 
-from rauca_core.contract import RaucaError, Shard, balanced_frames, chunks, planned_frames, read_ledger, read_plan
+from rauca_core.contract import (
+    LedgerEntry,
+    RaucaError,
+    Shard,
+    append_entry,
+    balanced_frames,
+    chunks,
+    planned_frames,
+    read_ledger,
+    read_plan,
+)
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
@@ -34,11 +44,15 @@ SMALL = ["--locations", "2", "--azimuths", "1", "--elevations", "15", "--distanc
 SMALL += ["--size", "48", "--samples", "1", "--no-denoise", "--composed-fog", "--recolour-share", "0.3"]
 
 
-def start(folder: Path, *more: str) -> subprocess.Popen[str]:
-    weathers = folder.parent / "weathers.json"
+def options(folder: Path) -> list[str]:
+    weathers = folder.absolute().parent / "weathers.json"
     weathers.parent.mkdir(exist_ok=True)
     weathers.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "weathers": WEATHERS}))
-    command = [sys.executable, str(MAKE), "--out", str(folder), "--weathers", str(weathers), *SMALL, *more]
+    return ["--out", str(folder), "--weathers", str(weathers), *SMALL]
+
+
+def start(folder: Path, *more: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(MAKE), *options(folder), *more]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -155,6 +169,63 @@ def test_killed_at_random_moments_then_finished(whole, tmp_path):
     assert not [line for line in command_lines() if str(tmp_path) in line]
 
 
+def killed(moment: str, *arguments: str) -> None:
+    """Make a data set in a process that kills itself as soon as ``moment``, an expression, holds.
+
+    It may speak of ``name``, what is about to be done (``os.replace`` or ``append_entry``), and of its ``target``.
+    """
+    code = f"""
+import os, signal, sys
+import bpy
+from blender_addon.core import contract
+from blender_addon.headless import make_dataset
+def watched(name, real):
+    def call(first, target, *rest):
+        if {moment}: os.kill(os.getpid(), signal.SIGKILL)
+        return real(first, target, *rest)
+    return call
+os.replace = watched("os.replace", os.replace)
+contract.append_entry = watched("append_entry", contract.append_entry)
+sys.exit(make_dataset(sys.argv[1:]))
+"""
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=300)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+
+
+def test_a_vehicle_that_lies_there_without_a_plan_is_not_taken_for_ours(whole, tmp_path):
+    """Killed between the two, then run with another vehicle: what is sealed is what was rendered."""
+    folder = tmp_path / "set"
+    killed(f"str(target) == {str(folder / 'dataset.json')!r}", "--vehicle", "suv", *options(folder))
+    assert (folder / "vehicle" / "vehicle.json").is_file()
+    assert list(folder.glob(".partial-*"))
+    assert finish(start(folder)) == (0, "")
+    assert content(folder) == content(whole)  # nor does anything under a temporary name stay behind
+
+
+def test_a_frame_tried_again_and_killed_before_its_line_is_done(whole, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(whole, folder)
+    frame = next(iter(read_ledger(whole)))
+    shutil.rmtree(folder / "frames" / frame)
+    append_entry(folder, LedgerEntry(frame, "quarantined", reason="no memory"))
+    killed('name == "append_entry" and target.state == "done"', "--retry-quarantined", *options(folder))
+    assert (folder / "frames" / frame).is_dir()
+    assert finish(start(folder)) == (0, "")
+    assert read_ledger(folder)[frame].state == "done"
+
+
+def test_a_data_set_that_was_moved_goes_on(whole, tmp_path, monkeypatch):
+    """By its new name, and from inside it, where it has none."""
+    folder = tmp_path / "another"
+    shutil.copytree(whole, folder)
+    shutil.rmtree(next((folder / "frames").iterdir()))
+    assert finish(start(folder)) == (0, "")
+    assert content(folder) == content(whole)
+    monkeypatch.chdir(folder)
+    assert finish(start(Path())) == (0, "")
+    assert content(folder) == content(whole)
+
+
 def test_shards_at_the_same_time_make_the_whole(whole, tmp_path):
     folder = tmp_path / "set"
     jobs = [start(folder, "--shard", f"{i}/2") for i in (1, 2)]
@@ -179,8 +250,10 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
     with hold_cameras(folder, Shard(2, 2), (1, 2)) as lock:
         (folder / "frames").mkdir()
         (folder / "frames" / ".partial-of-a-neighbour").mkdir()
+        (folder / ".partial-plan").write_text("{")
         lock.sweep()
         assert list((folder / "frames").iterdir())  # it may still be written
+        assert (folder / ".partial-plan").is_file()
     with (
         pytest.raises(RaucaError, match=rf"process {other.pid} on .*\(shard 1/2\)"),
         hold_cameras(folder, Shard(), (0, 2)),
@@ -199,6 +272,7 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
     with hold_cameras(folder, Shard(), (0, 2)) as lock:
         lock.sweep()
         assert not list((folder / "frames").iterdir())
+        assert [path.name for path in folder.iterdir() if path.name != ".lock"] == ["frames"]
     (folder / "frames").rmdir()
     with hold_cameras(folder, Shard(), (0, 2)):
         pass
