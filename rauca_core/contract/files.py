@@ -147,7 +147,7 @@ def open_to_append(path: Path) -> int:
 
 
 def append_line(path: Path, line: str) -> None:
-    """Append one line to a ledger with a single write, then flush it to the disk.
+    """Append one line to a ledger, with a single write where the disk has room, then flush it to the disk.
 
     A line that a crash cut off is ended first, so that it spoils no other. Raises as :func:`open_to_append`.
     """
@@ -156,7 +156,9 @@ def append_line(path: Path, line: str) -> None:
         try:
             size = os.fstat(handle).st_size
             cut = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
-            os.write(handle, ("\n" * cut + line + "\n").encode())
+            data = ("\n" * cut + line + "\n").encode()
+            while data:  # a disk that is filling up takes a part of it, and refuses the rest
+                data = data[os.write(handle, data) :]
             os.fsync(handle)
         finally:
             os.close(handle)

@@ -1,6 +1,8 @@
 import errno
 import io
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -89,6 +91,29 @@ def test_ledger_lines_stay_whole(tmp_path):
     for i in range(3):
         append_line(tmp_path / "ledger", f"line {i}")
     assert (tmp_path / "ledger").read_text().splitlines() == ["line 0", "line 1", "line 2"]
+
+
+def test_a_disk_that_takes_half_a_line_is_told_and_the_line_comes_later(tmp_path):
+    """In a process of its own, whose files may not grow past 100 bytes."""
+    code = """
+import resource, signal, sys
+from pathlib import Path
+from rauca_core.contract import RaucaError
+from rauca_core.contract.files import append_line
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
+append_line(Path(sys.argv[1]), "a" * 80)
+try:
+    append_line(Path(sys.argv[1]), "b" * 80)
+except RaucaError as error:
+    print(error)
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+append_line(Path(sys.argv[1]), "b" * 80)
+"""
+    ledger = tmp_path / "ledger"
+    done = subprocess.run([sys.executable, "-c", code, str(ledger)], capture_output=True, text=True, check=True)
+    assert "ledger: larger than files may be here" in done.stdout
+    assert ledger.read_text().splitlines() == ["a" * 80, "b" * 19, "b" * 80]
 
 
 @pytest.mark.parametrize("kind", ["link", "folder", "pipe"])
