@@ -4,25 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..contract import Dataset, Progress, RaucaError
+from ..contract.checksums import read_sums
 from ..contract.colour import srgb_from_linear, to_bytes
-from ..contract.files import png_bytes, require_space, write_bytes
+from ..contract.files import disk_errors, png_bytes, require_space, write_bytes, write_json
 from ..contract.recolour import Colour, hex_name, recolour
+from ..contract.schema import read_json
 from .stored_frame import StoredFrame
 
 BYTES_PER_PIXEL = 3
+NOTE = "recolour.json"
 
 
 def recolour_dataset(
     folder: Path, colours: Sequence[Colour], out: Path, progress: Callable[[Progress], None] = lambda _: None
 ) -> int:
-    """Write ``out/<colour>/<frame>.png`` (8-bit sRGB) for each frame and colour; images already there are kept.
+    """Write ``out/<colour>/<frame>.png`` (8-bit sRGB) for each frame and colour.
+
+    Images already there are kept if they come from the same light maps, and are written again otherwise.
 
     Raises:
-        RaucaError: the data set has no light maps or no frames, or the disk is too small.
+        RaucaError: the data set has no light maps or no frames, a frame has no checksums, or the disk is too small.
     """
     dataset = Dataset(folder)
     if not dataset.plan.light:
@@ -30,9 +36,10 @@ def recolour_dataset(
     frames = StoredFrame.all_of(dataset)
     if not frames:
         raise RaucaError(f"{folder}: no finished frame to recolour; make the data set first")
-    total = len(frames) * len(colours)
-    require_space(out, BYTES_PER_PIXEL * dataset.plan.size**2 * total)
-    written = 0
+    origins = {stored.frame.id: read_sums(stored.folder).get("passes.npz", "")[:16] for stored in frames}
+    missing = sum(_claim(out / hex_name(colour), origins) for colour in colours)
+    require_space(out, BYTES_PER_PIXEL * dataset.plan.size**2 * missing)
+    total, written = len(frames) * len(colours), 0
     for done, stored in enumerate(frames):
         progress(Progress(done * len(colours), total, stored.frame.id))
         paths = {colour: out / hex_name(colour) / f"{stored.frame.id}.png" for colour in colours}
@@ -45,3 +52,31 @@ def recolour_dataset(
             written += 1
     progress(Progress(total, total, ""))
     return written
+
+
+def _claim(folder: Path, origins: dict[str, str]) -> int:
+    """Bind a colour's ``folder`` to light maps, by their hashes; images of others are removed.
+
+    Frames of all data sets have the same names, so these would be mistaken for this one's.
+
+    Returns:
+        How many images are missing.
+    """
+    noted = _noted(folder / NOTE)
+    there = {path.stem: path for path in folder.glob("*.png")}
+    with disk_errors(folder):
+        for frame, path in there.items():
+            if noted.get(frame) != origins.get(frame):
+                path.unlink()
+    if noted != origins:
+        write_json(folder / NOTE, origins)
+    return sum(frame not in there or noted.get(frame) != origin for frame, origin in origins.items())
+
+
+def _noted(note: Path) -> dict[str, Any]:
+    """What light maps the images beside ``note`` come from; empty when it does not say, or is damaged."""
+    try:
+        fields = read_json(note)
+    except RaucaError:
+        return {}
+    return {frame: fields.raw(frame) for frame in fields.names()}
