@@ -62,12 +62,13 @@ def render_camouflages(
         frames: of the data set; all of them by default.
     """
     frames = dataset.frames() if frames is None else frames
-    total, done = len(frames) * len(paintworks), 0
-    files.require_space(out, total * dataset.plan.size**2 * 4)
     for paintwork in paintworks:
+        _claim(out / paintwork.name, paintwork, session.plan)
+    absent = {p: [f for f in frames if not (out / p.name / f"{f.id}.png").is_file()] for p in paintworks}
+    files.require_space(out, sum(map(len, absent.values())) * dataset.plan.size**2 * 4)
+    total, done = len(frames) * len(paintworks), 0
+    for paintwork, missing in absent.items():
         folder = out / paintwork.name
-        _claim(folder, paintwork, session.plan)
-        missing = [frame for frame in frames if not (folder / f"{frame.id}.png").is_file()]
         done += len(frames) - len(missing)
         progress(done, total, paintwork.name)
         if missing:

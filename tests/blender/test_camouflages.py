@@ -28,12 +28,14 @@ def painted(session, box_vehicle, tmp_path):
     return Dataset(tmp_path / "set"), read_paintwork(tmp_path / "random.json", box_vehicle.atlas_id)
 
 
-def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painted, tmp_path):
+def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painted, tmp_path, monkeypatch):
+    from blender_addon.core import files
     from blender_addon.scene.camouflages import MARGIN, render_camouflages
     from blender_addon.scene.render import Crop
 
     dataset, paintwork = painted
-    frame = dataset.frames()[0]
+    frame, asked = dataset.frames()[0], []
+    monkeypatch.setattr(files, "require_space", lambda folder, needed: asked.append(needed))
     render_camouflages(session, dataset, [paintwork], tmp_path / "part", lambda done, total, last: None)
     plan, finer = session.plan, replace(session.plan.quality, adaptive_threshold=1e-6)
     session.plan = replace(plan, quality=finer)  # the same samples, but not the data set's settings: whole frames
@@ -50,6 +52,8 @@ def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painte
     assert np.abs(part - own)[vehicle].mean() > 0.05
     assert np.sqrt(np.square(part - whole).mean()) < 0.015
 
+    render_camouflages(session, dataset, [paintwork], tmp_path / "part", lambda done, total, last: None)
+    assert asked == [4 * plan.size**2] * 2 + [0]  # nothing where all is there
     stamp = (tmp_path / "part" / "random" / f"{frame.id}.png").stat().st_mtime_ns
     (tmp_path / "part" / "random" / "camouflage.json").write_bytes(DEEP)  # whose renders these are, no file tells
     render_camouflages(session, dataset, [paintwork], tmp_path / "part", lambda done, total, last: None)
