@@ -22,7 +22,7 @@ class Instance:
 
     Attributes:
         id: its value in ``instances.png``, 1 to 254.
-        category: a COCO class, never ``car``: an image has one car.
+        category: a COCO class, never that of the data set's vehicle: an image has one object of that.
         box_xyxy: tight box of its visible pixels, pixels; the right and lower edges lie past the last one.
         pixels: how many are visible.
     """

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..contract import Dataset, Frame, PlannedFrame, RaucaError, Vehicle, load_frame
 from ..contract.checksums import SUMS_FILE, file_digest, read_sums
 from . import frame_rules as rules
-from .findings import RENDER_AGAIN, Finding
+from .findings import OTHER_SCENE, RENDER_AGAIN, Finding
 from .stored_frame import GREY, StoredFrame
 
 LIGHT_MAPS = ("A", "B")
@@ -64,6 +64,7 @@ class _Examination:
         """Hold the files against each other; returns the recolouring check's squared error and number of values."""
         frame, plan = load_frame(self._folder), self._dataset.plan
         rules.metadata(self._report, frame, self._planned, plan, self._vehicle)
+        self._only_one(frame)
         images = self._images(frame)
         stored = StoredFrame(self._folder, frame)
         maps = stored.maps("distance", *(LIGHT_MAPS if plan.light else ()))
@@ -81,6 +82,13 @@ class _Examination:
             return 0.0, 0
         rules.picture(self._report, "check.png", images["check.png"])
         return rules.squared_error(frame, maps, paint, images["check.png"])
+
+    def _only_one(self, frame: Frame) -> None:
+        """No other vehicle is of the vehicle's own class; a scene has it, so rendering again would not help."""
+        own = None if self._vehicle is None else self._vehicle.category
+        if any(other.category == own for other in frame.instances):
+            what = f"another vehicle is a {own}, as the data set's own is: whoever finds it is said to be wrong"
+            self._findings.append(Finding(f"frames/{frame.id}/frame.json", what, OTHER_SCENE))
 
     def _images(self, frame: Frame) -> dict[str, NDArray[np.uint8]]:
         names = ["image.png", *GREY] + ([] if frame.check_srgb is None else ["check.png"])

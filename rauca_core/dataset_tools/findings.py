@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 RENDER_AGAIN = "check with --remove-damaged and run the same `rauca dataset make` again"
 MAKE_AGAIN = "make the data set again in another folder"
+OTHER_SCENE = (
+    "take it out of the scene, or give it its own `rauca_category`, and make the data set again in another folder"
+)
 
 Report = Callable[[str, str], None]
 """Takes a file's name and what is wrong with it."""

@@ -190,6 +190,16 @@ def test_what_valid_files_may_not_say_is_found(mini, spoil, what):
     assert all("; check with --remove-damaged and run" in text for text in texts)
 
 
+def test_another_vehicle_of_the_same_class_is_found(mini):
+    frame = mini.frames()[0]
+    (truck,) = frame.instances
+    second = replace(frame, instances=(replace(truck, category="car"),))
+    save_frame(mini.frame_folder(frame.id), second, stored(mini, frame.id))
+    (text,) = told(check_dataset(mini.folder))
+    assert text.startswith(f"frames/{frame.id}/frame.json: another vehicle is a car, as the data set's own is")
+    assert text.endswith("make the data set again in another folder")
+
+
 def test_a_colour_that_the_light_maps_do_not_predict_fails_its_weather(mini):
     frame = next(f for f in mini.frames() if f.check_srgb is not None)
     passes = stored(mini, frame.id)
