@@ -74,10 +74,7 @@ class Ring:
     @staticmethod
     def from_json(fields: Fields) -> Ring:
         def floats(name: str) -> tuple[float, ...]:
-            count = len(fields.items(name))
-            if not count:
-                raise RaucaError(f"{fields.where}: {name} must not be empty")
-            return tuple(fields.array(name, (count,)).tolist())
+            return tuple(fields.array(name, (len(_filled(fields, name)),)).tolist())
 
         ring = Ring(
             floats("azimuths_deg"),
@@ -91,6 +88,8 @@ class Ring:
             fields.number("fov_deg", 1, 170),
         )
         fields.done()
+        if min(ring.distances_m) <= 0:
+            raise RaucaError(f"{fields.where}: distances_m must be above 0, not {min(ring.distances_m):g}")
         return ring
 
 
@@ -173,7 +172,7 @@ class Plan:
         fields.format(*FORMAT, oldest=2)
         weathers = [
             Weather.from_json(Fields(w, f"{fields.where}: weathers[{i}]"))
-            for i, w in enumerate(fields.items("weathers"))
+            for i, w in enumerate(_filled(fields, "weathers"))
         ]
         plan = Plan(
             fields.text("name"),
@@ -200,6 +199,13 @@ class Plan:
         if planned > MAX_FRAMES:
             raise RaucaError(f"{fields.where}: plans {planned} frames; at most {MAX_FRAMES} are made in one data set")
         return plan
+
+
+def _filled(fields: Fields, name: str) -> list[Any]:
+    items = fields.items(name)
+    if not items:
+        raise RaucaError(f"{fields.where}: {name} must not be empty")
+    return items
 
 
 class Dataset:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RaucaError
-from .schema import Fields
+from .schema import MAX_NAME, Fields
 
 NIGHT_ALTITUDE_DEG = -18.0  # the end of astronomical twilight: a lower sun lights nothing
 LAMPS_FULL_ALTITUDE_DEG = -6.0  # the end of civil twilight
@@ -154,6 +154,10 @@ class Weather:
 
     def checked(self, where: str) -> Weather:
         """Itself; raises :class:`RaucaError` when the name cannot name a folder."""
+        if len(self.name) > MAX_NAME:
+            raise RaucaError(
+                f"{where}: name {self.name[:20]}... has {len(self.name)} characters, at most {MAX_NAME} are taken"
+            )
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", self.name):
             raise RaucaError(f"{where}: name {self.name!r} may hold only letters, digits, '_', '.' and '-'")
         return self

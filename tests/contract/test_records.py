@@ -156,6 +156,21 @@ def test_a_dataset_of_another_version_is_refused(tmp_path, version, remedy):
         Dataset(tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"weathers": ()}, "options: weathers must not be empty"),
+        ({"ring": Ring((0.0,), (10.0,), (5.0, 0.0))}, "options: ring: distances_m must be above 0, not 0"),
+        ({"ring": Ring((0.0,), (10.0,), (-6.0,))}, "options: ring: distances_m must be above 0, not -6"),
+        ({"ring": Ring((), (10.0,), (5.0,))}, "options: ring: azimuths_deg must not be empty"),
+    ],
+)
+def test_a_plan_that_cannot_be_rendered_is_refused(change, message):
+    PLAN.check("options")
+    with pytest.raises(RaucaError, match=message):
+        replace(PLAN, **change).check("options")
+
+
 def test_unfinished_frames_do_not_appear(tmp_path):
     claim_folder(tmp_path, PLAN)
     frame = a_frame()

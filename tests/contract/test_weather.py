@@ -58,6 +58,7 @@ def test_a_weather_survives_its_json_and_old_files_are_read():
         ({"fog_falloff": -1}, "fog_falloff must be between"),
         ({"precipitation": "much"}, "precipitation must be a finite number"),
         ({"snow": 3}, "unknown field snow"),
+        ({"name": "x" * 129}, r"name x{20}\.\.\. has 129 characters, at most 128"),
     ],
 )
 def test_bad_numbers_are_named(change, message):
