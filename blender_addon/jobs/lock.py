@@ -77,7 +77,10 @@ def _open(folder: Path) -> int:
     """The lock file, and not one that its last holder removed meanwhile."""
     path = folder / LOCK_FILE
     while True:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise contract.RaucaError(f"{error.filename}: is a file; choose another output folder") from error
         try:
             handle = files.open_to_append(path)
         except FileNotFoundError:

@@ -280,6 +280,12 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
 
     mine = tmp_path / "mine"
     mine.write_text("precious")
+    for place in (mine, mine / "set"):
+        with (
+            pytest.raises(RaucaError, match=f"{mine}.*: is a file; choose another"),
+            hold_cameras(place, Shard(), (0, 2)),
+        ):
+            pass
     folder.mkdir()
     (folder / ".lock").symlink_to(mine)
     with pytest.raises(RaucaError, match="is no file of this folder"), hold_cameras(folder, Shard(), (0, 2)):
