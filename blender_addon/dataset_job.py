@@ -20,7 +20,7 @@ from .jobs.supervisor import Crew, Listener, Supervisor
 from .jobs.worker import serve, tell
 from .scene.images import read_image_blender
 from .scratch import scratch_folder, sweep_scratch
-from .selection import named_frames
+from .selection import chosen_frames
 from .vehicles import find_vehicle
 
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
@@ -133,10 +133,7 @@ class _Run:
     @cached_property
     def _asked(self) -> list[contract.PlannedFrame]:
         """The shard's frames, or those of them that ``--only`` or ``--frames`` choose."""
-        if self.options.frames:
-            chosen = frozenset(contract.balanced_frames(self.plan, self.options.frames))
-        else:
-            chosen = named_frames(self.options.only, {frame_id for frame_id, *_ in self.plan.frame_ids()})
+        chosen = chosen_frames(self.plan, self.options)
         return [frame for frame in contract.planned_frames(self.plan, self.options.shard) if frame.id in chosen]
 
     def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:

@@ -1,11 +1,23 @@
-"""A part of a data set's frames, named by a file: some of a plan too large to be rendered whole."""
+"""A part of a data set's frames, of a plan too large to be rendered whole: balanced, or named by a file."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Collection
 from pathlib import Path
 
 from .core import contract
+
+
+def chosen_frames(plan: contract.Plan, options: argparse.Namespace) -> frozenset[str]:
+    """Ids of the frames that ``make_dataset``'s ``--only`` or ``--frames`` choose; all of them without.
+
+    Raises:
+        RaucaError: as of :func:`named_frames`.
+    """
+    if options.frames:
+        return frozenset(contract.balanced_frames(plan, options.frames))
+    return named_frames(options.only, {frame_id for frame_id, *_ in plan.frame_ids()})
 
 
 def named_frames(path: Path | None, planned: Collection[str]) -> frozenset[str]:

@@ -11,6 +11,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from blender_addon.arguments import dataset_parser
+from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
 from rauca_core.contract.recolour import find_colours
 from rauca_core.dataset_tools import (
@@ -25,7 +26,7 @@ from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
 
 from .blender_process import run_blender
 from .console import console, output, progress_bar
-from .slurm import render_on_slurm, slurm_parser
+from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser
 
 dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
 
@@ -38,16 +39,23 @@ Blender = Annotated[Path | None, typer.Option(help="Blender program; without it 
 @dataset_app.command("make", context_settings=PASS_ON)
 def dataset_make(context: typer.Context, blender: Blender = None) -> None:
     """Render a data set: every view in every weather. `rauca dataset make --help` lists the options."""
-    cluster, arguments = slurm_parser().parse_known_args(context.args)
+    _, arguments = slurm_parser().parse_known_args(context.args)
     every_option = ArgumentParser(prog="rauca dataset make", parents=[dataset_parser(), slurm_parser()], **MERGED)
     options = every_option.parse_args(context.args)
-    with progress_bar("rendering data set", every_step=True) as move:
-        if cluster.slurm:
-            job = render_on_slurm(cluster, options.out, arguments, blender, move)
+    refuse_without_slurm(options)
+    with progress_bar("rendering data set", every_step=True) as bar:
+
+        def move(progress: Progress) -> None:
+            bar(progress)
+            if options.json_progress:
+                print(progress.line(), flush=True)
+
+        if options.slurm:
+            job = render_on_slurm(options, arguments, blender, move)
         else:
             run_blender("make_dataset", [*arguments, "--json-progress"], move, blender)
-    if cluster.slurm:
-        console.print(f"Slurm job {job}" + (" submitted" if cluster.no_wait else " finished"))
+    if options.slurm:
+        console.print(f"Slurm job {job}" + (" submitted" if options.no_wait else " finished"))
 
 
 @dataset_app.command("check")

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from blender_addon.selection import chosen_frames
 from rauca_core.contract import Progress, RaucaError, frame_states, read_plan
 
 from .blender_process import blender_command, reason_of
@@ -36,9 +37,15 @@ def slurm_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def refuse_without_slurm(options: argparse.Namespace) -> None:
+    """Raise :class:`RaucaError` when options ask something of a cluster, and none is to be used."""
+    for name, default in vars(slurm_parser().parse_args([])).items():
+        if not options.slurm and getattr(options, name) != default:
+            raise RaucaError(f"--{name.replace('_', '-')}: is of a Slurm cluster; give --slurm too, or leave it out")
+
+
 def render_on_slurm(
     options: argparse.Namespace,
-    folder: Path,
     arguments: Sequence[str],
     blender: Path | None,
     move: Callable[[Progress], None],
@@ -46,9 +53,8 @@ def render_on_slurm(
     """Submit the shards of a data set and, unless told otherwise, wait for them.
 
     Args:
-        options: of :func:`slurm_parser`.
-        folder: the data set; logs go to ``<folder>.slurm`` beside it.
-        arguments: of ``make_dataset``.
+        options: of ``make_dataset`` and of :func:`slurm_parser`; logs go to ``<out>.slurm`` beside the data set.
+        arguments: of ``make_dataset``, as they were typed.
         move: called with the progress of all tasks together.
 
     Returns:
@@ -57,13 +63,14 @@ def render_on_slurm(
     Raises:
         RaucaError: there is no Slurm or submitit here, the cluster refuses the job, or tasks failed.
     """
-    if "--shard" in arguments:
+    folder: Path = options.out
+    if options.shard.count > 1:
         raise RaucaError("--shard: with --slurm every shard is submitted; give --shards N instead")
     if options.shards < 1:
         raise RaucaError(f"--shards {options.shards}: must be at least 1")
     if shutil.which("sbatch") is None:
         raise RaucaError("--slurm: there is no sbatch here; run this on a login node of a Slurm cluster")
-    logs = folder.absolute().with_name(folder.name + ".slurm")
+    logs = Path(f"{folder.absolute()}.slurm")
     shards = [f"{i}/{options.shards}" for i in range(1, options.shards + 1)]
     commands = [blender_command("make_dataset", [*arguments, "--shard", shard], blender) for shard in shards]
     jobs = _submit(options, logs, commands)
@@ -71,7 +78,7 @@ def render_on_slurm(
     if options.no_wait:
         return array
     try:
-        _wait(jobs, array, folder, move)
+        _wait(jobs, array, options, move)
     except KeyboardInterrupt:
         raise RaucaError(f"interrupted; job {array} goes on without us, `scancel {array}` ends it") from None
     failed = [f"{shard}: {reason}" for shard, job in zip(shards, jobs, strict=True) if (reason := _failure(job))]
@@ -105,12 +112,13 @@ def _submit(options: argparse.Namespace, logs: Path, commands: list[list[str]]) 
         raise RaucaError(f"--slurm: the cluster refused the job: {' '.join(str(error).split())}") from None
 
 
-def _wait(jobs: list[Any], array: str, folder: Path, move: Callable[[Progress], None]) -> None:
+def _wait(jobs: list[Any], array: str, options: argparse.Namespace, move: Callable[[Progress], None]) -> None:
     while True:
         waiting = [job for job in jobs if not job.paths.result_pickle.exists()]
-        if (folder / "dataset.json").is_file():
-            settled = sum(state != "failed" for state in frame_states(folder).values())
-            move(Progress(settled, len(read_plan(folder).frame_ids()), f"{len(waiting)} of {len(jobs)} tasks left"))
+        if (options.out / "dataset.json").is_file():
+            asked, states = chosen_frames(read_plan(options.out), options), frame_states(options.out)
+            settled = sum(state != "failed" for frame, state in states.items() if frame in asked)
+            move(Progress(settled, len(asked), f"{len(waiting)} of {len(jobs)} tasks left"))
         if not waiting:
             return
         if not _listed(array):

@@ -6,11 +6,24 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from typer.testing import CliRunner
 
-from pipelines.slurm import render_on_slurm, slurm_parser
-from rauca_core.contract import RaucaError
+from blender_addon.arguments import dataset_parser
+from pipelines import slurm
+from pipelines.cli import app
+from rauca_core.contract import (
+    LedgerEntry,
+    Progress,
+    RaucaError,
+    append_entry,
+    balanced_frames,
+    claim_folder,
+    planned_frames,
+)
+from tests.contract.test_records import PLAN
 
 PROGRAMS = ("sbatch", "slurmctld", "slurmd", "munged")
 SCRIPT = Path(__file__).parent / "run.sh"
@@ -28,14 +41,34 @@ def test_two_shards_equal_a_local_run():
 
 def test_mistakes_are_told(tmp_path, monkeypatch):
     def submit(*arguments: str) -> None:
-        options, rest = slurm_parser().parse_known_args(["--slurm", *arguments])
-        render_on_slurm(options, tmp_path / "set", rest, None, lambda progress: None)
+        done = CliRunner().invoke(app, ["dataset", "make", "--out", str(tmp_path / "set"), *arguments])
+        assert done.exception is not None
+        raise done.exception
 
     with pytest.raises(RaucaError, match="give --shards N instead"):
-        submit("--shard", "1/2")
+        submit("--slurm", "--shard", "1/2")
+    with pytest.raises(RaucaError, match="give --shards N instead"):
+        submit("--slurm", "--shard=1/2")
     with pytest.raises(RaucaError, match="at least 1"):
-        submit("--shards", "0")
+        submit("--slurm", "--shards", "0")
+    for alone in (["--shards", "2"], ["--partition=gpu"], ["--time", "5"], ["--no-wait"]):
+        with pytest.raises(RaucaError, match=f"{alone[0].partition('=')[0]}: is of a Slurm cluster; give --slurm too"):
+            submit(*alone)
     monkeypatch.setenv("PATH", "")
     with pytest.raises(RaucaError, match="no sbatch here; run this on a login node"):
-        submit("--shards", "2")
+        submit("--slurm", "--shards", "2")
     assert not list(tmp_path.iterdir())
+
+
+def test_progress_counts_the_frames_that_were_asked_for(tmp_path):
+    claim_folder(tmp_path, PLAN)
+    part = balanced_frames(PLAN, 3)
+    strangers = [frame.id for frame in planned_frames(PLAN) if frame.id not in part]
+    for frame in [*part[:2], *strangers[:4]]:  # the strangers are of an earlier run
+        append_entry(tmp_path, LedgerEntry(frame, "occluded", visible=0.1))
+    options = dataset_parser().parse_args(["--out", str(tmp_path), "--frames", "3"])
+    (tmp_path / "result").touch()
+    ended = SimpleNamespace(paths=SimpleNamespace(result_pickle=tmp_path / "result"))
+    moves: list[Progress] = []
+    slurm._wait([ended], "7", options, moves.append)
+    assert [(move.done, move.total) for move in moves] == [(2, 3)]
