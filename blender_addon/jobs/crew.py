@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Sequence
 from queue import SimpleQueue
 
+from ..core import contract
 from .messages import News, parse_news
 from .worker import STOP
 
@@ -31,6 +32,7 @@ class Worker:
         self.piece: list[str] = []
         self.in_flight: str | None = None
         self.rendered = 0
+        self._garbled = ""
         self._complaints: deque[str] = deque(maxlen=TAIL_LINES)
         self._process = subprocess.Popen(
             command,
@@ -78,6 +80,8 @@ class Worker:
     def death(self) -> str:
         """How a worker ended that should not have: the signal, or its last words."""
         code = self._process.wait()
+        if self._garbled:
+            return self._garbled
         if code < 0:
             name = signal.Signals(-code).name
             return f"Blender was killed by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
@@ -93,9 +97,13 @@ class Worker:
             pass  # it is dead; its end arrives in the inbox
 
     def _pass_on(self, inbox: SimpleQueue[tuple[Worker, News | None]]) -> None:
-        for line in self._process.stdout or ():
-            if news := parse_news(line):
-                inbox.put((self, news))
+        try:
+            for line in self._process.stdout or ():
+                if news := parse_news(line):
+                    inbox.put((self, news))
+        except contract.RaucaError as error:  # whatever it says from here on, something is lost: replace it
+            self._garbled = str(error)
+            self.kill()
         self._complaining.join(timeout=5)
         self._process.wait()
         inbox.put((self, None))

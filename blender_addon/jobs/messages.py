@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+from ..core import contract, reading
+
 _MARK = "rauca-worker "
 
 
@@ -34,5 +36,14 @@ class News:
 
 
 def parse_news(line: str) -> News | None:
-    """The news in a line, or None for anything else that Blender prints."""
-    return News(**json.loads(line.removeprefix(_MARK))) if line.startswith(_MARK) else None
+    """The news in a line, or None for anything else that Blender prints.
+
+    Raises:
+        RaucaError: the line is damaged.
+    """
+    if not line.startswith(_MARK):
+        return None
+    try:
+        return News(**reading.parse_json(line.removeprefix(_MARK), "news"))
+    except (contract.RaucaError, TypeError) as error:
+        raise contract.RaucaError(f"Blender said {line.strip()[:80]!r}, which is no news of a worker") from error

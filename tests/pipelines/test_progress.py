@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import pytest
+from typer.testing import CliRunner
 
 from blender_addon.jobs.messages import News, parse_news
 from blender_addon.jobs.pace import REMEMBERED, Pace, spoken
+from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
+from pipelines import dataset_commands
+from pipelines.cli import app
 from pipelines.console import console, progress_bar
-from rauca_core.contract import Progress, parse_progress
+from rauca_core.contract import Progress, RaucaError, Shard, parse_progress
 
 
 def test_the_estimate_follows_the_latest_frames():
@@ -40,6 +47,43 @@ def test_lines_survive_what_else_is_printed():
     assert parse_news("Fra:1 Mem:12M | Sample 1/8") is None
     assert parse_news(progress.line()) is None
     assert parse_progress(news.line()) is None
+
+
+@pytest.mark.parametrize("rest", ['{"event"', "[]", '{"event": "done", "what": 1}', ""])
+def test_a_damaged_line_of_a_worker_is_an_error(rest):
+    with pytest.raises(RaucaError, match="which is no news of a worker"):
+        parse_news(f"rauca-worker {rest}\n")
+
+
+def test_a_worker_that_talks_nonsense_is_replaced_and_then_given_up(tmp_path):
+    """In a thread: a supervisor that waits for ever fails the test, and does not stop the others."""
+    code = "import sys; print('rauca-worker {\"event', flush=True); sys.stdin.read()"
+    listener = Listener(lambda progress: None, lambda note: None)
+    supervisor = Supervisor(tmp_path, Shard(), Crew([sys.executable, "-c", code]), listener, lambda: None)
+    told: list[str] = []
+
+    def run() -> None:
+        try:
+            supervisor.run([["L00-V000-day"]], 0)
+        except RaucaError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(timeout=60)
+    (reason,) = told
+    assert reason.startswith("3 workers died before their first frame: Blender said 'rauca-worker ")
+    assert reason.endswith("which is no news of a worker")
+    assert not list(tmp_path.iterdir())
+
+
+def test_progress_for_programs_is_on_standard_output_and_for_people_beside_it(monkeypatch, tmp_path):
+    told = [Progress(i, 2, f"L00-V00{i}-day") for i in range(3)]
+    monkeypatch.setattr(dataset_commands, "run_blender", lambda job, arguments, move, blender: [*map(move, told)])
+    for asked, expected in ([], []), (["--json-progress"], told):
+        done = CliRunner().invoke(app, ["dataset", "make", "--out", str(tmp_path / "set"), *asked])
+        assert done.exit_code == 0, done.output
+        assert [parse_progress(line) for line in done.stdout.splitlines()] == expected
 
 
 def test_a_log_gets_a_line_per_frame():
