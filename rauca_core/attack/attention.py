@@ -66,11 +66,12 @@ def attention_map(score: Tensor, features: Tensor) -> Tensor:
     all cells, a detector's score hangs on a few, and its map would all but vanish. Positive where the vehicle's score
     comes from.
     """
-    features, slopes = precise(features), None
+    slopes = None
     if score.requires_grad:
         evidence = torch.logit(score.clamp(SCORE_EDGE, 1 - SCORE_EDGE)).sum()
         (slopes,) = torch.autograd.grad(evidence, features, retain_graph=True, allow_unused=True)
-    weights = torch.zeros_like(features) if slopes is None else slopes
+    features = precise(features)  # after the slopes: what a network in bfloat16 reads is not this copy
+    weights = torch.zeros_like(features) if slopes is None else precise(slopes)
     return (features * weights.sum((2, 3), keepdim=True)).sum(1)
 
 

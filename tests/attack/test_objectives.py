@@ -11,6 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from benchmarks.stability.detectors import Answering, as_found
 from rauca_core.attack import detection_score
 from rauca_core.attack.attention import attention_layer, attention_map, dispersed_attention, watching
 from rauca_core.attack.background import cluster
@@ -124,6 +125,17 @@ def test_attention_to_nothing_and_to_everything_is_finite(score: float) -> None:
         assert loss.tolist() == [0.0, 0.0]
         (gradient,) = torch.autograd.grad(loss.sum(), features)
         assert torch.isfinite(gradient).all()
+
+
+def test_attention_of_a_network_in_half_precision_is_that_of_the_whole_one() -> None:
+    images, box = torch.rand(2, 3, 64, 64, generator=torch.Generator().manual_seed(0)), [8.0, 8.0, 56.0, 56.0]
+    whole, half = (
+        Panel([Answering(as_found)], "car", None, precision, "attention").attack(images, torch.tensor([box, box]))
+        for precision in ("float32", "bfloat16")
+    )
+    assert whole.gradient.abs().sum() > 0
+    assert torch.allclose(half.losses, whole.losses, rtol=0.1)
+    assert (half.gradient - whole.gradient).abs().sum() < 0.2 * whole.gradient.abs().sum()
 
 
 def test_features_are_those_that_all_heads_share() -> None:
