@@ -24,7 +24,9 @@ Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
 Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
 Size = Annotated[int | None, typer.Option(help="average frames down to this size, pixels; their own by default")]
 Crop = Annotated[int, typer.Option(help="train on squares of this side around the paint, pixels; 0: whole frames")]
-Mixed = Annotated[bool, typer.Option(help="with --crop: every other frame whole, averaged down to the square's side")]
+Mixed = Annotated[
+    bool, typer.Option(help="every other frame whole, averaged down to the side of --crop, which must divide its own")
+]
 Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
 Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
 Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]

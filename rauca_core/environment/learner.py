@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from ..contract import RaucaError
 from .batches import Batch, augment, collate, crop, draw_albedos, join
 from .extractor import LightSplitter
 from .frames import LightFrame, LightFrames, shrink
@@ -46,9 +47,18 @@ class Learner(Protocol):
 
 
 class SplitterLearner:
-    """Ours: exact maps compared in albedos drawn anew at every step, one inference for all of them."""
+    """Ours: exact maps compared in albedos drawn anew at every step, one inference for all of them.
+
+    Raises:
+        RaucaError: frames that cannot be averaged down to the square's side, where they are to be mixed.
+    """
 
     def __init__(self, net: LightSplitter, frames: LightFrames, settings: TrainingSettings) -> None:
+        if settings.mixed and (settings.crop == 0 or frames.size % settings.crop):
+            raise RaucaError(
+                f"--mixed: frames of {frames.size} pixels, no multiple of --crop {settings.crop}; "
+                "choose a --crop that divides them, or drop --mixed"
+            )
         self.net = net
         self._frames, self._settings = frames, settings
 
@@ -65,9 +75,8 @@ class SplitterLearner:
     def _draw(self, item: Item, rng: np.random.Generator) -> tuple[Batch, Tensor]:
         """A frame as this step sees it, and albedos (C, 1, 3, H, W) to compare it in."""
         side, frame = self._settings.crop, self._frames.get(item.frame)
-        own = frame.image.shape[-1]
-        if side and self._settings.mixed and own % side == 0 and rng.random() < 0.5:
-            frame = shrink(frame, own // side)
+        if self._settings.mixed and rng.random() < 0.5:
+            frame = shrink(frame, frame.image.shape[-1] // side)
         seen = collate([frame])
         if side:
             seen = crop(seen, side, rng)

@@ -28,7 +28,7 @@ class TrainingSettings(BaseModel):
         average: decay of the weights' running mean, which is what is tested and kept; 0 takes the weights themselves.
         size: frames are averaged down to, pixels; None leaves them as they are.
         crop: train on random squares of this side, pixels; 0 on whole frames.
-        mixed: with ``crop``, every other frame is shown whole, averaged down to the square's side.
+        mixed: every other frame is shown whole, averaged down to the side of ``crop``, which must divide its own.
         augment: show our extractor the frames in other light and reference paint as well.
         split, test_share: how frames are held out to test on, see ``LightFrames.split``.
         precision: ``auto`` is bfloat16 where a GPU has it, else float32.

@@ -162,6 +162,12 @@ def test_near_and_far_are_mixed(dataset, tmp_path):
     assert max(painted) > 2 * min(painted)
 
 
+@pytest.mark.parametrize("side", [0, 12, 80])
+def test_frames_that_cannot_be_mixed_are_refused(dataset, tmp_path, side):
+    with pytest.raises(RaucaError, match=f"^--mixed: frames of 32 pixels, no multiple of --crop {side}; choose"):
+        job(dataset.folder, tmp_path / "run", crop=side, mixed=True)
+
+
 def test_bfloat16_learns_too(dataset, tmp_path):
     outcome = run(job(dataset.folder, tmp_path / "run", epochs=6, lr=0.01, precision="bfloat16"))
     assert min(outcome.errors) < 0.9 * outcome.errors[0]
