@@ -66,7 +66,9 @@ def make_naturalness(
 
 
 def natural_settings(context: typer.Context) -> dict[str, Any]:
-    """The optimiser's settings that the command's options of this module amount to."""
+    """The optimiser's settings that the command's options of this module amount to; a method's patches stay."""
+    from rauca_core.attack.methods import method_named
+
     given = context.params
     names = ("palette_colours", "feature_size", "reference", "reference_width", "max_delta_e")
     wanted = make_naturalness(given["palette_of"], **{name: given[name] for name in names})
@@ -75,5 +77,8 @@ def natural_settings(context: typer.Context) -> dict[str, Any]:
         raise RaucaError(f"--reference-weight {weight:g}: give 0 or more, and a --reference")
     if weight and given["method"] in ("das", "active"):
         raise RaucaError(f"--reference-weight: {given['method']} has a prior of its own; use another --method")
+    own = method_named(given["method"]).settings.get("natural") if given["method"] else None
+    if wanted is not None and own is not None and given["feature_size"] is None:
+        wanted = wanted.model_copy(update={"feature_cm": own.feature_cm})
     chosen: dict[str, Any] = {} if wanted is None else {"natural": wanted}
     return chosen | ({"prior": "reference", "gamma": weight} if weight else {})

@@ -12,6 +12,7 @@ import pipelines.optimize_camouflage as command
 from pipelines.cli import app
 from rauca_core.attack import OptimiserSettings, make_settings
 from rauca_core.attack.methods import METHODS, settings_of
+from rauca_core.attack.naturalness import Naturalness
 
 
 @pytest.fixture
@@ -41,6 +42,14 @@ def test_typed_options_win(chosen: Any) -> None:
     found = chosen("--method", "fca", "--light", "exact", "--beta", "0.01", "--name", "fca lit", "--weight", "3")
     assert (found.light, found.beta, found.name, found.weights) == ("exact", 0.01, "fca lit", (3.0,))
     assert (found.method, found.paint, found.limit, found.samples) == ("fca", "facets", "tanh", 2)
+
+
+def test_a_methods_patches_stay_unless_their_size_is_typed(chosen: Any) -> None:
+    natural = Naturalness(palette=("#1b2a1b", "#4b5320"), feature_cm=5.0)
+    typed = ("--method", "ours", "--palette", "#1b2a1b,#4b5320")
+    assert chosen(*typed).natural == natural
+    assert chosen(*typed, "--feature-size", "20").natural == natural.model_copy(update={"feature_cm": 20.0})
+    assert chosen("--method", "fca", *typed[2:]).natural == natural.model_copy(update={"feature_cm": None})
 
 
 def test_methods_and_their_assumptions_are_documented() -> None:
