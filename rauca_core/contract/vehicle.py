@@ -143,9 +143,9 @@ class Vehicle:
 
     @property
     def geometry_id(self) -> str:
-        """Hash of everything the renderer's taps depend on; keys caches."""
+        """Hash of everything the renderer's taps depend on, a pattern's on normals; keys caches."""
         digest = hashlib.sha256(self.atlas_id.encode())
-        for array in (self.positions, self.triangles, self.uvs, self.paint_faces()):
+        for array in (self.positions, self.triangles, self.uvs, self.normals, self.paint_faces()):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import TapCache, Taps, TapSettings, build_taps
+from rauca_core.render import PatternSettings, TapCache, Taps, TapSettings, build_taps
 
 SETTINGS = TapSettings(64, samples=2)
 
@@ -86,6 +86,14 @@ def test_everything_the_taps_depend_on_is_in_the_key(box_vehicle: Vehicle, tmp_p
     box_vehicle.positions[0, 0] += 0.1
     TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0))
     assert len(list(tmp_path.iterdir())) == 9
+
+
+def test_a_pattern_is_read_anew_where_normals_changed(box_vehicle: Vehicle, tmp_path: Path) -> None:
+    settings = PatternSettings(16, 0.5, samples=2)
+    slanted = replace(box_vehicle, normals=np.full_like(box_vehicle.normals, 3**-0.5))
+    before, found = (TapCache(tmp_path, vehicle, settings).get(view(0)) for vehicle in (box_vehicle, slanted))
+    assert same(found, settings.build(slanted, view(0), settings.pyramid(slanted)))
+    assert not same(found, before)
 
 
 def test_memory_is_bounded_and_keeps_the_latest(box_vehicle: Vehicle, tmp_path: Path) -> None:
