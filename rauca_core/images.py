@@ -18,17 +18,23 @@ FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
-    """Read an 8-bit image: (H, W) for grey files, else (H, W, 3) sRGB; alpha is dropped.
+    """Read an image as 8 bits: (H, W) for grey files, else (H, W, 3) sRGB; alpha is dropped.
+
+    Of 16 bits the upper 8 are read.
 
     Raises:
-        RaucaError: missing, damaged or absurdly large file, a format other than :data:`FORMATS`.
+        RaucaError: missing, damaged or absurdly large file, a format other than :data:`FORMATS`, pixels of 32 bits.
     """
     path = Path(path)
     require_file(path)
     try:
         _verify(path)
         with _opened(path) as image:
-            return np.asarray(image.convert("L" if image.mode in ("1", "L", "I;16") else "RGB"))
+            if image.mode.startswith("I;16"):  # which Pillow would clip; colours of 16 bits it cuts like this
+                return (np.asarray(image) >> 8).astype(np.uint8)
+            if image.mode in ("I", "F"):
+                raise RaucaError(f"{path}: grey in Pillow's mode {image.mode}, of no known range; save it with 8 bits")
+            return np.asarray(image.convert("L" if image.mode in ("1", "L") else "RGB"))
     except RaucaError:
         raise
     except Exception as error:  # Pillow's decoders raise whatever a damaged file makes of them
