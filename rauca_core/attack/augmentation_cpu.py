@@ -42,13 +42,14 @@ class _Augment(torch.autograd.Function):
         matrices, offsets, factors = (t.to(images).numpy() for t in (to_source, brightness, contrast))
         _forward(source, matrices, offsets, factors, source.dtype.type(backdrop), result)
         ctx.matrices, ctx.factors, ctx.result = matrices, factors, result
+        ctx.relit = (factors != 1) | (offsets != 0)
         return torch.from_numpy(result).permute(0, 3, 1, 2)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None]:
         handed = _pixels(gradients[0]).copy()
         gradient = np.zeros_like(handed)
-        _backward(handed, ctx.matrices, ctx.factors, ctx.result, gradient)
+        _backward(handed, ctx.matrices, ctx.factors, ctx.relit, ctx.result, gradient)
         return torch.from_numpy(gradient).permute(0, 3, 1, 2), None, None, None, None
 
 
@@ -87,10 +88,12 @@ def _forward(source: Any, to_source: Any, brightness: Any, contrast: Any, backdr
 
 
 @njit(cache=True, nogil=True)
-def _backward(handed: Any, to_source: Any, contrast: Any, result: Any, gradient: Any) -> None:
+def _backward(handed: Any, to_source: Any, contrast: Any, relit: Any, result: Any, gradient: Any) -> None:
     height, width = handed.shape[1], handed.shape[2]
     for b in range(handed.shape[0]):
-        matrix, total = to_source[b], _unclip(handed[b].reshape(-1), result[b].reshape(-1))
+        matrix, total = to_source[b], 0.0
+        if relit[b]:  # what was only moved is not clipped: 0 and 1 are its own, and keep their gradient
+            total = _unclip(handed[b].reshape(-1), result[b].reshape(-1))
         # Every pixel also moves the mean that contrast turns about.
         factor, common = contrast[b], handed.dtype.type(total * (1 - contrast[b]) / (height * width * CHANNELS))
         for row in range(height):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -95,6 +97,16 @@ def test_one_pass_is_grid_sample_mean_and_clamp(width: int, height: int) -> None
     weights = torch.rand(fast.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(3))
     (fast * weights).sum().backward()
     (slow * weights).sum().backward()
+    assert torch.allclose(one.grad, two.grad, atol=1e-12)
+
+
+def test_black_and_white_keep_their_gradient_where_nothing_is_relit() -> None:
+    roa = Augmentation.draw(named_rng("ends"), 4)
+    roa = replace(roa, brightness=torch.zeros(4), contrast=torch.ones(4))
+    ends = torch.rand(4, 3, 16, 16, dtype=torch.float64, generator=torch.Generator().manual_seed(4)).round()
+    one, two = (ends.clone().requires_grad_() for _ in range(2))
+    roa(one, torch.zeros(4, 4))[0].sum().backward()
+    roa.move_images(two).sum().backward()
     assert torch.allclose(one.grad, two.grad, atol=1e-12)
 
 
