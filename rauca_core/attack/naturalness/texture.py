@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -81,7 +82,7 @@ class Constraints:
         every = [distances(np.broadcast_to(colour, home.shape), home) for colour in colours]
         near = np.stack(every, 1) <= bound
         if not near.any(1).all():
-            lost, best = 1 - near.any(1).mean(), np.stack(every, 1).min(1).max()
+            lost, best = 1 - near.any(1).mean(), math.ceil(np.stack(every, 1).min(1).max() * 10) / 10
             raise RaucaError(
                 f"--max-delta-e {bound:g}: on {lost:.0%} of the paint no colour of the palette is that near the "
                 f"reference; allow {best:.1f} or give more --palette colours"

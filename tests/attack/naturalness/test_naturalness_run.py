@@ -21,6 +21,7 @@ from rauca_core.attack.naturalness.bound import distances
 from rauca_core.attack.naturalness.finish import distance_of_map
 from rauca_core.attack.naturalness.palette import palette_bytes
 from rauca_core.attack.naturalness.reference import fingerprint, reference_texels
+from rauca_core.attack.naturalness.texture import Constraints
 from rauca_core.attack.optimiser import CHECKPOINTS
 from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
@@ -149,6 +150,14 @@ def test_references_as_map_photograph_and_colour(box_vehicle: Vehicle, tmp_path:
     changed = Naturalness(reference=str(tmp_path / "old.json"), reference_sha256="0" * 64)
     with pytest.raises(RaucaError, match="changed"):
         reference_texels(box_vehicle, atlas, changed)
+
+
+def test_the_bound_that_a_refusal_names_is_taken(box_vehicle: Vehicle) -> None:
+    """White is 7.302 from this grey: 7.3 would be refused in turn."""
+    atlas, asked = Pyramid.of(box_vehicle, 64), {"palette": ("#ffffff",), "reference": "#eaeaea"}
+    with pytest.raises(RaucaError, match=r"allow 7\.4 or"):
+        Constraints(box_vehicle, atlas, Naturalness(**asked, max_delta_e=7.3), 0)
+    Constraints(box_vehicle, atlas, Naturalness(**asked, max_delta_e=7.4), 0)
 
 
 @pytest.mark.parametrize(
