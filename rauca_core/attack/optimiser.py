@@ -73,6 +73,11 @@ def optimise(
                 if resume:
                     checkpoint = load_checkpoint(out / CHECKPOINTS)
                     check_identity(out, checkpoint.identity, run.identity)
+                    if checkpoint.step > settings.steps:
+                        raise RaucaError(
+                            f"{out}: holds a run after step {checkpoint.step}, beyond --steps {settings.steps}; "
+                            "ask for more steps, or start anew in another folder"
+                        )
                     run.restore(checkpoint)
                 with run.store.warming(run.order.upcoming(), on_view):
                     _loop(run, out, on_step)

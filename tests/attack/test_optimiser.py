@@ -194,6 +194,11 @@ def test_wrong_conditions_are_refused(
         optimise(dataset, [small_detector], settings(), out)
     with pytest.raises(RaucaError, match="another lr, seed;"):
         optimise(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
+    optimise(dataset, [small_detector], settings(steps=2), out, resume=True)
+    made = (out / "camouflage.json").read_bytes()
+    with pytest.raises(RaucaError, match="after step 2, beyond --steps 1; ask for more"):
+        optimise(dataset, [small_detector], settings(steps=1), out, resume=True)
+    assert (out / "camouflage.json").read_bytes() == made
     (tensors,) = (out / CHECKPOINTS).glob("*.safetensors")
     tensors.write_bytes(tensors.read_bytes()[:100])
     with pytest.raises(RaucaError, match="damaged"):
