@@ -15,6 +15,7 @@ from ..contract.reading import parse_json, read_limited
 from .preview import SIDE, shrunk
 
 HISTORY = "history.jsonl"
+CURVES = ("loss", "attack", "smooth", "prior", "score")  # of a step, for tensorboard and the camouflage's record
 MAX_HISTORY_BYTES = 2**28  # a line is some 400 bytes: half a million steps
 
 
@@ -56,8 +57,7 @@ class Journal:
 
     def add(self, report: StepReport) -> None:
         self._pending.append(json.dumps(asdict(report)))
-        curves = ("loss", "attack", "smooth", "prior", "score")
-        self._board.scalars({name: getattr(report, name) for name in curves}, report.step)
+        self._board.scalars({name: getattr(report, name) for name in CURVES}, report.step)
 
     def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
         """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
@@ -95,6 +95,7 @@ def read_history(folder: Path) -> list[dict[str, float]]:
 
 def _report(line: bytes) -> dict[str, float]:
     report = parse_json(line, HISTORY)
-    if not isinstance(report, dict) or not isinstance(report.get("step"), int):
+    kinds = {"step": int, **dict.fromkeys(CURVES, float)}
+    if not isinstance(report, dict) or any(type(report.get(name)) is not kind for name, kind in kinds.items()):
         raise RaucaError(f"{HISTORY}: no report of a step")
     return report

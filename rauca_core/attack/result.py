@@ -7,11 +7,11 @@ from typing import Any
 
 from torch import Tensor
 
-from ..contract import Camouflage, Vehicle, save_camouflage
+from ..contract import Camouflage, RaucaError, Vehicle, save_camouflage
 from ..contract.colour import to_bytes
 from ..contract.files import png_bytes
 from ..render import Pyramid, display, undisplay
-from .journal import read_history
+from .journal import CURVES, HISTORY, read_history
 from .naturalness.finish import finish
 from .naturalness.texture import NaturalColours
 from .settings import OptimiserSettings
@@ -29,9 +29,15 @@ def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
 def write_result(
     out: Path, vehicle: Vehicle, pyramid: Pyramid, texture: Texture, settings: OptimiserSettings, detector: str
 ) -> Path:
-    """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history."""
+    """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history.
+
+    Raises:
+        RaucaError: a history without a step, or damaged.
+    """
     last = read_history(out)[-AVERAGED_STEPS:]
-    losses = {name: sum(r[name] for r in last) / len(last) for name in ("loss", "attack", "smooth", "prior", "score")}
+    if not last:
+        raise RaucaError(f"{out / HISTORY}: holds no step of the run; bring it back, or start anew in another folder")
+    losses = {name: sum(r[name] for r in last) / len(last) for name in CURVES}
     made: dict[str, Any] = {
         "detector": detector,
         "steps": settings.steps,

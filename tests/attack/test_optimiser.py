@@ -210,6 +210,22 @@ def test_wrong_conditions_are_refused(
         optimise(dark, [small_detector], settings(), tmp_path / "nolight")
 
 
+def test_a_finished_run_whose_history_is_damaged_is_one_line(
+    dataset: Dataset, small_detector: Any, tmp_path: Path
+) -> None:
+    chosen, history = settings(steps=2), tmp_path / "history.jsonl"
+    optimise(dataset, [small_detector], chosen, tmp_path)
+    first, second = history.read_text().splitlines()
+    for text, said in (
+        ("", "history.jsonl: holds no step of the run; bring it back"),
+        (first.replace('"loss"', '"lost"') + f"\n{second}\n", "history.jsonl: line 1 is damaged; remove it"),
+        (f'{{"step": 1}}\n{second}\n', "history.jsonl: line 1 is damaged; remove it"),
+    ):
+        history.write_text(text)
+        with pytest.raises(RaucaError, match=said):
+            optimise(dataset, [small_detector], chosen, tmp_path, resume=True)
+
+
 def test_settings_name_what_is_wrong() -> None:
     with pytest.raises(RaucaError, match=r"lr: .*-1"):
         make_settings(lr=-1)

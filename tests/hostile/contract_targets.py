@@ -161,7 +161,8 @@ def _study(folder: Path) -> None:
 
 
 def _history(folder: Path) -> None:
-    row = {"step": 1, "steps": 3, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.9, "seconds": 1.0, "stages": {}}
+    row = {"step": 1, "steps": 3, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.9, "prior": 0.0}
+    row |= {"seconds": 1.0, "stages": {}}
     (folder / "history.jsonl").write_text("".join(json.dumps({**row, "step": i}) + "\n" for i in (1, 2, 3)))
 
 
