@@ -62,7 +62,7 @@ class OptimiserSettings(BaseModel):
         natural: what the paint has to look like, see `naturalness`; None leaves it free.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     steps: int = Field(1000, ge=1)
     batch: int = Field(4, ge=1, le=1024)

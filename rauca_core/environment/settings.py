@@ -40,7 +40,7 @@ class TrainingSettings(BaseModel):
         memory_mb: of frames kept in memory, MiB.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     method: Literal["ours", "published-base", "published-final"] = "ours"
     epochs: int = Field(40, ge=1)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import socket
@@ -231,6 +232,9 @@ def test_settings_name_what_is_wrong() -> None:
         make_settings(lr=-1)
     with pytest.raises(RaucaError, match="stepz"):
         make_settings(stepz=3)
+    for chosen in ({"beta": math.inf}, {"gamma": math.nan}, {"weights": (1.0, math.nan)}, {"weights": (math.inf,)}):
+        with pytest.raises(RaucaError, match=f"^{next(iter(chosen))}.*finite number, not (nan|inf)"):
+            make_settings(**chosen)
 
 
 def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
