@@ -108,7 +108,7 @@ class LightFrames:
         if not chosen and own != self.size:
             raise RaucaError(
                 f"{dataset.folder}: frames of {own} pixels, those of {self.datasets[0].folder} have {self.size}; "
-                "choose a --size that divides both"
+                "give data sets of one size; `rauca efe train` and `finetune` also take a --size that divides both"
             )
 
     def get(self, index: int) -> LightFrame:
