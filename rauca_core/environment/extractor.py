@@ -4,11 +4,11 @@ The reference image I is known, and so is the albedo r of its paint: A * r + B =
 of the light came back through the paint's colour. The network predicts that share, B = (1 - share) * I and
 A = share * I / r, per pixel and channel, in linear light. So
 
-* the reference paint is reproduced exactly, whatever the network says;
+* the reference paint is reproduced exactly, whatever the network says, in channels that are not clipped;
 * A has no upper bound, B is never negative, and a black frame gives black maps;
 * the network is small: it learns a ratio, not an image.
 
-Pixels that the image clips hold less light than was there; a second output gives it back.
+Channels that the image clips hold less light than was there; a second output gives it back.
 """
 
 from __future__ import annotations
@@ -67,10 +67,11 @@ class LightSplitter(nn.Module):
         """
         share, excess = self._predict(image_srgb, mask, reference_linear)
         image = undisplay(image_srgb.float())
-        image = image * (1 + excess.float() * _clipped(image_srgb).float())
+        image = image * (1 + excess.float() * (image_srgb >= CLIPPED))
         through = share.float() * image * (mask > 0)
-        albedo = reference_linear.float().clamp(min=DARKEST_ALBEDO)[:, :, None, None]
-        return through / albedo, image - through
+        reference = reference_linear.float()[:, :, None, None]
+        albedo = reference.clamp(min=DARKEST_ALBEDO)
+        return through / albedo, image - through * (reference / albedo)
 
     def _predict(self, image_srgb: Tensor, mask: Tensor, reference_linear: Tensor) -> tuple[Tensor, Tensor]:
         """The share of the light that came through the paint, (B, 3, H, W), and what clipping took, (B, 1, H, W)."""

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from benchmarks.stability.light import GREY, frames
-from rauca_core.environment.extractor import LightSplitter
+from rauca_core.environment.extractor import CLIPPED, LightSplitter
 from rauca_core.environment.losses import tone, vehicle_weight, weighted_bce
 from rauca_core.environment.published import PublishedEfe
 from rauca_core.render.composite import display, undisplay
@@ -22,6 +22,21 @@ def test_what_the_network_says_does_not_depend_on_the_exposure():
     net_stops = [net(display(linear * factor), mask, GREY)[0] / factor for factor in (0.5, 2.0)]
     # Only the channel that tells the exposure itself differs.
     assert all(((other - A).abs().mean() / A.mean()) < 0.2 for other in net_stops)
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.01, 0.26])
+def test_the_reference_comes_back_in_channels_that_are_not_clipped(albedo):
+    torch.manual_seed(0)
+    net = LightSplitter()
+    torch.nn.init.normal_(net.head.weight)
+    image, mask = frames("plain")
+    assert ((image >= CLIPPED).any(1) & (image < CLIPPED).any(1)).any()  # clipped in some channels only
+    reference = torch.full((2, 3), albedo)
+    A, B = net(image, mask, reference)
+    again = display(A * reference[:, :, None, None] + B)
+    assert torch.allclose(again[image < CLIPPED], image[image < CLIPPED], atol=1e-5)
+    assert again[image >= CLIPPED].min() >= CLIPPED - 1e-5
+    assert B.min() >= 0
 
 
 def test_the_weight_is_eq_5():
