@@ -81,7 +81,7 @@ def test_mistakes_are_named(tmp_path, box_vehicle, dataset, dataset_factory):
     with pytest.raises(RaucaError, match="dark: made without light maps"):
         LightFrames([dark.folder])
     small = dataset_factory(tmp_path / "small", box_vehicle, size=16, locations=1)
-    with pytest.raises(RaucaError, match="small: frames of 16 pixels, .*; give data sets of one size; `rauca efe train`"):
+    with pytest.raises(RaucaError, match=r"small: frames of 16 pixels, .*; give data sets of one size; `rauca"):
         LightFrames([dataset.folder, small.folder])
     with pytest.raises(RaucaError, match="small: has one location"):
         LightFrames([small.folder]).split("location")

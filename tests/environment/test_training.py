@@ -199,7 +199,7 @@ def test_mistakes_are_named(dataset, tmp_path):
         run(job(dataset.folder, tmp_path / "run", epochs=1, seed=5), resume=True)
     with pytest.raises(RaucaError, match="batch: "):
         make_training_settings(batch=0)
-    with pytest.raises(RaucaError, match="^weight_decay: .*finite number, not inf"):
+    with pytest.raises(RaucaError, match=r"^weight_decay: .*finite number, not inf"):
         make_training_settings(weight_decay=float("inf"))
     with pytest.raises(RaucaError, match="method: "):
         make_training_settings(method="theirs")
