@@ -106,7 +106,10 @@ class OptimiserSettings(BaseModel):
     natural: Naturalness | None = None
 
     def identity(self) -> dict[str, Any]:
-        """The settings that a resumed run must share to end as one that never stopped."""
+        """The settings that a resumed run must share to end as one that never stopped.
+
+        Of a reference picture only the file's name: its contents have a digest, and where it lies changes nothing.
+        """
         free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
         if self.natural is None:
             free.add("natural")  # runs that began before it was known may go on
@@ -114,7 +117,10 @@ class OptimiserSettings(BaseModel):
             free.add("decay")
         else:
             free.remove("steps")  # the learning rate of every step depends on how many there will be
-        return self.model_dump(mode="json", exclude=free)
+        shared = self.model_dump(mode="json", exclude=free)
+        if self.natural is not None and self.natural.reference is not None:
+            shared["natural"]["reference"] = Path(self.natural.reference).name
+        return shared
 
     def lr_at(self, step: int) -> float:
         """Adam's learning rate for a step, counted from 0."""

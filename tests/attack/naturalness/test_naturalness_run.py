@@ -196,3 +196,16 @@ def test_options_become_settings(tmp_path: Path) -> None:
     assert json.loads(wanted.model_dump_json())["feature_cm"] == 12.5
     assert make_naturalness() is None
     assert "natural" not in make_settings().identity()
+
+
+def test_where_a_reference_lies_is_no_part_of_a_run(tmp_path: Path) -> None:
+    identities = []
+    for folder in ("here", "there"):
+        (tmp_path / folder).mkdir()
+        picture = tmp_path / folder / "forest.png"
+        picture.write_bytes(png_bytes(np.full((4, 4, 3), 90, np.uint8)))
+        identities.append(make_settings(natural=make_naturalness(reference=str(picture))).identity())
+    assert identities[0] == identities[1]
+    assert str(tmp_path) not in json.dumps(identities)
+    picture.write_bytes(png_bytes(np.full((4, 4, 3), 91, np.uint8)))
+    assert make_settings(natural=make_naturalness(reference=str(picture))).identity() != identities[0]
