@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from blender_addon.arguments import apply_parser
-from rauca_core.contract import RaucaError
+from rauca_core.contract import Dataset, RaucaError
 
 from .ablate_command import ablate
 from .blender_process import run_blender
@@ -109,6 +109,9 @@ def optimize(
     weight: Annotated[
         list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
     ] = None,
+    target: Annotated[
+        str | None, typer.Option(help="the class to hide, as detectors call it; the vehicle's own if left out")
+    ] = None,
     method: Annotated[
         str | None,
         typer.Option(
@@ -160,11 +163,13 @@ def optimize(
 ) -> None:
     """Optimise a camouflage UV map against one or several detectors."""
     from rauca_core.attack import make_settings
+    from rauca_core.evaluate.contestants import read_vehicle_choice
 
     from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage
 
-    settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
+    hidden = target or read_vehicle_choice(Dataset(dataset).vehicle_folder).target
+    settings = make_settings(**{**chosen_settings(context), **natural_settings(context), "target": hidden})
     detectors = detector or ["yolov3-tiny"]
     path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress)
     console.print(f"camouflage: {path}")

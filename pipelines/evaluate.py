@@ -12,7 +12,7 @@ from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, Progress, load_camouflage
 from rauca_core.detect import load_detector
-from rauca_core.evaluate import Results, evaluate, reference_images
+from rauca_core.evaluate import DetectionSettings, Results, evaluate, reference_images
 from rauca_core.evaluate.contestants import NORMAL
 from rauca_core.evaluate.images_of import ImageOf
 
@@ -41,11 +41,13 @@ def measure(
     renders: Path,
     detectors: Sequence[str],
     out: Path,
+    category: str = "car",
     size: int | None = None,
 ) -> Results:
     """Detect in the renders and write ``out/results.json``.
 
     Args:
+        category: the class that detectors are asked for.
         size: of the detectors' square input, pixels; their own by default.
     """
     opened = Dataset(dataset)
@@ -56,7 +58,12 @@ def measure(
     loaded = [load_detector(name, size) for name in detectors]
     with progress_bar("detecting") as move:
         return evaluate(
-            opened, paints, loaded, out, on_progress=lambda what, done, total: move(Progress(done, total, what))
+            opened,
+            paints,
+            loaded,
+            out,
+            on_progress=lambda what, done, total: move(Progress(done, total, what)),
+            settings=DetectionSettings(category),
         )
 
 

@@ -18,9 +18,10 @@ def chosen_settings(context: typer.Context) -> dict[str, Any]:
     Raises:
         RaucaError: no method of that name.
     """
-    given = {name: value for name, value in context.params.items() if name in OptimiserSettings.model_fields}
+    params = context.params.items()
+    given = {name: value for name, value in params if name in OptimiserSettings.model_fields and value is not None}
     given["weights"] = tuple(context.params["weight"]) if context.params["weight"] else None
-    method = given.pop("method")
+    method = given.pop("method", None)
     if method is None:
         return given
     typed = {name for name in context.params if _typed(context, name)}

@@ -36,13 +36,13 @@ def _opened(folder: Path) -> tuple[Study, ReportNotes]:
     results = folder / "results.json"
     if not results.is_file():
         raise RaucaError(f"{folder}: has no results.json or {FILE_NAME}; run `rauca evaluate` or `rauca demo` first")
-    dataset = Dataset(folder / "held-out")
+    dataset, found = Dataset(folder / "held-out"), load_results(results)
     entry = Entry(
         "held-out views",
         "none",
         dataset.plan.vehicle_name,
-        "car",
-        load_results(results),
+        found.settings.category,
+        found,
         folder,
         views=dataset.folder,
         camouflages=_camouflages(folder),

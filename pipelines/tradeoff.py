@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from rauca_core.attack.naturalness import Naturalness
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset, RaucaError, load_camouflage
 from rauca_core.detect import load_detector
-from rauca_core.evaluate.contestants import read_contestants, read_vehicle_choice
+from rauca_core.evaluate.contestants import VehicleChoice, read_contestants, read_vehicle_choice
 from rauca_core.evaluate.defences import make_defence
 from rauca_core.evaluate.evaluate import check_detectors
 from rauca_core.evaluate.views import HeldOut
@@ -85,12 +86,18 @@ class TradeOff:
     threads: int | None = None
     blender: Path | None = None
 
+    @cached_property
+    def vehicle(self) -> VehicleChoice:
+        """The data set's."""
+        return read_vehicle_choice(self.dataset.vehicle_folder)
+
     def settings(self, point: Point) -> OptimiserSettings:
         """The optimiser's, for one point; all points differ in what is asked of the paint alone."""
         sizes = self.sizes
         return make_settings(
             steps=sizes.steps, batch=sizes.batch, map_size=sizes.map_size, seed=self.seed, threads=self.threads,
             samples=sizes.subsamples, checkpoint_every=50, name=point.label, natural=point.natural,
+            target=self.vehicle.target,
         )  # fmt: skip
 
 
@@ -120,7 +127,7 @@ def run_tradeoff(asked: TradeOff) -> Path:
     Raises:
         RaucaError: as `rauca optimize` and `rauca evaluate` do, before anything is optimised where that can be told.
     """
-    vehicle = read_vehicle_choice(asked.dataset.vehicle_folder)
+    vehicle = asked.vehicle
     loaded = [load_detector(name) for name in asked.measured]
     check_detectors(loaded, vehicle.category)
     made = {point.label: _camouflage(asked, point) for point in asked.points}

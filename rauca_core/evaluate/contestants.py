@@ -35,6 +35,11 @@ class VehicleChoice:
     atlas_id: str
     folder: Path
 
+    @property
+    def target(self) -> str:
+        """The class that a camouflage hides it from; of a plain shape, which is in no detector's list, a car's."""
+        return "car" if self.category == "shape" else self.category
+
 
 def read_contestants(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) -> list[Contestant]:
     """Read camouflages given as ``FILE`` or ``LABEL=FILE`` (JSON or PNG path).

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from benchmarks.stability.drawn import make_dataset
 from pipelines.demo import DemoChoice, DemoScale, run_demo
-from rauca_core.contract import load_camouflage
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import load_camouflage, load_vehicle
 from rauca_core.evaluate import load_results
+from rauca_core.images import read_image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
@@ -38,3 +43,28 @@ def test_the_demo_runs_resumes_and_reports(tmp_path):
     stamps = {p: p.stat().st_mtime_ns for p in choice.out.rglob("*.png")}
     run_demo(choice)
     assert {p: p.stat().st_mtime_ns for p in choice.out.rglob("*.png")} == stamps
+
+
+def test_a_boat_is_hidden_and_measured_as_a_boat(tmp_path, box_vehicle, monkeypatch):
+    boat, seen = replace(box_vehicle, category="boat"), {}
+
+    def drawn(job, arguments, *_):
+        if job == "make_dataset":
+            make_dataset(Path(arguments[arguments.index("--out") + 1]), boat, 64, (40.0,))
+
+    def optimised(dataset, detectors, settings, out, resume):
+        seen["hidden"] = settings.target
+        random_camouflage(out / "camouflage.json", load_vehicle(dataset / "vehicle", read_image), 64)
+
+    def evaluated(*_, settings, **more):
+        seen["measured"] = settings.category
+
+    monkeypatch.setattr("pipelines.demo.run_blender", drawn)
+    monkeypatch.setattr("pipelines.demo.optimize_camouflage", optimised)
+    monkeypatch.setattr("pipelines.evaluate.evaluate", evaluated)
+    for work in ("render_camouflages", "compare_renderers", "fetch"):
+        monkeypatch.setattr(f"pipelines.demo.{work}", lambda *_: None)
+    monkeypatch.setattr("pipelines.evaluate.load_detector", lambda *_: None)
+    monkeypatch.setattr("pipelines.demo.report_run", lambda out: out)
+    run_demo(DemoChoice(tmp_path / "run", ["--vehicle", "boat"], scale=SMALL))
+    assert seen == {"hidden": "boat", "measured": "boat"}

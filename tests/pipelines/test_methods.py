@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +10,22 @@ import pytest
 from typer.testing import CliRunner
 
 import pipelines.optimize_camouflage as command
+from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from rauca_core.attack import OptimiserSettings, make_settings
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.naturalness import Naturalness
+from rauca_core.contract import Vehicle
 
 
 @pytest.fixture
-def chosen(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The settings that a command line ends up with."""
+def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle) -> Any:
+    """The settings that a command line ends up with, on a data set of a ``category``."""
 
-    def settings(*options: str) -> OptimiserSettings:
-        seen = []
+    def settings(*options: str, category: str = "car") -> OptimiserSettings:
+        data, seen = make_dataset(tmp_path / category, replace(box_vehicle, category=category), 64, (40.0,)), []
         monkeypatch.setattr(command, "optimize_camouflage", lambda *given: seen.append(given[2]) or Path("c.json"))
-        result = CliRunner().invoke(app, ["optimize", "data", "--out", "x", *options], catch_exceptions=False)
+        result = CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
         assert result.exit_code == 0
         return seen[0]
 
@@ -50,6 +53,13 @@ def test_a_methods_patches_stay_unless_their_size_is_typed(chosen: Any) -> None:
     assert chosen(*typed).natural == natural
     assert chosen(*typed, "--feature-size", "20").natural == natural.model_copy(update={"feature_cm": 20.0})
     assert chosen("--method", "fca", *typed[2:]).natural == natural.model_copy(update={"feature_cm": None})
+
+
+@pytest.mark.parametrize("method", [(), ("--method", "ours")])
+def test_what_is_hidden_is_the_vehicles_own_class(chosen: Any, method: tuple[str, ...]) -> None:
+    assert chosen(*method, category="boat").target == "boat"
+    assert chosen(*method, category="shape").target == "car"  # no detector knows a shape
+    assert chosen(*method, "--target", "truck", category="boat").target == "truck"
 
 
 def test_methods_and_their_assumptions_are_documented() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from pipelines.tradeoff import points
+from pipelines.tradeoff import Sizes, TradeOff, points
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle
 
@@ -28,6 +29,19 @@ def test_points_differ_in_one_thing_each() -> None:
 @pytest.fixture
 def small(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
     return make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
+
+
+@pytest.fixture
+def asked(small: Dataset, tmp_path: Path) -> TradeOff:
+    sizes = Sizes(steps=2, batch=1, map_size=64, subsamples=1)
+    return TradeOff("rauca", small, tmp_path / "out", points(None, (), ()), ("a",), ("a", "b"), ("seen",), sizes)
+
+
+def test_what_is_hidden_is_what_is_measured(asked: TradeOff, tmp_path: Path, box_vehicle: Vehicle) -> None:
+    boat = make_dataset(tmp_path / "boat", replace(box_vehicle, category="boat"), 64, (40.0,))
+    (free,) = asked.points
+    assert asked.settings(free).target == "car"
+    assert replace(asked, dataset=boat).settings(free).target == "boat"
 
 
 @pytest.mark.parametrize(
