@@ -46,7 +46,7 @@ class Ablation:
         command: that asks for it, as typed.
         variants: of the experiment, those that take part.
         seeds: how many camouflages of each.
-        attacked: white boxes.
+        attacked: white boxes, by what was typed to name them.
         detectors: to measure with.
     """
 
@@ -57,7 +57,7 @@ class Ablation:
     sizes: Sizes
     out: Path
     workspace: Workspace
-    attacked: Sequence[Detector]
+    attacked: Mapping[str, Detector]
     detectors: Sequence[Detector]
     threads: int | None = None
     resamples: int = 1000
@@ -105,7 +105,7 @@ def _run(asked: Ablation) -> Path:
         tuple(asked.variants),
         load_study(asked.out),
         {NORMAL: [NORMAL], RANDOM: [RANDOM], **paints},
-        tuple(detector.name for detector in asked.attacked),
+        tuple(detector.name for detector in asked.attacked.values()),
         settings,
         _common(asked),
         asked.clock.seconds,
@@ -142,12 +142,12 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
         },
         "steps": settings.steps,
         "training": training.name,
-        "detectors": [detector.fingerprint for detector in asked.attacked],
+        "detectors": [detector.fingerprint for detector in asked.attacked.values()],
     }
-    names = [detector.name for detector in asked.attacked]
+    white_boxes = list(asked.attacked)
     with asked.clock.time(f"optimising {repeat.label}"):
         return workspace.run(
-            variant.key, key, lambda out, resume: optimize_camouflage(training, names, settings, out, resume)
+            variant.key, key, lambda out, resume: optimize_camouflage(training, white_boxes, settings, out, resume)
         )
 
 
@@ -229,7 +229,7 @@ def _common(asked: Ablation) -> dict[str, Any]:
     sizes = asked.sizes
     return {
         "vehicle": asked.workspace.vehicle.name,
-        "attacked": ", ".join(detector.name for detector in asked.attacked),
+        "attacked": ", ".join(detector.name for detector in asked.attacked.values()),
         "steps": f"{sizes.steps}, {sizes.batch} frames each, learning rate {sizes.lr:g}",
         "UV map": f"{sizes.map_size} x {sizes.map_size} texels",
         "training frames": f"{sizes.frames} planned of each data set; those that hide most of the paint are left out",

@@ -83,8 +83,8 @@ def ablate(
     }  # fmt: skip
     sizes = replace(QUICK if quick else DEFAULT, **{k: v for k, v in given.items() if v is not None})
     found = find_vehicles([vehicle])[0]
-    attacked = [load_detector(one) for one in attack or [WHITE_BOX]]
-    check_detectors(attacked, found.category)
+    attacked = {one: load_detector(one) for one in attack or [WHITE_BOX]}
+    check_detectors(list(attacked.values()), found.category)
     measuring = _measuring(sizes.detectors, found, device)
     request = Ablation(
         command=shlex.join(["rauca", *sys.argv[1:]]),

@@ -64,7 +64,7 @@ def asked(tmp_path: Path) -> Ablation:
     sedan = find_vehicles(["sedan"])[0]
     workspace = Workspace(tmp_path / "data", sedan, DEFAULT)
     beta = experiment_named("beta")
-    return Ablation("", beta, beta.variants, 1, DEFAULT, tmp_path / "out", workspace, (), ())
+    return Ablation("", beta, beta.variants, 1, DEFAULT, tmp_path / "out", workspace, {}, ())
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipelines.ablate import run_ablation
+from pipelines.ablate import Ablation, Repeat, _optimise, run_ablation
 from pipelines.ablate_clock import Clock
 from pipelines.ablate_workspace import Workspace, alone, linked_part, pour
 from pipelines.cli import app
@@ -17,6 +17,8 @@ from pipelines.going_on import goes_on_by_itself
 from pipelines.tradeoff import run_tradeoff
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, RaucaError, StoppedError, load_camouflage, load_vehicle
+from rauca_core.detect import load_detector
+from rauca_core.detect.load import resolve
 from rauca_core.evaluate.ablations.sizes import QUICK
 from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.evaluate.study import load_study
@@ -79,6 +81,29 @@ def test_mistakes_are_told_before_anything_is_made(tmp_path: Path) -> None:
         with pytest.raises(RaucaError, match=told):
             ablate(*asked, "--out", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_weights_of_ones_own_are_attacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (stock,) = (load_detector(name) for name in published_weights("yolov3-tiny"))
+    mine = tmp_path / "mine.weights"
+    content = bytearray(resolve("yolov3-tiny").files[0].read_bytes())
+    content[-4000:] = bytes(4000)
+    mine.write_bytes(content)
+    typed, seen = f"yolov3-tiny={mine}", []
+
+    def look(asked: Ablation) -> Path:
+        monkeypatch.setattr(asked.workspace, "training", lambda *_: tmp_path)
+        monkeypatch.setattr(asked.workspace, "run", lambda name, key, work: (seen.append(key), work(tmp_path, False)))
+        _optimise(asked, Repeat(asked.variants[0], 0, "x"))
+        return tmp_path
+
+    monkeypatch.setattr("pipelines.ablate.run_ablation", look)
+    monkeypatch.setattr("pipelines.optimize_camouflage.optimise", lambda data, loaded, *_: seen.append(loaded))
+    monkeypatch.setattr("pipelines.optimize_camouflage.Dataset", Path)
+    ablate("beta", "--quick", "--out", tmp_path / "out", "--attack", typed)
+    key, (attacked,) = seen
+    assert key["detectors"] == [attacked.fingerprint]
+    assert attacked.fingerprint != stock.fingerprint
 
 
 def test_detections_are_poured_once(tmp_path: Path) -> None:
