@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from pipelines.console import console
 from pipelines.going_on import goes_on_by_itself
@@ -22,9 +21,10 @@ from pipelines.protocol import Request, run_study
 from pipelines.tradeoff_page import Curve, measure_points, write_curve
 from rauca_core.attack import OptimiserSettings, make_settings
 from rauca_core.attack.naturalness import Naturalness
+from rauca_core.attack.optimiser import unlike
 from rauca_core.checkpoint_files import POINTER
-from rauca_core.contract import Dataset, RaucaError, load_camouflage
-from rauca_core.detect import load_detector
+from rauca_core.contract import Dataset, RaucaError
+from rauca_core.detect import Detector, load_detector
 from rauca_core.evaluate.contestants import VehicleChoice, read_contestants, read_vehicle_choice
 from rauca_core.evaluate.defences import make_defence
 from rauca_core.evaluate.evaluate import check_detectors
@@ -70,7 +70,7 @@ class TradeOff:
     """What is asked for; everything in it was checked.
 
     Attributes:
-        attacked, measured: names of detectors; the attacked are among the measured.
+        attacked, measured: detectors, as typed; the attacked come first among the measured.
         weathers: of the held-out views, as `rauca evaluate` takes them.
     """
 
@@ -130,7 +130,8 @@ def run_tradeoff(asked: TradeOff) -> Path:
     vehicle = asked.vehicle
     loaded = [load_detector(name) for name in asked.measured]
     check_detectors(loaded, vehicle.category)
-    made = {point.label: _camouflage(asked, point) for point in asked.points}
+    attacked = loaded[: len(asked.attacked)]
+    made = {point.label: _camouflage(asked, point, attacked) for point in asked.points}
     request = Request(
         command=asked.command,
         out=asked.out / "study",
@@ -144,26 +145,18 @@ def run_tradeoff(asked: TradeOff) -> Path:
     entries = run_study(request)
     reference = next((p.natural for p in asked.points if p.natural is not None and p.natural.reference), None)
     measured = measure_points(made, asked.dataset.vehicle_folder, reference)
-    return write_curve(asked.out, Curve(asked.command, asked.attacked, reference, measured, tuple(entries)))
+    names = tuple(detector.name for detector in attacked)
+    return write_curve(asked.out, Curve(asked.command, names, reference, measured, tuple(entries)))
 
 
-def _camouflage(asked: TradeOff, point: Point) -> Path:
+def _camouflage(asked: TradeOff, point: Point, attacked: Sequence[Detector]) -> Path:
     """A point's camouflage, optimised or gone on with where it is not there yet."""
     folder, settings = asked.out / "points" / point.label, asked.settings(point)
     path = folder / "camouflage.json"
     if path.is_file():
-        made = load_camouflage(path)[0].made
-        if _same(made, asked, settings):
-            return path
-        raise RaucaError(f"{path}: made with other settings or detectors; choose another --out, or remove its folder")
+        if other := unlike(asked.dataset, attacked, settings, folder):
+            raise RaucaError(f"{folder}: made with another {', '.join(other)}; choose another --out, or remove it")
+        return path
     console.print(f"{point.label}: {settings.steps} steps", highlight=False)
     resume = (folder / "checkpoints" / POINTER).is_file()
     return optimize_camouflage(asked.dataset.folder, asked.attacked, settings, folder, resume)
-
-
-def _same(made: dict[str, Any], asked: TradeOff, settings: OptimiserSettings) -> bool:
-    return (
-        made.get("settings") == settings.identity()
-        and made.get("steps") == settings.steps
-        and str(made.get("detector", "")).split("+") == list(asked.attacked)
-    )

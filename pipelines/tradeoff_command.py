@@ -60,7 +60,7 @@ def tradeoff(
     given = features or (QUICK_FEATURES if quick else FEATURES)
     wanted_features = () if given == "none" else _numbers("--feature-size", given)
     sizes = QUICK if quick else Sizes()
-    attacked = detector or ["yolov3-tiny"]
+    attacked = list(dict.fromkeys(detector or ["yolov3-tiny"]))
     curve = run_tradeoff(
         TradeOff(
             command=shlex.join(["rauca", *sys.argv[1:]]),
@@ -92,7 +92,7 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
 
 
 def _measured(given: str | None, attacked: list[str], quick: bool) -> tuple[str, ...]:
-    """Names of the detectors that judge, the attacked ones first."""
+    """The detectors that judge, the attacked ones first."""
     from rauca_core.detect.listing import ready_names
     from rauca_core.evaluate.tables.families import is_own
 

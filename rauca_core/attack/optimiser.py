@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..checkpoint_files import POINTER
+from ..checkpoint_files import POINTER, differences
 from ..contract import Dataset, RaucaError, StoppedError
 from ..contract.files import sweep_partials
 from ..cpu import keep_large_blocks, threads
@@ -16,11 +16,12 @@ from ..folder_lock import alone_in
 from ..stopping import stop_request
 from ..team import ALONE, Team
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
+from .frames import FrameStore
 from .journal import Journal, StepReport
 from .panel import Panel
 from .preview import Preview
 from .result import write_result
-from .run import Run
+from .run import Run, identity_of
 from .settings import OptimiserSettings
 
 CHECKPOINTS, TAPS = "checkpoints", "taps"
@@ -86,6 +87,15 @@ def optimise(
             if not team.leads:
                 return out / "camouflage.json"
             return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, panel.name)
+
+
+def unlike(dataset: Dataset, detectors: Sequence[Detector], settings: OptimiserSettings, out: Path) -> list[str]:
+    """What the finished run in ``out`` depends on that :func:`optimise` would do otherwise, by name."""
+    panel = Panel(detectors, settings.target, settings.weights, settings.precision, settings.objective)
+    wanted = identity_of(dataset, FrameStore(dataset, settings), panel, settings)
+    checkpoint = load_checkpoint(out / CHECKPOINTS)
+    steps = ["number of steps"] if checkpoint.step != settings.steps else []
+    return steps + [name for name in differences(checkpoint.identity, wanted) if name not in ("taps", "processes")]
 
 
 def _require_state(out: Path, resume: bool) -> None:

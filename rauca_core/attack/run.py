@@ -56,9 +56,8 @@ class Run:
             self.texture, settings, lambda: background_colours(dataset, self.store, settings.palette, settings.seed)
         )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
-        frames = _digest(dataset, self.store)
-        made_by = {"detectors": panel.identity, "frames": frames, "taps": TAP_FORMAT, "processes": team.size}
-        self.identity = {**settings.identity(), **made_by}
+        asked = identity_of(dataset, self.store, panel, settings)
+        self.identity = {**asked, "taps": TAP_FORMAT, "processes": team.size}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []
@@ -235,6 +234,11 @@ class Run:
         every = torch.zeros(len(mine), len(drawn), device=self.team.device)
         every[:, self.team.rank :: self.team.size] = torch.stack(mine)
         return self.team.sum(every).cpu()
+
+
+def identity_of(dataset: Dataset, store: FrameStore, panel: Panel, settings: OptimiserSettings) -> dict[str, Any]:
+    """What a run is asked for that its result depends on, as JSON."""
+    return {**settings.identity(), "detectors": panel.identity, "frames": _digest(dataset, store)}
 
 
 def _digest(dataset: Dataset, store: FrameStore) -> str:

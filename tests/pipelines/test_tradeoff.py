@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from pipelines.tradeoff import Sizes, TradeOff, points
+from pipelines.tradeoff import Sizes, TradeOff, points, run_tradeoff
+from pipelines.tradeoff_page import Curve
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle
 
@@ -35,6 +37,46 @@ def small(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
 def asked(small: Dataset, tmp_path: Path) -> TradeOff:
     sizes = Sizes(steps=2, batch=1, map_size=64, subsamples=1)
     return TradeOff("rauca", small, tmp_path / "out", points(None, (), ()), ("a",), ("a", "b"), ("seen",), sizes)
+
+
+@pytest.fixture
+def curves(monkeypatch: pytest.MonkeyPatch) -> list[Curve]:
+    """What is written of studies that are not made; detectors answer to a name other than what was typed."""
+    curves: list[Curve] = []
+
+    def named(typed: str, *_: object) -> SmallDetector:
+        detector = SmallDetector()
+        detector.name = f"{typed}-net"
+        return detector
+
+    for module in ("optimize_camouflage", "tradeoff"):
+        monkeypatch.setattr(f"pipelines.{module}.load_detector", named)
+    monkeypatch.setattr("pipelines.tradeoff.run_study", lambda request: [])
+    monkeypatch.setattr("pipelines.tradeoff.write_curve", lambda out, curve: curves.append(curve) or out)
+    return curves
+
+
+def test_finished_points_are_taken_up_where_all_is_the_same(
+    asked: TradeOff, curves: list[Curve], tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_tradeoff(asked)
+    finished = {path: path.stat().st_mtime_ns for path in asked.out.rglob("*.*")}
+    run_tradeoff(asked)
+    assert {path: path.stat().st_mtime_ns for path in asked.out.rglob("*.*")} == finished
+    assert [curve.attacked for curve in curves] == [("a-net",)] * 2  # as the study's columns are called
+
+    fewer = make_dataset(tmp_path / "fewer", box_vehicle, 64, (70.0,))
+    longer = replace(asked.sizes, steps=3)
+    for other, what in (
+        (replace(asked, dataset=fewer), "frames"),
+        (replace(asked, seed=5), "seed"),
+        (replace(asked, sizes=longer), "number of steps"),
+    ):
+        with pytest.raises(RaucaError, match=f"points/free: made with another {what}; choose another --out"):
+            run_tradeoff(other)
+    monkeypatch.setattr(SmallDetector, "fingerprint", "4567")
+    with pytest.raises(RaucaError, match="made with another detectors"):
+        run_tradeoff(asked)
 
 
 def test_what_is_hidden_is_what_is_measured(asked: TradeOff, tmp_path: Path, box_vehicle: Vehicle) -> None:
