@@ -46,7 +46,7 @@ from rauca_core.detect.weights_file import sha256_of
 from rauca_core.environment.published_fit import fit_published
 from rauca_core.evaluate.ablations.sizes import Sizes
 from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
-from rauca_core.evaluate.contestants import Contestant, VehicleChoice, keep_copy
+from rauca_core.evaluate.contestants import Contestant, VehicleChoice, check_vehicle, keep_copy
 from rauca_core.evaluate.renders import discard_damaged
 from rauca_core.images import read_image
 
@@ -160,6 +160,7 @@ class Workspace:
     def _make(self, folder: Path, plan: Plan, ids: Sequence[str], arguments: Sequence[str], title: str) -> None:
         """Render the frames of a plan that are missing; a finished frame is never rendered again."""
         with alone(folder):
+            check_vehicle(folder, self.vehicle, "--data")
             states = frame_states(folder) if (folder / "dataset.json").is_file() else {}
             if all(states.get(frame) in ("done", "occluded") for frame in ids):
                 return

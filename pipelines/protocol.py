@@ -26,7 +26,7 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_bytes
 from rauca_core.detect import Detector
 from rauca_core.evaluate import DetectionSettings, evaluate, reference_images
-from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, keep_copy
+from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, check_vehicle, keep_copy
 from rauca_core.evaluate.defences import Defence
 from rauca_core.evaluate.images_of import ImageOf
 from rauca_core.evaluate.renders import RenderRecord, discard_damaged
@@ -145,6 +145,7 @@ def _held_out(request: Request, vehicle: VehicleChoice, weathers: str) -> Views:
     plan = held_out.plan(vehicle.name, vehicle.atlas_id, find_preset(preset, assets_folder() / "weathers"))
     ids = tuple(balanced_frames(plan, held_out.frames))
     views = Views(name, folder / "views", ids, folder)
+    check_vehicle(views.source, vehicle, "--out")
     if views.rendered(plan):
         return views
     _list_frames(folder, ids)

@@ -7,13 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..contract import Camouflage, RaucaError, load_camouflage, save_camouflage
+import numpy as np
+
+from ..contract import Camouflage, RaucaError, load_camouflage, load_vehicle, save_camouflage
 from ..contract.assets import assets_folder
 from ..contract.schema import read_json
 from ..images import read_image
 
 NORMAL = "normal"  # the vehicle in its reference paint
 RANDOM = "random"  # random paint made for the study
+_SHAPE_AND_PAINT = ("positions", "triangles", "uvs", "normals", "material", "paint_mask", "base_texture")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+ -]*")  # it names folders and table rows
 
 
@@ -96,6 +99,21 @@ def read_vehicle_choice(folder: Path) -> VehicleChoice:
     """What a vehicle folder says of itself."""
     fields = read_json(folder / "vehicle.json")
     return VehicleChoice(fields.plain_name("name"), fields.text("category"), fields.text("atlas_id"), folder)
+
+
+def check_vehicle(dataset: Path, vehicle: VehicleChoice, option: str) -> None:
+    """Refuse a data set that was begun with another vehicle; its plan knows a vehicle by name and UV atlas alone.
+
+    Args:
+        option: that names the folder of all, for the user to choose another.
+    """
+    if not (dataset / "vehicle" / "vehicle.json").is_file():  # not begun, or damaged and about to be written again
+        return
+    kept, given = (load_vehicle(folder, read_image) for folder in (dataset / "vehicle", vehicle.folder))
+    if kept.materials != given.materials or not all(
+        np.array_equal(getattr(kept, name), getattr(given, name)) for name in _SHAPE_AND_PAINT
+    ):
+        raise RaucaError(f"{dataset}: holds another vehicle of the name {vehicle.name}; choose another {option}")
 
 
 def match(

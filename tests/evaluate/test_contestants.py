@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.stability.drawn import make_dataset
+from pipelines.ablate_workspace import Workspace
+from pipelines.protocol import Request, _held_out
 from rauca_core.contract import Camouflage, Plan, Quality, RaucaError, Vehicle, Weather, load_camouflage
 from rauca_core.contract.camouflage import save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
-from rauca_core.evaluate.contestants import find_vehicles, keep_copy, match, read_contestants
+from rauca_core.evaluate.ablations.sizes import QUICK
+from rauca_core.evaluate.contestants import find_vehicles, keep_copy, match, read_contestants, read_vehicle_choice
 from rauca_core.evaluate.renders import FILE_NAME, RenderRecord
 from rauca_core.evaluate.views import RING
 from tests.hostile.nasty import DEEP
@@ -69,6 +75,48 @@ def test_vehicles_are_found_by_atlas(tmp_path: Path, box_vehicle: Vehicle) -> No
         match(contestants, vehicles[:1], everyone=False)
     with pytest.raises(RaucaError, match=r"--vehicle tank: no vehicle folder"):
         find_vehicles(["tank"])
+
+
+@pytest.fixture
+def begun(tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> tuple[Request, Workspace]:
+    """A study and an ablation's workspace that hold views of the vehicle in ``car``."""
+    box_vehicle.save(tmp_path / "car")
+    choice = read_vehicle_choice(tmp_path / "car")
+
+    def drawn(job: str, arguments: Sequence[str], *_: object) -> None:
+        make_dataset(Path(arguments[arguments.index("--out") + 1]), box_vehicle, 64, (40.0,))
+
+    for module in ("protocol", "ablate_workspace"):
+        monkeypatch.setattr(f"pipelines.{module}.run_blender", drawn)
+    request, workspace = Request("", tmp_path / "study", {}, {}, (), ()), Workspace(tmp_path / "data", choice, QUICK)
+    _held_out(request, choice, "single")
+    workspace.views("single")
+    return request, workspace
+
+
+def test_another_vehicle_of_the_same_name_and_atlas_is_refused(
+    begun: tuple[Request, Workspace], tmp_path: Path, box_vehicle: Vehicle
+) -> None:
+    request, workspace = begun
+    paint, *others = box_vehicle.materials
+    for other in (
+        replace(box_vehicle, positions=box_vehicle.positions * np.float32(0.6)),
+        replace(box_vehicle, normals=-box_vehicle.normals),
+        replace(box_vehicle, materials=[replace(paint, roughness=0.9), *others]),
+        replace(box_vehicle, base_texture=np.zeros((8, 8, 3), np.uint8)),
+        replace(box_vehicle, notes=["imported again"]),
+    ):
+        other.save(tmp_path / "car")
+        choice = read_vehicle_choice(tmp_path / "car")
+        assert choice == workspace.vehicle
+        if other.notes:
+            _held_out(request, choice, "single")
+            workspace.views("single")
+            continue
+        with pytest.raises(RaucaError, match=r"views: holds another vehicle of the name box; choose another --out"):
+            _held_out(request, choice, "single")
+        with pytest.raises(RaucaError, match=r"holds another vehicle of the name box; choose another --data"):
+            workspace.views("single")
 
 
 def test_copies_follow_their_original(tmp_path: Path) -> None:
