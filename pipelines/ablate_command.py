@@ -108,17 +108,9 @@ def _split(given: str | None) -> tuple[str, ...] | None:
 
 
 def _weathers(given: str | None) -> tuple[str, ...] | None:
-    from rauca_core.contract import find_preset
-    from rauca_core.contract.assets import assets_folder
+    from .evaluate_command import weather_sets
 
-    from .ablate_workspace import PRESETS
-
-    if given is None:
-        return None
-    chosen = tuple(part for name in _split(given) or () for part in (tuple(PRESETS) if name == "both" else (name,)))
-    for name in chosen:
-        find_preset(PRESETS.get(name, name), assets_folder() / "weathers")
-    return tuple(dict.fromkeys(chosen))
+    return None if given is None else tuple(weather_sets(_split(given) or (), has_datasets=False))
 
 
 def _variants(experiment: Experiment, given: str | None, quick: bool) -> Sequence[Variant]:

@@ -93,13 +93,13 @@ def evaluate(
     matched = match(contestants, vehicles, everyone=bool(vehicle or datasets))
     if not matched:
         raise RaucaError("evaluate: nothing to evaluate; give camouflages, a data set or a --vehicle")
-    names = split_defences(defences) or ["none"]
+    named = map(make_defence, split_defences(defences) or ["none"])
     request = Request(
         command=shlex.join(["rauca", *sys.argv[1:]]),
         out=out,
         contestants=matched,
         detectors={},
-        defences=[make_defence(name) for name in dict.fromkeys(names)],
+        defences=list({defence.name: defence for defence in named}.values()),  # one may be spelled in several ways
         weathers=weather_sets(split_names(weathers), bool(datasets)),
         held_out=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
         datasets=_by_atlas(datasets),
@@ -151,6 +151,7 @@ def _by_atlas(datasets: Sequence[Dataset]) -> dict[str, list[Dataset]]:
 
 
 def weather_sets(names: Sequence[str], has_datasets: bool) -> list[str]:
+    """Weathers of the held-out views, each once and with a file name of its own; their folders are called by it."""
     from .protocol import PRESETS
 
     if has_datasets:
@@ -158,9 +159,12 @@ def weather_sets(names: Sequence[str], has_datasets: bool) -> list[str]:
             raise RaucaError("--weathers: a data set brings its own weathers; drop one of the two")
         return []
     chosen = [part for name in names or ("both",) for part in (("seen", "unseen") if name == "both" else (name,))]
+    called: dict[str, str] = {}
     for name in chosen:
         find_preset(PRESETS.get(name, name), assets_folder() / "weathers")
-    return list(dict.fromkeys(chosen))
+        if (other := called.setdefault(Path(name).stem, name)) != name:
+            raise RaucaError(f"--weathers {name}: has the name of {other}; results are told apart by it, rename one")
+    return list(called.values())
 
 
 def _held_out(

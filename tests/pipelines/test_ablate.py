@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from pipelines.going_on import goes_on_by_itself
 from pipelines.tradeoff import run_tradeoff
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, RaucaError, StoppedError, load_camouflage, load_vehicle
+from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import load_detector
 from rauca_core.detect.load import resolve
 from rauca_core.evaluate.ablations.sizes import QUICK
@@ -70,11 +72,13 @@ def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
     assert {name for name in again if again[name] != before[name]} == {str(lost.relative_to(data))}
 
 
-def test_mistakes_are_told_before_anything_is_made(tmp_path: Path) -> None:
+def test_mistakes_are_told_before_anything_is_made(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    double = shutil.copy(assets_folder() / "weathers" / "unseen.json", tmp_path_factory.mktemp("own") / "seen.json")
     for asked, told in (
         (("nothing",), "ablation: no 'nothing'; choose one of baselines"),
         (("beta", "--variants", "beta-0,x"), "beta: no variant 'x'; choose of beta-100"),
         (("beta", "--weathers", "hail"), "weather preset 'hail' is unknown"),
+        (("beta", "--weathers", f"seen,{double}"), "seen.json: has the name of seen"),
         (("beta", "--vehicle", "tank"), "--vehicle tank: no vehicle folder"),
         (("beta", "--attack", "nobody"), "nobody"),
     ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
+from pipelines.protocol import Request
 from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
@@ -79,6 +81,7 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
         (["--vehicle", "sedan", "--detectors", "deformable-detr"], "deformable-detr: its weights must be given"),
         (["--vehicle", "sedan", "--defences", "none,armour"], "defence 'armour': unknown; there are none, lgs"),
         (["--vehicle", "sedan", "--weathers", "seen,hail"], "weather preset 'hail' is unknown"),
+        (["--vehicle", "sedan", "--weathers", "seen,seen.json"], r"--weathers seen\.json: has the name of seen;"),
         (["--vehicle", "sedan", "--scale", "huge"], "--scale huge: unknown; choose quick"),
         (["--vehicle", "sedan", "--elevations", "high"], "--elevations high: not a comma separated list"),
         (["--vehicle", "tank"], "--vehicle tank: no vehicle folder"),
@@ -91,12 +94,23 @@ def test_mistakes_are_told_before_anything_is_rendered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], complaint: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    shutil.copy(assets_folder() / "weathers" / "unseen.json", "seen.json")
     save_camouflage(
         tmp_path / "stranger.json", Camouflage("x", "tank", "123", 2, "plain"), png_bytes(np.zeros((2, 2, 3), np.uint8))
     )
     with pytest.raises(RaucaError, match=complaint):
         evaluate(*arguments, "--out", "study", *(() if "--detectors" in arguments else ("--detectors", "yolov4-tiny")))
     assert not (tmp_path / "study").exists()
+
+
+@pytest.mark.usefixtures("_weights")
+def test_two_spellings_of_a_defence_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Request] = []
+    monkeypatch.setattr("pipelines.protocol.run_study", lambda request: seen.append(request) or [])
+    spelled = "none,jpeg,jpeg:quality=75,lgs:block=9,overlap=3,lgs:overlap=3,block=9"
+    asked = ["--vehicle", "sedan", "--detectors", "yolov4-tiny", "--defences", spelled, "--out", tmp_path]
+    evaluate(*asked)
+    assert [defence.name for defence in seen[0].defences] == ["none", "jpeg", "lgs:block=9,overlap=3"]
 
 
 def test_commas_of_a_defence_stay_with_it() -> None:
