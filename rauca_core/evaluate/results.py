@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -120,29 +120,19 @@ def load_results(path: Path) -> Results:
     """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
     fields = read_json(path)
     fields.format(*FORMAT)
-    table = {
-        paint: {detector: _record(Estimate, row, f"{path}: table") for detector, row in _object(path, rows).items()}
-        for paint, rows in _object(path, fields.raw("table")).items()
-    }
-    groups = {
-        axis: tuple(_group(row, f"{path}: groups") for row in _list(path, rows))
-        for axis, rows in _object(path, fields.raw("groups")).items()
-    }
-    images = {
-        paint: tuple(_record(ImageRow, row, f"{path}: images") for row in _list(path, rows))
-        for paint, rows in _object(path, fields.raw("images")).items()
-    }
+    detectors = fields.nested("detectors")
+    table = {paint: _estimates(row) for paint, row in _each(fields.nested("table")).items()}
     results = Results(
         dataset=fields.text("dataset"),
-        settings=_record(DetectionSettings, fields.raw("settings"), f"{path}: settings"),
+        settings=_settings(fields.nested("settings")),
         resamples=fields.integer("resamples", 1),
         seed=fields.integer("seed"),
-        detectors={name: str(value) for name, value in _object(path, fields.raw("detectors")).items()},
-        frames=tuple(_frame_row(Fields(row, f"{path}: frames[{i}]")) for i, row in enumerate(fields.items("frames"))),
+        detectors={name: detectors.text(name) for name in detectors.names()},
+        frames=_rows(fields, "frames", _frame_row),
         dropped=tuple(str(frame) for frame in fields.items("dropped")),
         table=table,
-        groups=groups,
-        images=images,
+        groups=_rows_by_name(fields.nested("groups"), _group),
+        images=_rows_by_name(fields.nested("images"), _image_row),
         **_since_version_2(fields),
     )
     fields.done()
@@ -176,29 +166,47 @@ def _frame_row(fields: Fields) -> FrameRow:
     return row
 
 
-def _group(value: Any, where: str) -> Group:
-    group = _record(Group, value, where)
-    if not isinstance(group.mean, dict):
-        raise RaucaError(f"{where}: mean must be a JSON object; evaluate again")
-    mean = {paint: _record(Estimate, row, where) for paint, row in group.mean.items()}
-    return replace(group, mean=mean)
+def _settings(fields: Fields) -> DetectionSettings:
+    thresholds = (fields.number(name) for name in ("score_threshold", "other_threshold", "iou_threshold"))
+    settings = DetectionSettings(fields.text("category"), *thresholds)
+    fields.done()
+    return settings
 
 
-def _object(path: Path, value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise RaucaError(f"{path}: expected a JSON object, found {str(value)[:40]}; evaluate again")
-    return value
+def _image_row(fields: Fields) -> ImageRow:
+    row = ImageRow(fields.text("path"), fields.text("sha256"))
+    fields.done()
+    return row
 
 
-def _list(path: Path, value: Any) -> list[Any]:
-    if not isinstance(value, list):
-        raise RaucaError(f"{path}: expected a JSON list, found {str(value)[:40]}; evaluate again")
-    return value
+def _group(fields: Fields) -> Group:
+    ap = {paint: {name: row.number(name) for name in row.names()} for paint, row in _each(fields.nested("ap")).items()}
+    mean = _estimates(fields.nested("mean")) if fields.has("mean") else {}
+    group = Group(fields.number("value"), fields.integer("frames"), ap, mean)
+    fields.done()
+    return group
 
 
-def _record(kind: type[T], value: Any, where: str) -> T:
-    """A flat dataclass from a JSON object of exactly its fields."""
-    try:
-        return kind(**value)
-    except TypeError as error:
-        raise RaucaError(f"{where}: not a {kind.__name__} ({error}); evaluate again") from error
+def _estimates(table: Fields) -> dict[str, Estimate]:
+    """Estimates by name."""
+    return {name: _estimate(row) for name, row in _each(table).items()}
+
+
+def _estimate(fields: Fields) -> Estimate:
+    estimate = Estimate(*map(fields.number, ("ap", "low", "high")))
+    fields.done()
+    return estimate
+
+
+def _each(table: Fields) -> dict[str, Fields]:
+    """The objects of a table, by name."""
+    return {name: table.nested(name) for name in table.names()}
+
+
+def _rows(table: Fields, name: str, read: Callable[[Fields], T]) -> tuple[T, ...]:
+    """A list of objects, each read by ``read``."""
+    return tuple(read(Fields(row, f"{table.where}: {name}[{i}]")) for i, row in enumerate(table.items(name)))
+
+
+def _rows_by_name(table: Fields, read: Callable[[Fields], T]) -> dict[str, tuple[T, ...]]:
+    return {name: _rows(table, name, read) for name in table.names()}

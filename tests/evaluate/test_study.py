@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,7 @@ from pipelines import report
 from rauca_core.contract import RaucaError, Vehicle
 from rauca_core.evaluate import ReportNotes
 from rauca_core.evaluate.detection_cache import DetectionSettings
-from rauca_core.evaluate.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from rauca_core.evaluate.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, load_results, save_results
 from rauca_core.evaluate.study import Entry, load_study, save_study
 
 FRAME = FrameRow("L00-V000-clear", "clear", 0.0, 10.0, 5.0, 45.0, 0.0, (1.0, 2.0, 30.0, 20.0), 0, 0)
@@ -106,3 +107,35 @@ def test_results_of_the_first_version_can_still_be_read(tmp_path: Path) -> None:
     read = load_study(tmp_path).entries[0].results
     assert read.table == entry.results.table
     assert (read.defence, read.clusters, read.groups["fog_density"][0].mean) == ("none", "frames", {})
+
+
+@pytest.mark.parametrize(
+    ("place", "bad", "complaint"),
+    [
+        (("table", "normal", "yolo", "ap"), None, "table: normal: yolo: ap must be a finite number"),
+        (("table", "normal", "mean", "low"), float("nan"), "table: normal: mean: low must be a finite number"),
+        (("table", "normal", "mean"), 0.5, "table: normal: mean: must be a JSON object"),
+        (("groups", "azimuth_deg", 0, "value"), "x", r"groups: azimuth_deg\[0\]: value must be a finite number"),
+        (("groups", "azimuth_deg", 0, "ap", "normal", "yolo"), True, "ap: normal: yolo must be a finite number"),
+        (("groups", "azimuth_deg", 0, "mean", "normal", "high"), [], "mean: normal: high must be a finite number"),
+        (("images", "normal", 0, "sha256"), ["0" * 64], r"images: normal\[0\]: sha256 must be text"),
+        (("images", "normal"), {}, "images: normal must be a list"),
+        (("settings", "iou_threshold"), 10**400, "settings: iou_threshold must be a finite number"),
+        (("settings", "category"), None, "settings: category must be text"),
+        (("detectors", "yolo"), 5, "detectors: yolo must be text"),
+    ],
+)
+def test_results_of_other_types_are_refused(
+    tmp_path: Path, place: tuple[Any, ...], bad: object, complaint: str
+) -> None:
+    path = tmp_path / "results.json"
+    save_results(path, some_results(0.5, "none"))
+    written = json.loads(path.read_text())
+    *way, last = place
+    inner = written
+    for key in way:
+        inner = inner[key]
+    inner[last] = bad
+    path.write_text(json.dumps(written))
+    with pytest.raises(RaucaError, match=rf"results\.json: .*{complaint}"):
+        load_results(path)
