@@ -80,7 +80,13 @@ class Repeat:
 
 @goes_on_by_itself()
 def run_ablation(asked: Ablation) -> Path:
-    """Run or resume an ablation; returns its page. Raises :class:`RaucaError` if another process is at work there."""
+    """Run or resume an ablation; returns its page.
+
+    Raises:
+        RaucaError: settings that the optimiser does not take, before anything is made; another process at work there.
+    """
+    for repeat in _repeats(asked):
+        settings_of_repeat(asked, repeat)
     with alone_in(asked.out):
         return _run(asked)
 

@@ -16,6 +16,7 @@ from .dataset_commands import Blender
 from .naturalness import PaletteColours, PaletteOption, Reference, ReferenceWidth, make_naturalness
 
 BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
+MOST = {"--max-delta-e": 1000, "--feature-size": 100_000}  # as `Naturalness` takes them
 QUICK_BOUNDS, QUICK_FEATURES = "0,20", "40"
 
 
@@ -84,8 +85,9 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
         found = tuple(dict.fromkeys(float(part) for part in text.split(",") if part.strip()))
     except ValueError:
         found = ()
-    if not found or not all(0 <= value < 100_000 for value in found):
-        raise RaucaError(f"{option} {text}: not a comma separated list of numbers of 0 or more")
+    most = MOST[option]
+    if not found or not all(0 <= value <= most for value in found):
+        raise RaucaError(f"{option} {text}: not a comma separated list of numbers from 0 to {most:,}")
     if option == "--feature-size" and 0 in found:
         raise RaucaError(f"{option} {text}: a patch of 0 cm is none; the free camouflage is always among the points")
     return tuple(sorted(found))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..contract import RaucaError
 from ..contract.files import write_bytes
 from .colours import paint_styles
 from .defended import NO_DEFENCE
@@ -20,8 +21,14 @@ def save_showcase(study: Study, folder: Path) -> list[Path]:
     """Write ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per parameter varied, ``ap-<parameter>.svg``.
 
     All of the first vehicle, undefended, under the study's first weathers.
+
+    Raises:
+        RaucaError: that vehicle was evaluated behind defences only.
     """
-    entry = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)[0]
+    vehicle = vehicles_of(study)[0]
+    entry = next(iter(study.of(vehicle=vehicle, defence=NO_DEFENCE)), None)
+    if entry is None:
+        raise RaucaError(f"{folder}: no pictures; the {vehicle} was evaluated with defences only, add the defence none")
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "grid.jpg"]
     FramePicker([entry]).grid(shown_detectors([entry])[0]).sheet().save(written[0], quality=88)

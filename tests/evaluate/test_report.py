@@ -305,6 +305,12 @@ def test_frames_are_chosen_by_their_rule(study: Study) -> None:
     assert title == f"best\n{best.weather}, {best.azimuth_deg:.0f}°, {best.distance_m:g} m"
 
 
+def test_without_undefended_views_there_are_no_figures(study: Study, tmp_path: Path) -> None:
+    defended = replace(study, entries=study.of(defence="bits"))
+    with pytest.raises(RaucaError, match="pictures: no pictures; the box was evaluated with defences only"):
+        save_showcase(defended, tmp_path / "pictures")
+
+
 def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
     written = save_showcase(study, tmp_path / "pictures")
     names = [path.name for path in written]

@@ -72,6 +72,7 @@ def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
     assert {name for name in again if again[name] != before[name]} == {str(lost.relative_to(data))}
 
 
+@pytest.mark.usefixtures("_weights")
 def test_mistakes_are_told_before_anything_is_made(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     double = shutil.copy(assets_folder() / "weathers" / "unseen.json", tmp_path_factory.mktemp("own") / "seen.json")
     for asked, told in (
@@ -81,6 +82,9 @@ def test_mistakes_are_told_before_anything_is_made(tmp_path: Path, tmp_path_fact
         (("beta", "--weathers", f"seen,{double}"), "seen.json: has the name of seen"),
         (("beta", "--vehicle", "tank"), "--vehicle tank: no vehicle folder"),
         (("beta", "--attack", "nobody"), "nobody"),
+        (("beta", "--detectors", "yolov3-tiny", "--lr", 5), "lr: input should be less than or equal to 1, not 5.0"),
+        (("beta", "--detectors", "yolov3-tiny", "--map-size", 100_000), "map_size: .*not 100000"),
+        (("beta", "--detectors", "yolov3-tiny", "--threads", 0), "threads: .*not 0"),
     ):
         with pytest.raises(RaucaError, match=told):
             ablate(*asked, "--out", tmp_path / "out")

@@ -91,6 +91,7 @@ def test_what_is_hidden_is_what_is_measured(asked: TradeOff, tmp_path: Path, box
     [
         (["--max-delta-e", "5,10"], "--reference"),
         (["--reference", "#8c8c8c", "--max-delta-e", "5,x"], "--max-delta-e"),
+        (["--reference", "#8c8c8c", "--max-delta-e", "5,2000"], "--max-delta-e 5,2000: not a comma separated list"),
         (["--reference", "#8c8c8c", "--feature-size", "0,5"], "--feature-size"),
         (["--reference", "none.png"], "not found"),
         (["--reference", "#8c8c8c", "--detectors", "yolov3-tiny"], "--detectors"),
