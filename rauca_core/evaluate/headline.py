@@ -51,7 +51,7 @@ def _sentence(entry: Entry) -> str:
     cautions = [
         f", no lower than {paint}" for paint in _randoms(results, best) if after.ap >= results.table[paint][MEAN].ap
     ]
-    if after.high >= before.low:
+    if after.high >= before.low and before.high >= after.low:
         cautions.append(f"; the intervals of {normal} and {best} overlap")
     mean = f"(mean over {_count(len(results.detectors), 'detector')})"
     return f"{where}{best} {verb} {entry.category} AP@0.5 {mean}: {', '.join(values)}{''.join(cautions)}."

@@ -187,6 +187,9 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
     assert [(c.name, c.group) for c in vehicles.columns] == [("sedan", "car"), ("boat", "boat")]
     assert [row.cells[1] is None for row in vehicles.blocks[1].rows] == [True] * 3  # the boat met no unseen weathers
 
+    defended = study_at(tmp_path / "defended", [("sedan", "seen", "lgs"), ("boat", "seen", "lgs")])
+    assert [table.key for table in tables_of(defended, tmp_path)] == ["defences-sedan", "defences-boat"]
+
 
 @pytest.mark.parametrize(
     ("normal", "random", "ours", "sentence"),
@@ -195,6 +198,7 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
         (0.9, 0.1, 0.3, "0.900 for normal, 0.100 for random, 0.300 for ours, no lower than random."),
         (0.5, 0.6, 0.48, "0.480 for ours; the intervals of normal and ours overlap."),
         (0.1, 0.2, 0.3, "ours does not lower car AP@0.5 "),
+        (0.1, 0.2, 0.3, "0.100 for normal, 0.200 for random, 0.300 for ours, no lower than random."),
     ],
 )  # fmt: skip
 def test_the_headline_says_what_the_table_says(

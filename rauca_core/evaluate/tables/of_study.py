@@ -53,8 +53,8 @@ def tables_of(study: Study, base: Path) -> list[Table]:
     tables = [_by_detector(study, vehicle, base, alone=len(vehicles) == 1) for vehicle in vehicles]
     defended = unique(entry.vehicle for entry in study.entries if entry.defence != NO_DEFENCE)
     tables += [_by_defence(study, vehicle, base, alone=len(vehicles) == 1) for vehicle in defended]
-    tables = [table for table in tables if table.blocks]
-    return [*tables, _by_vehicle(study, base)] if len(vehicles) > 1 else tables
+    tables += [_by_vehicle(study, base)] if len(vehicles) > 1 else []
+    return [table for table in tables if table.blocks]
 
 
 def _by_detector(study: Study, vehicle: str, base: Path, alone: bool) -> Table:
