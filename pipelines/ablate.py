@@ -27,7 +27,7 @@ from rauca_core.attack.methods import settings_of
 from rauca_core.contract import Progress, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
 from rauca_core.evaluate import DetectionSettings, evaluate, reference_images
-from rauca_core.evaluate.ablations import Experiment, Findings, Sizes, Variant, write_ablation
+from rauca_core.evaluate.ablations import DEFAULT, Experiment, Findings, Sizes, Variant, write_ablation
 from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, keep_copy
 from rauca_core.evaluate.images_of import ImageOf
 from rauca_core.evaluate.study import FILE_NAME, Entry, load_study, save_study
@@ -140,6 +140,8 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
             weights = workspace.published_extractor(training)
         settings = settings.model_copy(update={"extractor": weights})
     usual = make_settings().identity()  # left out: a setting that comes to be later changes no older run
+    epochs = asked.sizes.extractor_epochs
+    trained = {"epochs": epochs} if settings.light == "published" and epochs != DEFAULT.extractor_epochs else {}
     key = {
         "settings": {
             name: value
@@ -149,6 +151,7 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
         "steps": settings.steps,
         "training": training.name,
         "detectors": [detector.fingerprint for detector in asked.attacked.values()],
+        **trained,
     }
     white_boxes = list(asked.attacked)
     with asked.clock.time(f"optimising {repeat.label}"):

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.ablate import Ablation, Repeat, own_settings, settings_of_repeat
+from pipelines.ablate import Ablation, Repeat, _optimise, own_settings, settings_of_repeat
 from pipelines.ablate_workspace import Workspace
 from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
@@ -34,11 +34,11 @@ from rauca_core.evaluate.ablations import (
 )
 from rauca_core.evaluate.ablations.paired import Scores, score_rows
 from rauca_core.evaluate.ablations.training_sets import TRAINING_SETS, chosen_frames
-from rauca_core.evaluate.ablations.verdicts import judge
+from rauca_core.evaluate.ablations.verdicts import Comparison, Verdict, judge
 from rauca_core.evaluate.average_precision import Sample
 from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.evaluate.detection_cache import DetectionSettings
-from rauca_core.evaluate.results import AXES, MEAN, FrameRow, ImageRow, Results
+from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
 from rauca_core.evaluate.scores import Bootstrap, score_table
 from rauca_core.evaluate.study import Entry, Study, save_study
 from rauca_core.evaluate.tables import paper_tables
@@ -78,6 +78,19 @@ def test_every_variant_is_an_optimisation_of_its_own(asked: Ablation, name: str)
         settings = settings_of_repeat(asked, Repeat(variant, 3, "label"))
         assert (settings.seed, settings.name, settings.steps) == (3, "label", DEFAULT.steps)
         assert variant.training in TRAINING_SETS
+
+
+def test_a_run_is_kept_by_how_long_its_extractor_was_trained(asked: Ablation, monkeypatch: pytest.MonkeyPatch) -> None:
+    keys: list[str] = []
+    monkeypatch.setattr(Workspace, "training", lambda *_: Path("set"))
+    monkeypatch.setattr(Workspace, "published_extractor", lambda *_: Path("efe"))
+    monkeypatch.setattr(Workspace, "run", lambda workspace, name, key, work: keys.append(json.dumps(key)))
+    for light in ("published", "exact"):
+        variant = next(v for v in experiment_named("environment").variants if v.settings.get("light", "exact") == light)
+        for epochs in (DEFAULT.extractor_epochs, QUICK.extractor_epochs):
+            sizes = replace(DEFAULT, extractor_epochs=epochs)
+            _optimise(replace(asked, sizes=sizes), Repeat(variant, 0, "x"))
+    assert [len(set(keys[:2])), len(set(keys[2:]))] == [2, 1]
 
 
 def test_rows_beside_the_papers_are_rows_of_the_paper() -> None:
@@ -191,6 +204,12 @@ def test_verdicts_follow_the_interval_of_the_gap(scores: tuple[Scores, Entry]) -
     assert [v.outcome for v in verdicts] == ["confirmed", "refuted", "undecided", "refuted", "confirmed"]
     sentence = verdicts[0].sentence({"none": "None", "all": "All"})
     assert sentence == "None below All: confirmed; AP apart by +1.000 [+1.000, +1.000] (the paper's claim)"
+    narrow = Comparison("none", "mean", Estimate(-0.05, -0.06, -0.04), {})
+    wide = Comparison("all", "mean", Estimate(0.02, -0.2, 0.1), {})  # undecided: not what refutes the claim
+    refuted = Verdict(Claim(("none", "all"), ("mean",)), (narrow, wide))
+    assert "refuted; AP, least of None to Mean, apart by -0.050" in refuted.sentence(
+        {"none": "None", "all": "All", "mean": "Mean"}
+    )
     assert set(verdicts[0].comparisons[0].by_scope) == {"seen", "unseen", "white box"}
 
 

@@ -56,7 +56,8 @@ class Verdict:
         """
         better = dict.fromkeys(titles[one.better] for one in self.comparisons)
         worse = dict.fromkeys(titles[one.worse] for one in self.comparisons)
-        least = min(self.comparisons, key=lambda one: one.gap.low)
+        deciding = (one for one in self.comparisons if one.outcome == self.outcome)
+        least = min(deciding, key=lambda one: one.gap.low)
         which = f", least of {titles[least.better]} to {titles[least.worse]}," if len(self.comparisons) > 1 else ""
         gap = f"{least.gap.ap:+.3f} [{least.gap.low:+.3f}, {least.gap.high:+.3f}]"
         claim = f"{_listed(list(better))} below {_listed(list(worse))}"
