@@ -55,7 +55,7 @@ def read_contestants(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) 
     seen: dict[tuple[str, str], Contestant] = {}
     for contestant in contestants:
         label, path = contestant.label, contestant.path
-        if label in set(reserved) or not _LABEL.fullmatch(label):
+        if label.lower() in set(reserved) or not _LABEL.fullmatch(label):
             raise RaucaError(f"{path}: cannot be called {label!r} in a study; name it: LABEL={path}")
         twin = seen.setdefault((contestant.record.atlas_id, label), contestant)
         if twin is not contestant:

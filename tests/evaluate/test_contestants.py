@@ -41,6 +41,7 @@ def test_labels_come_from_the_file_or_the_user(tmp_path: Path) -> None:
     ("name", "label", "complaint"),
     [
         ("normal", "", "cannot be called 'normal' in a study; name it: LABEL="),
+        ("rauca", "Normal", "cannot be called 'Normal'"),
         ("rauca", "../up", "cannot be called '../up'"),
         ("rauca", "a/b", "cannot be called 'a/b'"),
         ("first", "", "called 'first' as .*first.json is; name one: LABEL="),
