@@ -78,7 +78,7 @@ class _Plain:
         uv.uv_map = self.layer
         texture = nodes.add(tree, "ShaderNodeTexImage", Vector=uv.outputs[0])
         texture.image = self.image
-        tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+        tree.links.new(texture.outputs["Color"], nodes.principled(tree).inputs["Base Color"])
         return material
 
 

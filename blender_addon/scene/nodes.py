@@ -27,6 +27,11 @@ def add(tree: bpy.types.NodeTree, kind: str, **inputs: Any) -> bpy.types.Node:
     return node
 
 
+def principled(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The Principled BSDF of a tree that has one, by its type: its name is in the language of the user's Blender."""
+    return next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
 def mix_colour(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -> bpy.types.NodeSocket:
     """``first * (1 - factor) + second * factor`` per channel, unclamped; returns the colour socket."""
     node = tree.nodes.new("ShaderNodeMix")

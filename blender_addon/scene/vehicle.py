@@ -57,7 +57,7 @@ class SceneVehicle:
         for spec, material in zip(self.vehicle.materials, self.materials, strict=True):
             if spec.kind in LAMP_RADIANCE:
                 strength = spec.emission + level * (LAMP_RADIANCE[spec.kind] - spec.emission)
-                material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = strength
+                nodes.principled(material.node_tree).inputs["Emission Strength"].default_value = strength
 
 
 def _mesh(vehicle: contract.Vehicle) -> bpy.types.Mesh:

@@ -68,6 +68,19 @@ def addon(bpy_module, empty_scene):
 
 
 @pytest.fixture
+def named_in_german(bpy_module, monkeypatch):
+    """New nodes have the names that Blender gives them where new data is named in German."""
+    from blender_addon.scene import nodes
+
+    def named(tree, kind, _add=nodes.add, **inputs):
+        node = _add(tree, kind, **inputs)
+        node.name = f"Knoten {len(tree.nodes)}"
+        return node
+
+    monkeypatch.setattr(nodes, "add", named)
+
+
+@pytest.fixture
 def small_disk() -> Iterator[Path]:
     """A disk of 3 MB, mounted where only a process of its own sees it, which every process may go through."""
     mount = "mount -t tmpfs -o size=3m tmpfs /mnt && echo mounted && exec sleep 1000"

@@ -1,5 +1,7 @@
 """What the scene promises: true coverage, boxes, distances, light maps, exposure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -115,3 +117,15 @@ def test_exposure_puts_a_grey_card_in_the_middle(bpy_module, altitude):
     camera.place(scene, Camera.look_at(np.array([0.0, 0, 10]), np.zeros(3), 60, 16, 16))
     card = render.render_linear(scene, Quality(32, denoise=False), 1)[..., :3] @ [0.2126, 0.7152, 0.0722]
     assert (0.1 if altitude == 0 else 0.18) < card.mean() < 0.33
+
+
+def test_lamps_are_lit_in_a_blender_of_another_language(bpy_module, box_vehicle, named_in_german):
+    from blender_addon.scene import nodes
+    from blender_addon.scene.vehicle import SceneVehicle
+
+    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+    materials = [m if m.kind == "paint" else replace(m, kind="headlamp") for m in box_vehicle.materials]
+    vehicle = SceneVehicle(bpy_module.data.scenes.new("rauca"), replace(box_vehicle, materials=materials))
+    vehicle.light_lamps(1.0)
+    shaders = [nodes.principled(material.node_tree) for material in vehicle.materials]
+    assert [shader.inputs["Emission Strength"].default_value for shader in shaders] == [0.0, 12.0]

@@ -208,6 +208,12 @@ def test_glb_holds_the_baked_image_and_leaves_the_scene(bake, tmp_path):
     assert texture["pbrMetallicRoughness"]["metallicFactor"] == 0
 
 
+def test_glb_is_written_in_a_blender_of_another_language(bake, tmp_path, named_in_german):
+    a_layer(painted_box(tmp_path), "other")
+    bpy.ops.rauca.bake()
+    assert bpy.ops.rauca.export_glb(filepath=str(tmp_path / "car.glb")) == {"FINISHED"}
+
+
 def test_a_bake_beside_the_window_stops_when_asked(bake, tmp_path):
     from blender_addon.operators.bake_camouflage import BakeRun
     from blender_addon.operators.on_vehicle import painted_surface
