@@ -32,14 +32,17 @@ def read_image_blender(path: Path) -> NDArray[np.uint8]:
     try:
         if not image.size[0] or not image.size[1]:
             raise contract.RaucaError(f"{path}: not a readable image")
+        image.colorspace_settings.name = "Non-Color"  # files of 16 bits too as they are stored, not as light
         return image_pixels(image)
     finally:
         bpy.data.images.remove(image)
 
 
 def image_pixels(image: bpy.types.Image) -> NDArray[np.uint8]:
-    """The stored 8-bit values of an image data block, as :func:`read_image_blender` returns them."""
-    image.colorspace_settings.name = "Non-Color"  # the stored values, not light
+    """The stored 8-bit values of an image data block, as :func:`read_image_blender` returns them.
+
+    The image may be the artist's: it is left as it is, for another colour space would drop what was painted on it.
+    """
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import colour, contract
-from .images import image_pixels, read_image_blender
+from .images import image_linear, image_pixels, read_image_blender
 
 PAINT_NAMES = re.compile(r"paint|body|car", re.IGNORECASE)
 KINDS = [
@@ -78,6 +78,8 @@ def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDAr
     """The texture of a material's base colour, (H, W, 3) sRGB; without one, the PNG ``beside`` the vehicle's file."""
     image = _linked_image(material)
     if image is not None and image.size[0] and image.size[1]:
+        if image.is_float:  # Blender keeps these in linear light, whatever their file holds
+            return colour.to_bytes(colour.srgb_from_linear(image_linear(image)))
         pixels = image_pixels(image)
         return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
     if beside is not None and beside.is_file():
