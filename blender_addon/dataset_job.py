@@ -173,6 +173,8 @@ class _Run:
             # Without a plan, nothing says that a vehicle which lies there is the one that is rendered.
             if not all((self.options.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
                 self.vehicle.save(self.options.out / "vehicle")
+            elif self.draft != self.options.out:  # another shard's, written since
+                _require_same(self.options.out, self.vehicle)
             contract.claim_folder(self.options.out, self.plan)
             contract.seal_dataset(self.options.out)
 
@@ -189,17 +191,23 @@ def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Itera
     if (out / "dataset.json").is_file():
         contract.claim_folder(out, plan)
         if (out / "vehicle" / "vehicle.json").is_file():  # else it was damaged and removed
-            # The plan tells another atlas only: the mesh or its materials may have changed since.
-            if not vehicle.renders_as(contract.load_vehicle(out / "vehicle", read_image_blender)):
-                raise contract.RaucaError(
-                    f"{out}: holds a data set of another {vehicle.name}; choose another folder or remove it"
-                )
+            _require_same(out, vehicle)
             yield out
             return
     with scratch_folder() as draft:
         vehicle.save(draft / "vehicle")
         contract.claim_folder(draft, plan)
         yield draft
+
+
+def _require_same(out: Path, vehicle: contract.Vehicle) -> None:
+    """Raise :class:`RaucaError` if the data set's vehicle is another: the plan knows its name and atlas only."""
+    changed = contract.load_vehicle(out / "vehicle", read_image_blender).changed(vehicle)
+    if changed:
+        raise contract.RaucaError(
+            f"{out}: holds a data set of another {vehicle.name} (changed: {', '.join(changed)}); choose another folder "
+            "or remove it"
+        )
 
 
 def _note(text: str) -> None:

@@ -41,6 +41,8 @@ MAX_EXTENT_M = 1e5
 MAX_UV = 1e4
 """Tiles from the origin: beyond, float32 no longer tells texels apart."""
 _KINDS_OF_NUMBER = {"positions": "f", "triangles": "iu", "uvs": "f", "normals": "f", "material": "iu"}  # numpy's
+_LAST_DIGITS = 1e-5
+"""Metres, texture widths, albedo: more than one import of a file differs on another processor."""
 KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
 
 
@@ -75,6 +77,12 @@ class Material:
             "emission": self.emission,
             "textured": self.textured,
         }
+
+    def looks_like(self, other: Material) -> bool:
+        """Whether both are the same material but for last digits."""
+        one, two = ((*m.base_color, m.roughness, m.metallic, m.coat, m.emission) for m in (self, other))
+        words = (self.name, self.kind, self.textured) == (other.name, other.kind, other.textured)
+        return words and bool(np.allclose(one, two, rtol=0, atol=_LAST_DIGITS))
 
     @staticmethod
     def from_json(fields: Fields) -> Material:
@@ -143,28 +151,30 @@ class Vehicle:
 
     @property
     def geometry_id(self) -> str:
-        """Hash of everything the renderer's taps depend on, a pattern's on normals; keys caches."""
+        """Hash of everything the renderer's taps depend on; keys caches. Patterns blend by normals, edges by greys."""
         digest = hashlib.sha256(self.atlas_id.encode())
-        for array in (self.positions, self.triangles, self.uvs, self.normals, self.paint_faces()):
+        for array in (self.positions, self.triangles, self.uvs, self.normals, self.paint_faces(), self.paint_mask):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
-
-    def renders_as(self, other: Vehicle) -> bool:
-        """True when renders of both show the same; what another processor rounds otherwise is no difference."""
-        mine, theirs = ([(m.name, m.kind, m.textured) for m in v.materials] for v in (self, other))
-        numbers = [
-            [(*m.base_color, m.roughness, m.metallic, m.coat, m.emission) for m in v.materials] for v in (self, other)
-        ]
-        arrays = ("positions", "triangles", "uvs", "normals", "material", "paint_mask", "base_texture")
-        return (
-            (self.category, mine) == (other.category, theirs)
-            and _alike(*numbers)
-            and all(_alike(getattr(self, name), getattr(other, name)) for name in arrays)
-        )
 
     def size(self) -> NDArray[np.float64]:
         """Length, width, height in metres."""
         return np.ptp(self.positions, axis=0).astype(np.float64)
+
+    def changed(self, other: Vehicle) -> list[str]:
+        """In what another vehicle would render otherwise than this one; last digits are the processor's own."""
+        same = {
+            name: one.shape == two.shape and np.allclose(one, two, rtol=0, atol=_LAST_DIGITS)
+            for name in _KINDS_OF_NUMBER
+            for one, two in [(getattr(self, name), getattr(other, name))]
+        }
+        same["category"] = self.category == other.category
+        same["paint_mask"] = np.array_equal(self.paint_mask, other.paint_mask)
+        same["base_texture"] = _same_texture(self.base_texture, other.base_texture)
+        same["materials"] = len(self.materials) == len(other.materials) and all(
+            one.looks_like(two) for one, two in zip(self.materials, other.materials, strict=True)
+        )
+        return [name for name, agrees in same.items() if not agrees]
 
     def check(self, where: str) -> None:
         """Raise :class:`RaucaError` naming ``where`` unless the vehicle can be rendered and painted."""
@@ -240,10 +250,8 @@ class Vehicle:
         }
 
 
-def _alike(one: Any, other: Any) -> bool:
-    if one is None or other is None:
-        return one is other
-    return np.shape(one) == np.shape(other) and np.allclose(one, other, rtol=0.0, atol=1e-4)
+def _same_texture(one: NDArray[np.uint8] | None, two: NDArray[np.uint8] | None) -> bool:
+    return one is two if one is None or two is None else np.array_equal(one, two)
 
 
 def load_vehicle(folder: Path, read_image: Any) -> Vehicle:

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ..contract import Camouflage, RaucaError, load_camouflage, load_vehicle, save_camouflage
 from ..contract.assets import assets_folder
 from ..contract.schema import read_json
@@ -16,7 +14,6 @@ from ..images import read_image
 
 NORMAL = "normal"  # the vehicle in its reference paint
 RANDOM = "random"  # random paint made for the study
-_SHAPE_AND_PAINT = ("positions", "triangles", "uvs", "normals", "material", "paint_mask", "base_texture")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+ -]*")  # it names folders and table rows
 
 
@@ -110,10 +107,11 @@ def check_vehicle(dataset: Path, vehicle: VehicleChoice, option: str) -> None:
     if not (dataset / "vehicle" / "vehicle.json").is_file():  # not begun, or damaged and about to be written again
         return
     kept, given = (load_vehicle(folder, read_image) for folder in (dataset / "vehicle", vehicle.folder))
-    if kept.materials != given.materials or not all(
-        np.array_equal(getattr(kept, name), getattr(given, name)) for name in _SHAPE_AND_PAINT
-    ):
-        raise RaucaError(f"{dataset}: holds another vehicle of the name {vehicle.name}; choose another {option}")
+    if changed := kept.changed(given):
+        raise RaucaError(
+            f"{dataset}: holds another vehicle of the name {vehicle.name} (changed: {', '.join(changed)}); choose "
+            f"another {option}"
+        )
 
 
 def match(

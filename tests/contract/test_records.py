@@ -70,6 +70,21 @@ def test_vehicle_round_trip(tmp_path, box_vehicle):
     assert again.materials == box_vehicle.materials
 
 
+def test_a_vehicle_tells_in_what_another_differs_but_for_last_digits(tmp_path, box_vehicle):
+    box_vehicle.save(tmp_path / "v")
+    again = load_vehicle(tmp_path / "v", read_image)
+    again.positions += np.float32(1e-6)
+    again.materials[0] = replace(again.materials[0], roughness=again.materials[0].roughness + 1e-7)
+    assert box_vehicle.changed(again) == []
+    again.positions[:, 2] *= 1.5
+    assert box_vehicle.changed(again) == ["positions"]
+    again.materials[0] = replace(again.materials[0], roughness=0.9)
+    again.base_texture = np.zeros((4, 4, 3), np.uint8)
+    assert box_vehicle.changed(again) == ["positions", "base_texture", "materials"]
+    again.triangles = again.triangles[:-1]
+    assert "triangles" in again.changed(box_vehicle)
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -10,11 +11,21 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camouflage, Dataset, chunks, load_passes, load_vehicle, planned_frames, save_camouflage
+from rauca_core.contract import (
+    Camouflage,
+    Dataset,
+    RaucaError,
+    chunks,
+    load_passes,
+    load_vehicle,
+    planned_frames,
+    save_camouflage,
+)
 from rauca_core.contract.files import png_bytes
 from rauca_core.images import read_image
 
@@ -93,14 +104,27 @@ def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
     given = load_vehicle(dataset.folder / "vehicle", read_image)
     taller = replace(given, positions=given.positions * np.float32([1, 1, 1.5]))
     red = replace(given, materials=[replace(m, base_color=(0.6, 0.0, 0.0)) for m in given.materials])
-    for kind, changed in (("taller", taller), ("red", red)):
+    for kind, changed in (("positions", taller), ("materials", red)):
         changed.save(tmp_path / kind)
         refused = run(MAKE, "--out", dataset.folder, *SMALL, "--vehicle", tmp_path / kind)
         assert refused.returncode == 2
-        told = f"error: {dataset.folder}: holds a data set of another sedan; choose another folder or remove it"
-        assert refused.stderr.strip().splitlines()[-1] == told
+        told = f"error: {dataset.folder}: holds a data set of another sedan (changed: {kind}); choose another folder"
+        assert refused.stderr.strip().splitlines()[-1].startswith(told)
     given.save(tmp_path / "same")
     assert run(MAKE, "--out", dataset.folder, *SMALL, "--vehicle", tmp_path / "same").returncode == 0
+
+
+def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_vehicle):
+    from blender_addon.dataset_job import _Run
+
+    box_vehicle.save(tmp_path / "vehicle")
+    taller = replace(box_vehicle, positions=box_vehicle.positions * np.float32([1, 1, 1.5]))
+    (tmp_path / "dataset.json").write_text("{}")
+    options = SimpleNamespace(out=tmp_path)
+    job = _Run(options, None, taller, tmp_path / "draft", lambda progress: None)
+    with pytest.raises(RaucaError, match="holds a data set of another"):
+        job._claim(SimpleNamespace(claiming=contextlib.nullcontext))
+    assert (tmp_path / "dataset.json").read_text() == "{}"
 
 
 def test_interrupted_then_resumed(tmp_path):

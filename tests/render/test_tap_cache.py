@@ -96,6 +96,14 @@ def test_a_pattern_is_read_anew_where_normals_changed(box_vehicle: Vehicle, tmp_
     assert not same(found, before)
 
 
+def test_taps_are_read_anew_where_the_greys_of_the_mask_changed(box_vehicle: Vehicle, tmp_path: Path) -> None:
+    pale = replace(box_vehicle, paint_mask=np.minimum(box_vehicle.paint_mask, 160))
+    assert pale.atlas_id == box_vehicle.atlas_id
+    before, found = (TapCache(tmp_path, vehicle, SETTINGS).get(view(0)) for vehicle in (box_vehicle, pale))
+    assert same(found, build_taps(pale, view(0), 64, 2))
+    assert not same(found, before)
+
+
 def test_memory_is_bounded_and_keeps_the_latest(box_vehicle: Vehicle, tmp_path: Path) -> None:
     sizes = [build_taps(box_vehicle, view(a), 64, 2).nbytes for a in range(3)]
     cache = TapCache(tmp_path, box_vehicle, SETTINGS, memory_bytes=sum(sizes) - 1)
