@@ -87,29 +87,27 @@ def _copies(context: bpy.types.Context, surface: Surface, plain: _Plain) -> Iter
     """Within: the selection is a copy of the vehicle in plain materials; afterwards all is as before."""
     layer = context.view_layer
     active, selected = layer.objects.active, [thing for thing in layer.objects if thing.select_get()]
-    made: list[bpy.types.Object] = []
+    made: list[bpy.types.ID] = []
     materials: set[bpy.types.Material] = set()
     try:
         for thing in selected:
             thing.select_set(False)
         for owner in dict.fromkeys(piece.owner for piece in surface.soup.pieces):
             copy = owner.copy()
-            copy.data = owner.data.copy()
+            made.append(copy)
+            if owner.data is not None:  # an empty that instances a collection has none
+                copy.data = owner.data.copy()
+                made.append(copy.data)
             context.scene.collection.objects.link(copy)
             copy.matrix_world = owner.matrix_world
             copy.hide_set(False)
-            made.append(copy)
             if copy.type == "MESH":
                 materials |= _exchange(surface, owner, copy, plain)
             copy.select_set(True)
             layer.objects.active = copy
         yield
     finally:
-        for copy in made:
-            data = copy.data
-            bpy.data.objects.remove(copy)
-            bpy.data.batch_remove([data])
-        bpy.data.batch_remove(materials)
+        bpy.data.batch_remove([*made, *materials])
         for thing in selected:
             thing.select_set(True)
         layer.objects.active = active

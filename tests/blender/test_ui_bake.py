@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +39,12 @@ def refused(bake, tmp_path) -> str:
     assert not (tmp_path / "out").exists()
     assert bpy.context.scene.rauca.camouflage.coat.nodes["baked"].image is None
     return words(error)
+
+
+def held(glb: Path) -> dict:
+    """The JSON of a GLB."""
+    data = glb.read_bytes()
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
 
 
 def test_bake_writes_packs_and_shows(bake, tmp_path):
@@ -195,9 +202,8 @@ def test_glb_holds_the_baked_image_and_leaves_the_scene(bake, tmp_path):
     assert before == (
         sorted(bpy.data.objects.keys()), sorted(bpy.data.materials.keys()), sorted(bpy.data.images.keys())
     )  # fmt: skip
-    data = (tmp_path / "car.glb").read_bytes()
+    data, document = (tmp_path / "car.glb").read_bytes(), held(tmp_path / "car.glb")
     length = struct.unpack_from("<I", data, 12)[0]
-    document = json.loads(data[20 : 20 + length])
     texture = next(m for m in document["materials"] if "baseColorTexture" in m["pbrMetallicRoughness"])
     used = document["textures"][texture["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
     view = document["bufferViews"][document["images"][used["source"]]["bufferView"]]
@@ -206,6 +212,30 @@ def test_glb_holds_the_baked_image_and_leaves_the_scene(bake, tmp_path):
     written = read_image(tmp_path / "out" / "Box-spots-other.png")
     assert np.abs(read_image(tmp_path / "held.png").astype(int) - written).max() <= 1
     assert texture["pbrMetallicRoughness"]["metallicFactor"] == 0
+
+
+def test_glb_holds_wheels_that_are_instances_of_a_collection(bake, tmp_path):
+    box = painted_box(tmp_path)
+    mesh = bpy.data.meshes.new("wheel")
+    mesh.from_pydata([(0, 0, 0), (0.3, 0, 0), (0, 0, 0.3)], [], [(0, 1, 2)])
+    mesh.materials.append(bpy.data.materials.new("rubber"))
+    collection = bpy.data.collections.new("wheel")
+    collection.objects.link(bpy.data.objects.new("wheel", mesh))
+    for corner in ("left", "right"):
+        wheel = bpy.data.objects.new(f"wheel {corner}", None)
+        wheel.instance_type, wheel.instance_collection, wheel.parent = "COLLECTION", collection, box
+        bpy.context.scene.collection.objects.link(wheel)
+    bpy.context.view_layer.update()
+    a_camouflage(tmp_path)
+    assert bpy.ops.rauca.apply_camouflage() == {"FINISHED"}
+    a_layer(box, "other")
+    assert bpy.ops.rauca.bake() == {"FINISHED"}
+    before = sorted(bpy.data.objects.keys()), sorted(bpy.data.meshes.keys())
+    assert bpy.ops.rauca.export_glb(filepath=str(tmp_path / "car.glb")) == {"FINISHED"}
+    assert (sorted(bpy.data.objects.keys()), sorted(bpy.data.meshes.keys())) == before
+    document = held(tmp_path / "car.glb")
+    assert sum("mesh" in node and node["name"].startswith("wheel") for node in document["nodes"]) == 2
+    assert "rubber" in {material["name"] for material in document["materials"]}
 
 
 def test_glb_is_written_in_a_blender_of_another_language(bake, tmp_path, named_in_german):
