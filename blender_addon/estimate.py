@@ -35,7 +35,7 @@ class Pace:
     """How fast this machine is.
 
     Attributes:
-        factor: of the model's seconds.
+        factor: of the model's seconds, the whole machine at one frame.
         frames: that it was measured on; 0 for a guess.
     """
 
@@ -47,8 +47,11 @@ class Pace:
         return self.factor * work.model_seconds() * frames
 
 
-def measure(dataset: Path) -> Pace | None:
+def measure(dataset: Path, workers: int) -> Pace | None:
     """The pace of a dataset that was rendered here, from its ledger; None when it has too few timed frames.
+
+    Args:
+        workers: Blender processes that rendered it at once. They share the cores, so each frame took longer.
 
     Raises:
         RaucaError: the folder holds no dataset that can be read.
@@ -58,7 +61,8 @@ def measure(dataset: Path) -> Pace | None:
     if len(times) < FEWEST:
         return None
     work = Work(plan.size, plan.quality.samples, plan.quality.denoise, plan.light)
-    return Pace(statistics.median(times) / work.model_seconds(), len(times))
+    at_once = min(workers, len(times))
+    return Pace(statistics.median(times) / at_once / work.model_seconds(), len(times))
 
 
 def remember(pace: Pace, folder: Path) -> None:

@@ -216,7 +216,7 @@ WORDS: dict[str, str] = {
     "Look through the view before; before the first comes the last": "Durch die Ansicht davor sehen; vor der ersten kommt die letzte",
     "Look through the next view; after the last comes the first": "Durch die nächste Ansicht sehen; nach der letzten kommt die erste",
     "Bring back your own camera and picture size; the view's camera goes": "Eigene Kamera und Bildgröße zurückholen; die Kamera der Ansicht verschwindet",
-    "Take the time per frame from the dataset in the folder of step 4, if it was rendered on this machine": "Die Zeit je Bild vom Datensatz im Ordner aus Schritt 4 übernehmen, falls er auf diesem Rechner gerendert wurde",
+    "Take the time per frame from the dataset of step 4, if this machine rendered it with as many Blenders as there": "Die Zeit je Bild vom Datensatz aus Schritt 4 übernehmen, falls dieser Rechner ihn mit so vielen Blendern wie dort gerendert hat",
     "Step": "Schritt",
     "Views to go on by; 0: the chosen one": "Um wie viele Ansichten weiter; 0: die gewählte",
     "Around": "Ringsum",

@@ -52,13 +52,14 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
         vehicle.save(scratch / "vehicle")
         arguments = dataset_arguments(context, folder, scratch / "vehicle")
         task = DatasetTask(folder, child_command("make_dataset", arguments), scratch)
-        watch.begin(JOB, task, lambda job: _learn_pace(folder))
+        workers = settings.workers
+        watch.begin(JOB, task, lambda job: _learn_pace(folder, workers))
 
 
-def _learn_pace(folder: Path) -> None:
+def _learn_pace(folder: Path, workers: int) -> None:
     """The next estimate of step 3 builds on this job; a job that ended without frames teaches nothing."""
     with contextlib.suppress(contract.RaucaError):
-        timing.learn(folder)
+        timing.learn(folder, workers)
 
 
 CLASSES = (RAUCA_OT_generate_dataset,)

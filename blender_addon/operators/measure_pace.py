@@ -15,7 +15,7 @@ from .operator import RaucaOperator
 
 
 class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """Take the time per frame from the dataset in the folder of step 4, if it was rendered on this machine"""
+    """Take the time per frame from the dataset of step 4, if this machine rendered it with as many Blenders as there"""
 
     bl_idname = "rauca.measure_pace"
     bl_label = "Measure by the Last Dataset"
@@ -25,8 +25,9 @@ class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         return rpt("Choose a dataset's folder in step 4 first") if not context.scene.rauca.dataset.folder else ""
 
     def work(self, context: bpy.types.Context) -> str:
-        folder = Path(bpy.path.abspath(context.scene.rauca.dataset.folder))
-        measured = estimate.measure(folder)
+        settings = context.scene.rauca.dataset
+        folder = Path(bpy.path.abspath(settings.folder))
+        measured = estimate.measure(folder, settings.workers)
         if measured is None:
             raise contract.RaucaError(
                 rpt("{folder}: fewer than {count} of its frames are timed; render some more first").format(

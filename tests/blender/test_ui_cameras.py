@@ -270,8 +270,14 @@ def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_pa
     assert timing.estimated_seconds(addon.context) == pytest.approx(2.0 * timing.frame_count(addon.context))
     for name in "fghij":  # a job that ends teaches by itself
         append_entry(tmp_path, LedgerEntry(name, "done", 1.0))
-    timing.learn(tmp_path)
+    timing.learn(tmp_path, workers=1)
     assert timing.estimated_seconds(addon.context) == pytest.approx(1.5 * timing.frame_count(addon.context))
+    timing.learn(tmp_path, workers=3)  # three frames at once, each in 1.5 s
+    assert timing.estimated_seconds(addon.context) == pytest.approx(0.5 * timing.frame_count(addon.context))
+    steps.dataset.workers = 2
+    assert addon.ops.rauca.measure_pace() == {"FINISHED"}
+    assert timing.estimated_seconds(addon.context) == pytest.approx(0.75 * timing.frame_count(addon.context))
+    timing.learn(tmp_path, workers=1)
     steps.dataset.samples = 64
     assert timing.estimated_seconds(addon.context) > 4.5 * timing.frame_count(addon.context)
 
@@ -286,4 +292,4 @@ def test_a_damaged_pace_is_a_guess(tmp_path):
         (tmp_path / "pace.json").write_text(text)
         assert recall(tmp_path) == Pace()
     with pytest.raises(RaucaError):
-        measure(tmp_path)
+        measure(tmp_path, 1)

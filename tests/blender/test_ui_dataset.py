@@ -187,6 +187,21 @@ def test_stopping_at_once_and_when_nothing_runs(addon, steps, tmp_path):
     assert addon.ops.rauca.generate_dataset.poll()
 
 
+def test_a_job_teaches_the_pace_of_the_blenders_it_began_with(addon, steps, tmp_path, monkeypatch):
+    from blender_addon.background import watch
+    from blender_addon.ui.cameras import timing
+
+    learned, after = [], []
+    monkeypatch.setattr(timing, "learn", lambda folder, workers: learned.append((folder, workers)))
+    monkeypatch.setattr(watch, "begin", lambda name, task, done: after.append(done))
+    settings = steps().dataset
+    settings.folder, settings.workers = str(tmp_path / "set"), 4
+    addon.ops.rauca.generate_dataset(wait=False)
+    settings.workers = 1  # of the next job
+    after[0](None)
+    assert learned == [(tmp_path / "set", 4)]
+
+
 def test_folders_that_cannot_be_used(addon, steps, tmp_path):
     settings = steps().dataset
     with pytest.raises(RuntimeError, match="Choose a folder for the dataset"):

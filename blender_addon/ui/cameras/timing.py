@@ -24,13 +24,13 @@ def forget() -> None:
     _kept.clear()
 
 
-def learn(dataset: Path) -> None:
-    """Take the pace from a dataset that was rendered here; too few frames change nothing.
+def learn(dataset: Path, workers: int) -> None:
+    """Take the pace from a dataset that so many processes rendered here; too few frames change nothing.
 
     Raises:
         RaucaError: the folder holds no dataset, or the pace cannot be kept.
     """
-    measured = measure(dataset)
+    measured = measure(dataset, workers)
     if measured is None:
         return
     _kept[:] = [measured]
