@@ -16,7 +16,7 @@ from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..cpu import threads
 from ..optimisers import Adam
-from ..render import TAP_FORMAT, Canvas, undisplay
+from ..render import Canvas, tap_format, undisplay
 from ..team import ALONE, Team
 from .augmentation import RANGES, Augmentation
 from .background import background_colours
@@ -57,7 +57,7 @@ class Run:
         )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
         asked = identity_of(dataset, self.store, panel, settings)
-        self.identity = {**asked, "taps": TAP_FORMAT, "processes": team.size}
+        self.identity = {**asked, "taps": tap_format(settings.sampler), "processes": team.size}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []

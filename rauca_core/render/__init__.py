@@ -8,12 +8,10 @@ from .pyramid import Pyramid
 from .raster.rasterise import Raster, rasterize
 from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
-from .taps import FORMAT as TAP_FORMAT
-from .taps import Taps, build_taps
+from .taps import Taps, build_taps, tap_format
 from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pattern
 
 __all__ = [
-    "TAP_FORMAT",
     "Canvas",
     "FacetSettings",
     "PatternSettings",
@@ -36,5 +34,6 @@ __all__ = [
     "project_pattern",
     "rasterize",
     "saturate",
+    "tap_format",
     "undisplay",
 ]

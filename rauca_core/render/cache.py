@@ -17,7 +17,7 @@ from .facet_texture import build_facet_taps, cells_pyramid
 from .pyramid import Pyramid
 from .sampling import Sampler
 from .sampling.sampler import TEXTURE_SIZE
-from .taps import FORMAT, Taps, build_taps
+from .taps import FORMAT, Taps, build_taps, tap_format
 from .world_aligned import SHARPNESS, build_world_aligned_taps, pattern_pyramid
 
 
@@ -25,6 +25,11 @@ class TapRecipe(Protocol):
     """What a view's taps depend on beside vehicle and camera: a dataclass of plain values."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def format(self) -> int:
+        """Version of what is built: files of another one are stale."""
+        ...
 
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         """The colours that the taps read, with their mip levels."""
@@ -46,6 +51,10 @@ class TapSettings:
     thinning: float | None = None
     sampler: Sampler = Sampler.AREA
 
+    @property
+    def format(self) -> int:
+        return tap_format(self.sampler)
+
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         return Pyramid.of(vehicle, self.size)
 
@@ -60,6 +69,7 @@ class FacetSettings:
     samples: int = 2
     filter: str = "box"
     texture_size: int = TEXTURE_SIZE
+    format: ClassVar[int] = FORMAT
 
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         return cells_pyramid(vehicle, self.texture_size)
@@ -77,6 +87,7 @@ class PatternSettings:
     samples: int = 12
     filter: str = "blackman-harris"
     sharpness: float = SHARPNESS
+    format: ClassVar[int] = FORMAT
 
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         return pattern_pyramid(self.side)
@@ -166,7 +177,7 @@ class TapCache:
 
 def tap_key(geometry_id: str, camera: Camera, settings: TapRecipe) -> str:
     """Name of a cache entry. Poses are rounded to a nanometre: frames of one camera differ by float noise only."""
-    digest = hashlib.sha256(f"{FORMAT} {geometry_id} {asdict(settings)}".encode())
+    digest = hashlib.sha256(f"{settings.format} {geometry_id} {asdict(settings)}".encode())
     digest.update(f" {camera.width} {camera.height}".encode())
     for array in (camera.K, camera.R, camera.t):
         digest.update((np.round(array, 9) + 0.0).tobytes())

@@ -2,7 +2,8 @@
 
 Places are small steps: pixels ascend, the texels of a row ascend, and neighbouring rows begin at neighbouring texels.
 Each step is an unsigned LEB128 number of mostly one or two bytes, decoded faster than an inflater could. Weights and
-coverage are 16-bit fractions of 65535; those of a row sum to 65535, so a constant texture keeps its colour exactly.
+coverage are 16-bit fractions of 65535; those of a row keep its sum, 65535 where nothing black is read, so a constant
+texture keeps its colour exactly.
 """
 
 from __future__ import annotations
@@ -29,14 +30,13 @@ def from_fractions(fractions: NDArray[np.uint16]) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True)
 def quantise_rows(indptr: Any, values: Any) -> Any:
-    """Round rows that sum to 1 to uint16 that sum to 65535: rounding errors are carried along the row, none is lost."""
+    """Round rows to uint16 that sum to what the row does: rounding errors are carried along the row, none is lost."""
     result = np.empty(values.shape[0], np.uint16)
     for row in range(indptr.shape[0] - 1):
         exact, given = 0.0, 0
         for k in range(indptr[row], indptr[row + 1]):
             exact += values[k] * UNIT
-            whole = UNIT if k + 1 == indptr[row + 1] else int(np.rint(exact))
-            result[k] = max(whole - given, 0)
+            result[k] = max(int(np.rint(exact)) - given, 0)
             given += result[k]
     return result
 

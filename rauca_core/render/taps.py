@@ -27,7 +27,7 @@ from .sampling.sampler import Sampler, look_up
 from .sparse import SparseOperator
 from .thin import Thinning
 
-FORMAT = 4  # of the file and of what :func:`build_taps` computes: a change of either makes old files stale
+FORMAT = 4  # of the file and of what is computed, see :func:`tap_format`: a change of either makes old files stale
 COARSEST = 1e-3  # thinning at one sample
 THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 
@@ -168,13 +168,19 @@ def build_taps(
         thinning = usual_thinning(samples)
     thin = Thinning.of(pyramid.tree, thinning)
     rows = filter_fragments(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
-    if look.inner is None:
-        return round_taps(rows, camera_in_vehicle, pyramid.count)
-    # Rows that read black cells sum to less than 1: neither rounded nor cached.
-    through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
-    return Taps(
-        camera_in_vehicle.width, camera_in_vehicle.height, rows.pixels, rows.alpha, compose(through, look.inner)
-    )
+    if look.inner is not None:
+        through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
+        read = compose(through, look.inner)
+        rows = Rows(rows.pixels, rows.alpha, read.indptr, read.columns, read.weights.astype(np.float64))
+    return round_taps(rows, camera_in_vehicle, pyramid.count)
+
+
+def tap_format(sampler: Sampler) -> int:
+    """Version of what :func:`build_taps` computes for a sampler; another one makes files and checkpoints stale.
+
+    Those through facets were once rounded in the file only; the bits of the others are what they were.
+    """
+    return FORMAT + 1 if sampler.through_facets else FORMAT
 
 
 def usual_thinning(samples: int) -> float:

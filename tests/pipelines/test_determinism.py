@@ -34,10 +34,11 @@ def first(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return optimised(data, tmp_path_factory.mktemp("first"), threads=1, hash_seed=1)
 
 
-def optimised(data: Path, where: Path, threads: int, hash_seed: int, seed: int = 5) -> Path:
+def optimised(data: Path, where: Path, threads: int, hash_seed: int, seed: int = 5, sampler: str = "area") -> Path:
     """The folder of ``rauca optimize``, run in ``where`` by a process of its own."""
     arguments = ["--out", "out", "--steps", STEPS, "--batch", 2, "--map-size", 64, "--samples", 2, "--seed", seed]
-    command = [sys.executable, "-m", "pipelines.optimize_camouflage", data, *arguments, "--threads", threads]
+    arguments += ["--threads", threads, "--sampler", sampler]
+    command = [sys.executable, "-m", "pipelines.optimize_camouflage", data, *arguments]
     environment = {
         **os.environ, "PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": str(Path(__file__).parents[2]),
         "OMP_NUM_THREADS": str(threads),
@@ -54,15 +55,29 @@ def untimed(folder: Path) -> list[dict[str, Any]]:
     return [{k: v for k, v in row.items() if "seconds" not in k and k != "stages"} for row in read_history(folder)]
 
 
+def checkpoint(folder: Path) -> tuple[str, bytes]:
+    """The latest one's name and tensors."""
+    tensors = sorted((folder / "checkpoints").glob("*.safetensors"))[-1]
+    return tensors.name, tensors.read_bytes()
+
+
 def test_two_processes_make_the_same_bytes(data: Path, first: Path, tmp_path: Path) -> None:
     again = optimised(data, tmp_path, threads=1, hash_seed=2)  # the taps come from the cache this time
     assert again.joinpath("camouflage.png").read_bytes() == first.joinpath("camouflage.png").read_bytes()
     assert again.joinpath("camouflage.json").read_bytes() == first.joinpath("camouflage.json").read_bytes()
-    tensors = [sorted((folder / "checkpoints").glob("*.safetensors"))[-1] for folder in (first, again)]
-    assert tensors[0].name == tensors[1].name
-    assert tensors[0].read_bytes() == tensors[1].read_bytes()
+    assert checkpoint(again) == checkpoint(first)
     assert untimed(again) == untimed(first)
     assert len(untimed(again)) == STEPS
+
+
+@pytest.mark.parametrize("sampler", ["tensor-traversal", "uv-traversal"])
+def test_taps_through_facets_are_those_from_the_cache(data: Path, tmp_path: Path, sampler: str) -> None:
+    folders = [tmp_path / name for name in ("built", "cached")]
+    for folder in folders:
+        folder.mkdir()
+    built, cached = (optimised(data, folder, threads=1, hash_seed=1, sampler=sampler) for folder in folders)
+    assert checkpoint(cached) == checkpoint(built)
+    assert untimed(cached) == untimed(built)
 
 
 def test_another_seed_makes_another_map(data: Path, first: Path, tmp_path: Path) -> None:

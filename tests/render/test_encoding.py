@@ -62,6 +62,12 @@ def test_rows_sum_to_one_after_rounding(rows: list[list[float]]) -> None:
     assert np.abs(rounded / UNIT - values).max() <= 1.01 / UNIT
 
 
+def test_rows_that_read_black_keep_their_sum_after_rounding() -> None:
+    values = np.full(1000, 0.5 / 1000)  # each rounds up: by themselves they would sum to half a hundredth more
+    rounded = quantise_rows(np.array([0, 1000]), values)
+    assert abs(int(rounded.sum()) - UNIT / 2) <= 0.5
+
+
 def test_fractions_are_stable() -> None:
     every = np.arange(UNIT + 1, dtype=np.uint16)
     assert (to_fractions(from_fractions(every)) == every).all()
