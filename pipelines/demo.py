@@ -21,6 +21,7 @@ from rauca_core.attack import make_settings, random_camouflage
 from rauca_core.attack.methods import settings_of
 from rauca_core.contract import load_vehicle
 from rauca_core.detect import fetch
+from rauca_core.detect.weights_file import sha256_of
 from rauca_core.evaluate.contestants import read_vehicle_choice
 from rauca_core.images import read_image
 
@@ -96,16 +97,15 @@ def run_demo(choice: DemoChoice) -> Path:
     dataset(train, "rendering training set", choice.vehicle, scale.train, SEED)
     dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], held_out_views, SEED + 1)
     target = read_vehicle_choice(train / "vehicle").target
-    hidden = [] if target == "car" else [target]  # runs begun when it always was "car" go on
-    stages.run("optimising", [scale.method, scale.steps, scale.batch, SEED, *hidden], optimise, rauca)
+    stages.run("optimising", [scale.method, scale.steps, scale.batch, SEED, target], optimise, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
-    stages.run("re-rendering", [], lambda: render_camouflages(held_out, both, renders, choice.blender), renders)
-    results = out / "results.json"
-    stages.run(
-        "detecting", [*detectors, *hidden], lambda: measure(held_out, both, renders, detectors, out, target), results
-    )
-    stages.run("comparing renderers", [], lambda: compare_renderers(train, rauca, out, choice.blender), out / AGREEMENT)
+    painted = [sha256_of(path.with_suffix(".png")) for path in both]
+    stages.run("re-rendering", painted, lambda: render_camouflages(held_out, both, renders, choice.blender), renders)
+    results, agree = out / "results.json", out / AGREEMENT
+    asked = [*detectors, target, *painted]
+    stages.run("detecting", asked, lambda: measure(held_out, both, renders, detectors, out, target), results)
+    stages.run("comparing renderers", painted, lambda: compare_renderers(train, rauca, out, choice.blender), agree)
     report = report_run(out)
     console.print(f"report: {report}")
     return report

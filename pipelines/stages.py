@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +31,7 @@ class Stages:
 
     def run(self, name: str, arguments: Any, work: Callable[[], object], product: Path) -> None:
         """Do ``work`` unless ``product`` exists and was made by this stage with the same ``arguments`` (JSON)."""
+        arguments = json.loads(json.dumps(arguments))  # as the file gives them back: a tuple is a list there
         entry = self._done.get(name, {})
         same = entry.get("arguments") == arguments
         if same and entry.get("finished") and product.exists():

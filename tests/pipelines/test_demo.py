@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from benchmarks.stability.drawn import make_dataset
+from pipelines import demo
 from pipelines.demo import DemoChoice, DemoScale, run_demo
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import load_camouflage, load_vehicle
 from rauca_core.evaluate import load_results
 from rauca_core.images import read_image
-
-pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 SMALL = DemoScale(
     frames="--weathers demo --size 128 --samples 2",
@@ -26,7 +26,44 @@ SMALL = DemoScale(
 )
 
 
+def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
+    done, colour = [], ["red"]
+
+    def stands_for(name, product=None):
+        def work(*given, **_):
+            done.append(name)
+            path = product(*given) if product else tmp_path / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("{}")
+            path.with_suffix(".png").write_text(colour[0])
+
+        monkeypatch.setattr(demo, name, work)
+
+    stands_for("fetch")
+    stands_for("run_blender", lambda job, given, *_: Path(given[1]) / "dataset.json")
+    stands_for("load_vehicle")
+    stands_for("random_camouflage", lambda path, *_, **__: path)
+    stands_for("optimize_camouflage", lambda data, detectors, settings, out: out / "camouflage.json")
+    stands_for("render_camouflages", lambda data, paints, renders, blender: renders / "rauca")
+    stands_for("measure", lambda *given: tmp_path / "results.json")
+    stands_for("compare_renderers", lambda *given: tmp_path / "agreement.json")
+    stands_for("report_run")
+    monkeypatch.setattr(demo, "read_vehicle_choice", lambda folder: SimpleNamespace(target="car"))
+
+    def run():
+        done.clear()
+        run_demo(DemoChoice(tmp_path, ["--vehicle", "sedan"]))
+        return done[:-1]
+
+    assert len(run()) == 11
+    assert run() == []
+    (tmp_path / "rauca" / "camouflage.json").unlink()
+    colour[0] = "blue"
+    assert run() == ["optimize_camouflage", "render_camouflages", "measure", "compare_renderers"]
+
+
 def test_the_demo_runs_resumes_and_reports(tmp_path):
+    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     choice = DemoChoice(tmp_path / "run", ["--vehicle", "sedan"], scale=SMALL)
     report = run_demo(choice)
     page = report.read_text()

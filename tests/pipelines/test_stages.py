@@ -18,8 +18,8 @@ def test_a_finished_stage_is_skipped_and_an_unfinished_one_entered_again(tmp_pat
     with pytest.raises(KeyboardInterrupt):
         Stages(tmp_path).run("a", [1], fails, product)
     assert Stages(tmp_path).seconds() == {}
-    Stages(tmp_path).run("a", [1], works, product)
-    Stages(tmp_path).run("a", [1], works, product)
+    Stages(tmp_path).run("a", (1,), works, product)
+    Stages(tmp_path).run("a", (1,), works, product)  # a list in the file
     assert entered == ["fails", "works"]
     assert set(Stages(tmp_path).seconds()) == {"a"}
 
