@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 # Hundreds of processes start in a run of the tests, and some in a demo; each would compile the house again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-matrix test-gui coverage lint docs pictures extension kernels clean
+.PHONY: demo test test-matrix test-gui coverage lint docs pictures extension clean
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -68,10 +68,6 @@ $(VENV)-4.5/.ready: pyproject.toml
 	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH)
 	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[optimize,report,dev] xatlas bpy==4.5.15 'numpy<2'
 	touch $@
-
-# Compiled kernels do not notice changes in the files they call; see CONTRIBUTING.md.
-kernels:
-	find rauca_core benchmarks -name '*.nb[ci]' -delete
 
 clean:
 	rm -rf $(VENV) $(VENV)-4.5 runs reports site

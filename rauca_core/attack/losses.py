@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ..detect.interface import DensePredictions
+from ..render.kernels import njit
 
 # Eq. 6 has no finite value at a detection score of 1, which a detector's sigmoid does reach in float32. Scores count as
 # this little less: the loss ends at 13.8 and keeps a non-zero slope, and values below 0.99 change by under 1e-4.

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
+
+from .kernels import njit
 
 _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045

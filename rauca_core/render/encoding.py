@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from .kernels import njit
 
 UNIT = 65535
 _MAX_BYTES = 5  # of one number: all are below 2^33

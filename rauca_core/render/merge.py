@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ..contract import Camera
+from .kernels import njit
 from .raster.rasterise import Raster
 from .sampling.fragments import Fragments
 from .thin import Thinning, thin_row

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ..contract import RaucaError
+from .kernels import njit
 from .sparse import SparseOperator
 
 

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import RaucaError, Vehicle
 from .coverage import texel_coverage
+from .kernels import njit
 from .lanes import CHANNELS, add, black, load, store
 from .sparse import SparseOperator, with_rows
 

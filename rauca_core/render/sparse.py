@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
+from .kernels import njit
 from .lanes import CHANNELS, add, black, is_black, load, store
 from .prefetch import AHEAD, prefetch
 

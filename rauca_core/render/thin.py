@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from .kernels import njit
 from .pyramid import Tree
 
 _UNSEEN, _STAYS, _MERGES = 0, -1, -2  # of a parent; larger numbers count its listed children

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...render.kernels import njit
 from .lab import FROM_ROOTS, KNEE, OFFSET, SLOPE, TO_WHITE
 
 CLOSE, TURNS = 0.995, 36

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ...contract.seeding import named_rng
+from ...render.kernels import njit
 
 Array = NDArray[np.float64]
 PER_CUBE = 12  # points thrown for every face of a cube of surface

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract.seeding import named_rng
+from ...render.kernels import njit
 from .surface import Links, TexelPoints
 
 STRETCHED = 0.95  # quantile of the texels' length over width that counts

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ...render import Pyramid
+from ...render.kernels import njit
 from ...render.onto_atlas import read_on_atlas
 from ...render.sampling.surface import Surface
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic, models, register_model
 from numpy.typing import NDArray
 
+from ..kernels import njit
 from ..lanes import row_address
 from .fixed_point import FRACTION, HALF, Screen, Window
 

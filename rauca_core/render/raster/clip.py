@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from ..kernels import njit
 from .fixed_point import INSIDE, ONE, OUTSIDE
 
 MAX_CORNERS = 9  # a triangle gains at most one corner per plane: 3 + 5, and one to spare

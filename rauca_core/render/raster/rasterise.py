@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract import Camera, RaucaError
+from ..kernels import njit
 from . import rasterise_torch, scanline
 from .fixed_point import LIMIT, MAX_SIDE, Screen
 from .pattern import Pattern

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..kernels import njit
 from .boxes import first, last, place_vertices, select
 from .clip import clip_faces
 from .fixed_point import BROKEN, DEPTH_TIE, LIMIT, ONE, Screen, Window

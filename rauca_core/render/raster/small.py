@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ..kernels import njit
 from .fixed_point import FRACTION, ONE
 
 LARGE = 16  # marks a triangle that was not asked; bits 0 to 3 are the samples of a small one, row by row

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
+from ..kernels import njit
 from ..pyramid import Pyramid
 from ..raster.pattern import PLACES
 from ..raster.rasterise import Raster

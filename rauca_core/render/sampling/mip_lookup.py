@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
+from ..kernels import njit
 from ..pyramid import Pyramid
 from .fragments import Fragments
 from .surface import Array, Surface, mask_at
