@@ -58,14 +58,14 @@ def carry(
     # One texel of margin around the grid, so that no sample lies in the outermost texel. Half floats keep 11 bits of
     # a colour, more than the 8 that are written, and halve the largest array of all.
     colours = np.zeros((side + 2 * n, side + 2 * n, 3), np.float16)
-    hits = np.zeros((side + 2 * n, side + 2 * n), np.uint8)
+    hits = np.zeros((side + 2 * n, side + 2 * n), np.uint32)  # more faces may be stacked than a byte counts
     expected = max(np.abs(signed_uv_area(target_uvs)).sum() * side**2, 1.0)
     done = 0
     for found in samples(source_uvs, target_uvs, side):
         place = found.row + n, found.column + n
         colours[place] = colour_at(found.face, found.uv)
         # One flat index and no wider number: the only case that NumPy counts fast in.
-        np.add.at(hits.reshape(-1), np.ravel_multi_index(place, hits.shape), np.uint8(1))
+        np.add.at(hits.reshape(-1), np.ravel_multi_index(place, hits.shape), np.uint32(1))
         done += len(found.face)
         progress(0.5 * min(done / expected, 1.0))
     hit = hits > 0

@@ -93,6 +93,14 @@ def test_faces_on_top_of_each_other_are_told():
     assert carry(source, target, 32, lambda face, uv: np.zeros((len(uv), 3), np.float32), 32).overlap == 1.0
 
 
+@pytest.mark.parametrize("count", [256, 257])
+def test_many_faces_on_top_of_each_other_are_told_and_keep_their_colour(count):
+    stacked = np.repeat(placed(0.8)[:1], count, axis=0)
+    result = carry(stacked, stacked, 16, lambda face, uv: np.full((len(uv), 3), 0.75, np.float32), 16)
+    assert result.overlap == 1.0
+    assert np.allclose(result.linear[result.read], 0.75, atol=1e-3)
+
+
 def test_faces_without_area_and_an_empty_layout_stay_finite():
     flat = np.concatenate([placed(0.5), np.full((1, 3, 2), 0.5), np.array([[(0, 0), (0.5, 0.5), (1, 1)]])])
     result = carry(flat, flat, 16, lambda face, uv: np.ones((len(uv), 3), np.float32), 16)
