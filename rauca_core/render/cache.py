@@ -123,7 +123,9 @@ class TapCache:
             if key in self._memory:
                 self._memory.move_to_end(key)
                 return self._memory[key]
-        taps = self._read(key) or self._build(key, camera_in_vehicle)
+        taps = self._read(key)
+        if taps is None:  # not `or`: those of a view without paint have no length
+            taps = self._build(key, camera_in_vehicle)
         self._remember(key, taps)
         return taps
 

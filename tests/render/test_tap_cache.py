@@ -50,6 +50,15 @@ def test_frames_of_one_camera_share_an_entry(box_vehicle: Vehicle, tmp_path: Pat
     assert file.stat().st_mtime_ns == written
 
 
+def test_a_view_without_paint_is_built_once(box_vehicle: Vehicle, tmp_path: Path) -> None:
+    away = Camera.look_at(np.array([20.0, 0.0, 2.0]), np.array([40.0, 0.0, 2.0]), 50, 48, 40)
+    assert len(TapCache(tmp_path, box_vehicle, SETTINGS).get(away)) == 0
+    (file,) = tmp_path.iterdir()
+    written = file.stat().st_ino, file.stat().st_mtime_ns
+    TapCache(tmp_path, box_vehicle, SETTINGS).get(away)
+    assert (file.stat().st_ino, file.stat().st_mtime_ns) == written
+
+
 @pytest.mark.parametrize("at", [10, 300, -5])
 def test_a_flipped_bit_is_found_and_repaired(box_vehicle: Vehicle, tmp_path: Path, at: int) -> None:
     first = TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0))
