@@ -335,7 +335,9 @@ def bench_stability_command(
 def _benchmark(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"benchmarks.{name}")
-    except ImportError as error:
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "benchmarks":
+            raise  # a package that an extra brings
         raise RaucaError("benchmarks are part of a checkout, not of an installed rauca; run this in one") from error
 
 
