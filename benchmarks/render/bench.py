@@ -51,9 +51,8 @@ def bench_render(
         RaucaError: a vehicle that cannot be opened; Embree or Blender is missing.
     """
     vehicles = {"sedan": open_vehicle("sedan")}
-    if vehicle not in (None, "sedan"):
-        given = open_vehicle(str(vehicle), paint_mask, paint_material)
-        vehicles[given.name] = given
+    given = open_vehicle(vehicle or "sedan", paint_mask, paint_material)
+    vehicles[given.name] = given
     return run_bench(vehicles, QUICK if quick else FULL, out, blender, docs)
 
 

@@ -22,10 +22,12 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
     """Find a vehicle; .obj, .glb and .blend files are imported by Blender in a process of its own.
 
     Raises:
-        RaucaError: no such vehicle, nothing paintable, or Blender is missing.
+        RaucaError: no such vehicle, nothing paintable, paint chosen for one that brings its own, or Blender is missing.
     """
     for folder in (assets_folder() / "vehicles" / name_or_path, Path(name_or_path)):
         if (folder / "vehicle.json").is_file():
+            if paint_mask or paint_material:
+                raise RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
             return load_vehicle(folder, read_image)
     require_bpy("give a vehicle folder")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:

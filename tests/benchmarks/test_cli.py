@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import vehicle
+from benchmarks.render.bench import bench_render
+from pipelines.cli import _benchmark
+from rauca_core.contract import RaucaError
+
 
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from pipelines.cli import run; run()", *map(str, arguments)]
@@ -30,3 +35,30 @@ def test_a_mistake_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     assert "no.glb: no such vehicle" in refused.stderr
     assert len(refused.stderr.strip().splitlines()) == 1
     assert not out.exists()
+
+
+@pytest.mark.parametrize("name", [None, "sedan", "cube", "assets/vehicles/cube"])
+def test_a_vehicle_with_its_own_paint_takes_no_other(tmp_path: Path, name: str | None) -> None:
+    with pytest.raises(RaucaError, match="brings its own paint; drop the paint option"):
+        bench_render(tmp_path / "render.json", name, paint_material="Paint", quick=True)
+
+
+def test_a_missing_package_is_not_a_missing_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("benchmarks.render")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ModuleNotFoundError, match="matplotlib"):
+        _benchmark("render.bench")
+    with pytest.raises(RaucaError, match="part of a checkout"):
+        _benchmark("no_such")
+
+
+def test_an_unknown_detector_is_told_before_the_ring_is_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def render(*_: object) -> None:
+        raise AssertionError("rendered")
+
+    monkeypatch.setattr(vehicle, "run_blender", render)
+    with pytest.raises(RaucaError, match="nosuch"):
+        vehicle.bench_vehicle(["--vehicle", "sedan"], ["nosuch"], tmp_path / "vehicle.json")
