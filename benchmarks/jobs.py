@@ -134,7 +134,7 @@ def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, 
     command = blender_command("dataset_worker", ["--plan", str(folder), "--out", str(folder)])
     watch, wanted = _Watch(), planned_frames(plan)[:frames] if frames % 12 else planned_frames(plan)
     pieces = [[frame.id for frame in chunk] for chunk in chunks(plan, wanted, frames)]
-    with progress_bar("rendering for memory") as move:
+    with progress_bar("rendering for memory", resumes=False) as move:
         Supervisor(
             folder, Shard(), Crew(command, recycle=10 * frames), Listener(move, print, watch.hear), lambda: None
         ).run(pieces, 0)

@@ -32,9 +32,10 @@ def bench_vehicle(vehicle: Sequence[str], detectors: Sequence[str], out: Path) -
         vehicle: arguments of ``rauca dataset make`` that choose it.
         out: JSON to write.
     """
+    loaded = {name: load_detector(name) for name in detectors}  # a wrong name is told before anything is rendered
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "ring"
-        with progress_bar("rendering the ring") as move:
+        with progress_bar("rendering the ring", resumes=False) as move:
             run_blender("make_dataset", ["--out", str(folder), *vehicle, *RING.split(), "--json-progress"], move)
         dataset = Dataset(folder)
         frames = dataset.frames()
@@ -43,7 +44,7 @@ def bench_vehicle(vehicle: Sequence[str], detectors: Sequence[str], out: Path) -
         pixels = np.stack([read_image(dataset.frame_folder(f.id) / "image.png") for f in frames])
     images = torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255
     boxes = torch.tensor([f.box_xyxy for f in frames], dtype=torch.float32)
-    scores = {name: car_score(load_detector(name), images, boxes).tolist() for name in detectors}
+    scores = {name: car_score(detector, images, boxes).tolist() for name, detector in loaded.items()}
     azimuths = [f.azimuth_deg for f in frames]
     table = Table("detector", *(f"{a:.0f}°" for a in azimuths), "mean", title="car score (azimuth 0: front)")
     for name, row in scores.items():

@@ -90,7 +90,7 @@ def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
 def apply(context: typer.Context, blender: Blender = None) -> None:
     """Save a vehicle in camouflage as a .blend. `rauca apply --help` lists the options."""
     apply_parser().parse_args(context.args)
-    with progress_bar("painting") as move:
+    with progress_bar("painting", resumes=False) as move:
         run_blender("apply_camouflage", context.args, move, blender)
     console.print("saved; open it in Blender, or append its object to a scene of yours")
 

@@ -33,10 +33,13 @@ class TimeLeft(TimeRemainingColumn):
 
 
 @contextlib.contextmanager
-def progress_bar(title: str, every_step: bool = False) -> Iterator[Callable[[Progress], None]]:
+def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> Iterator[Callable[[Progress], None]]:
     """A progress bar with an estimate of the time left; yields the function that moves it.
 
     Without a terminal (logs, CI) a line is printed at the start and at the end, and with ``every_step`` at each step.
+
+    Args:
+        resumes: the work goes on where it was when the same command runs again.
 
     Raises:
         RaucaError: in place of a KeyboardInterrupt inside.
@@ -66,7 +69,8 @@ def progress_bar(title: str, every_step: bool = False) -> Iterator[Callable[[Pro
             yield move
         except KeyboardInterrupt:
             # Here, since typer would end the program without a word.
-            raise RaucaError("interrupted; what was finished is kept, run the same command to go on") from None
+            kept = "what was finished is kept, run the same command to go on"
+            raise RaucaError(f"interrupted; {kept if resumes else 'nothing was written'}") from None
         if not console.is_terminal and seen:
             console.print(f"{title}: {seen[0].done} of {seen[0].total}")
 

@@ -72,7 +72,7 @@ def run_bench(run: Path, detectors: Sequence[Detector], extent: Extent, out: Pat
     defences = [make_defence(name) for name in defence_names()]
     views = read_views(run)
     everything = range(len(views.frames))
-    with progress_bar("defences") as move:
+    with progress_bar("defences", resumes=False) as move:
         others = views.part(everything[1::2])
         patch = optimise_patch(detectors[0], others, extent.patch, extent.steps, _told(move, "patch"))
         held = views.part(everything[::2][: extent.views])

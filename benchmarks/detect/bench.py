@@ -63,7 +63,7 @@ def run_bench(extent: Extent, out: Path, docs: Path | None = None, dataset: Path
     source, images = choose_images(dataset, IMAGES)
     contenders, missing = list(_standard(extent)), []
     adapters: list[Adapter] = []
-    with progress_bar("detectors", every_step=True) as move:
+    with progress_bar("detectors", every_step=True, resumes=False) as move:
         for index, (name, make, of_framework) in enumerate(contenders):
             move(Progress(index, len(contenders), name))
             count = extent.framework_images if of_framework else IMAGES

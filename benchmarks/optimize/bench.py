@@ -107,7 +107,7 @@ def _measure(dataset: Dataset, settings: Settings) -> list[Contender]:
     published.prepare()
     found = [Contender(name, run, []) for name, run in ((OURS, ours), (COMPOSED, composed), (PUBLISHED, published))]
     every = len(found) * (settings.warm_up + settings.rounds * settings.steps)
-    with progress_bar("optimising") as move:
+    with progress_bar("optimising", resumes=False) as move:
         done = 0
         for number in range(-1, settings.rounds):  # round -1 builds taps, compiles and is not counted
             for contender in found:

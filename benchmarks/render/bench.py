@@ -74,7 +74,7 @@ def run_bench(
             with threads(1):
                 _measure_rivals(name, vehicle, settings, results)
         if blender:
-            with progress_bar(f"{name}: Cycles") as move:
+            with progress_bar(f"{name}: Cycles", resumes=False) as move:
                 results.blender.append(compare_with_blender(name, vehicle, settings, move))
     print_report(results)
     write_json(out, results.to_json())
@@ -143,7 +143,7 @@ def _measure_step(scene: Scene, two: Contender, settings: Settings, results: Res
 
 @contextmanager
 def _counted(title: str, total: int) -> Iterator[Callable[[], None]]:
-    with progress_bar(title) as move:
+    with progress_bar(title, resumes=False) as move:
         done = 0
 
         def moved() -> None:

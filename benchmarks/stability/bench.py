@@ -34,7 +34,7 @@ def bench_stability(out: Path, quick: bool = False, docs: Path | None = None) ->
     """
     checks = catalogue(QUICK_STEPS if quick else STEPS)
     found: list[Found] = []
-    with threads(1), progress_bar("hard cases") as move:
+    with threads(1), progress_bar("hard cases", resumes=False) as move:
         for check in checks:
             move(Progress(len(found), len(checks), check.name))
             found.append({dtype: outcome(check, dtype) for dtype in DTYPES})

@@ -86,6 +86,12 @@ def test_progress_for_programs_is_on_standard_output_and_for_people_beside_it(mo
         assert [parse_progress(line) for line in done.stdout.splitlines()] == expected
 
 
+@pytest.mark.parametrize(("resumes", "told"), [(True, "run the same command"), (False, "nothing was written")])
+def test_an_interruption_promises_no_more_than_is_kept(resumes, told):
+    with pytest.raises(RaucaError, match=told), progress_bar("measuring", resumes=resumes):
+        raise KeyboardInterrupt
+
+
 def test_a_log_gets_a_line_per_frame():
     with console.capture() as captured, progress_bar("rendering", every_step=True) as move:
         move(Progress(1, 2, "L00-V000-day", 600.0))
