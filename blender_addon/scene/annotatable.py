@@ -8,8 +8,8 @@ from ..core import contract, semantics
 from .exchange import SURFACES, exchanged_materials, is_volume, shown_objects
 
 
-def categories(things: list[bpy.types.Object], where: str) -> dict[int, str]:
-    """COCO class of every other vehicle's id; the data set's own vehicle has no number yet.
+def categories(things: list[bpy.types.Object], own: str, where: str) -> dict[int, str]:
+    """COCO class of every other vehicle's id; the data set's own vehicle, of class ``own``, has no number yet.
 
     Raises:
         RaucaError: an object's number or category is none of another vehicle's, or two categories share a number.
@@ -20,24 +20,24 @@ def categories(things: list[bpy.types.Object], where: str) -> dict[int, str]:
         if number is None:
             continue
         whole = type(number) is int and 0 < number < semantics.TARGET_INSTANCE
-        named = isinstance(category, str) and category not in ("", "car")
+        named = isinstance(category, str) and category not in ("", own)
         if not whole or not named or found.get(number, category) != category:
             raise contract.RaucaError(
                 f"{where}: object {thing.name}: {semantics.INSTANCE_PROPERTY} {number!r} with "
                 f"{semantics.CATEGORY_PROPERTY} {category!r}; give each vehicle a whole number from 1 to 254 and one "
-                "category, not 'car'"
+                f"category, not {own!r}, which is the data set's own vehicle's"
             )
         found[number] = category
     return found
 
 
-def require_annotatable(scene: bpy.types.Scene, where: str) -> None:
+def require_annotatable(scene: bpy.types.Scene, own: str, where: str) -> None:
     """Raise :class:`RaucaError` naming ``where`` unless all that ``scene`` shows can be annotated.
 
     Geometry nodes may give a surface a material that is in no slot of its object, where no exchange reaches it.
     """
     things = shown_objects(scene)
-    categories(things, where)
+    categories(things, own, where)
     probe = bpy.data.materials.new("rauca probe")
     try:
         with exchanged_materials([thing for thing in things if not is_volume(thing)], lambda *_: probe):

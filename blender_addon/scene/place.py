@@ -33,11 +33,12 @@ class Place(Protocol):
         """Turn up what shines after dark without being a lamp, 0 (by day) to 1."""
 
 
-def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None) -> Place:
+def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None, own: str = "car") -> Place:
     """Add the plan's surroundings to the scene.
 
     Args:
         blend: the user's file when the plan was made with one.
+        own: class of the data set's vehicle, of which nothing else may be.
 
     Raises:
         RaucaError: the file is missing, is not the one the plan was made with, or marks no location.
@@ -45,11 +46,11 @@ def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None)
     if plan.scenery.kind == "town":
         from .town import Town
 
-        return Town(scene, plan.seed)
+        return Town(scene, plan.seed, own)
     if blend is None:
         raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
     if contract.Scenery.of_file(blend) != plan.scenery:
         raise contract.RaucaError(f"{blend}: not the scene this data set was made in ({plan.scenery.name})")
     from .user_scene import UserScene
 
-    return UserScene(scene, blend, plan.locations)
+    return UserScene(scene, blend, plan.locations, own)

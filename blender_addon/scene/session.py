@@ -39,7 +39,7 @@ class Session:
         render.prepare(self.scene)
         if plan.quality.denoise:
             render.require_denoiser(self.scene)
-        self.place = build_place(self.scene, plan, blend)
+        self.place = build_place(self.scene, plan, blend, vehicle.category)
         self.vehicle = SceneVehicle(self.scene, vehicle, plan.finish)
         self.weather = SceneWeather(self.scene, self.place.lamps)
         self._beams = VehicleLamps(self.scene, self.vehicle.object, vehicle)

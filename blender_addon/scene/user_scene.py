@@ -32,12 +32,13 @@ class UserScene:
         notes: what was left out or assumed, for people.
     """
 
-    def __init__(self, scene: bpy.types.Scene, path: Path, locations: int) -> None:
+    def __init__(self, scene: bpy.types.Scene, path: Path, locations: int, own: str = "car") -> None:
         """Add a file's scene to ``scene``.
 
         Args:
             path: the ``.blend``; of several scenes, the one with the marks is taken.
             locations: how many places are needed.
+            own: class of the data set's vehicle, of which nothing else may be.
 
         Raises:
             RaucaError: not a readable ``.blend``, no or too few marks, a linked file is missing, a material names an
@@ -53,7 +54,7 @@ class UserScene:
             self._check_files(fresh, path)
             self._classify(fresh, path)
             scene.frame_set(source.frame_current)
-            require_annotatable(scene, str(path))
+            require_annotatable(scene, own, str(path))
             marks = sorted((o for o in source.objects if _is_mark(o)), key=lambda mark: mark.name)
             if len(marks) < locations:
                 raise contract.RaucaError(

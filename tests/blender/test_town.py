@@ -227,3 +227,21 @@ def test_windows_shine_at_night_only(town_session):
         ]
         brightest[lit] = np.concatenate(views).max()
     assert brightest[1.0] > 2 * brightest[0.0]
+
+
+@pytest.mark.parametrize("own", ["truck", "bus"])
+def test_none_of_the_vehicles_own_class_is_parked(bpy_module, own):
+    """Average precision counts one object of the class in an image."""
+    from blender_addon.scene.town import Town
+
+    def parked(own_class):
+        bpy_module.ops.wm.read_factory_settings(use_empty=True)
+        town = Town(bpy_module.data.scenes.new("town"), SEEDS[0], own_class)
+        found = set()
+        for location in range(LOCATIONS):
+            town.enter(location)
+            found |= {(location, o["rauca_category"]) for o in bpy_module.data.objects if "rauca_category" in o}
+        return found
+
+    every = parked("car")
+    assert parked(own) == {one for one in every if one[1] != own} != every

@@ -79,11 +79,11 @@ def _plan(vehicle, path, locations=2):
     )
 
 
-def _place(bpy, path, locations=2):
+def _place(bpy, path, locations=2, own="car"):
     from blender_addon.scene.user_scene import UserScene
 
     scene = bpy.data.scenes.new("rauca")
-    return scene, UserScene(scene, path, locations)
+    return scene, UserScene(scene, path, locations, own)
 
 
 def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
@@ -216,7 +216,7 @@ def test_faults_of_the_scene_are_told(bpy_module, yard):
 
 
 @pytest.mark.parametrize(
-    ("number", "category"), [(255, "bus"), (0, "bus"), ("7", "bus"), (7.4, "bus"), (True, "bus"), (7, "car"), (7, 3)]
+    ("number", "category"), [(255, "bus"), (0, "bus"), ("7", "bus"), (7.4, "bus"), (True, "bus"), (7, "boat"), (7, 3)]
 )
 def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_rendered(bpy_module, yard, number, category):
     def misnumber(scene):
@@ -226,7 +226,7 @@ def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_render
     path = yard(change=misnumber)
     known = set(bpy_module.data.materials.keys())
     with pytest.raises(RaucaError, match=r"object floor: rauca_instance .* a whole number from 1 to 254") as told:
-        _place(bpy_module, path)
+        _place(bpy_module, path, own="boat")
     assert str(path) in str(told.value)
     assert "\n" not in str(told.value)
     assert set(bpy_module.data.materials.keys()) == known

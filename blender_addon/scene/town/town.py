@@ -31,10 +31,11 @@ class Town:
         notes: nothing is left out of a town.
     """
 
-    def __init__(self, scene: bpy.types.Scene, seed: int) -> None:
+    def __init__(self, scene: bpy.types.Scene, seed: int, own: str = "car") -> None:
+        """An empty town; none of class ``own``, that of the data set's vehicle, will be parked there."""
         self.lamps: list[bpy.types.Object] = []
         self.notes: list[str] = []
-        self._scene, self._seed = scene, seed
+        self._scene, self._seed, self._own = scene, seed, own
         self._collection = bpy.data.collections.new("rauca town")
         scene.collection.children.link(self._collection)
         self._materials = Materials()
@@ -62,7 +63,7 @@ class Town:
         site = Site(self.layout(location))
         build_ground(site)
         build_sides(site)
-        parked = build_parked(site)
+        parked = [one for one in build_parked(site) if one[0] != self._own]
         build_furniture(site)
         build_greenery(site)
         build_skyline(site)
