@@ -168,8 +168,10 @@ def optimize(
     from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage
 
-    hidden = target or read_vehicle_choice(Dataset(dataset).vehicle_folder).target
-    settings = make_settings(**{**chosen_settings(context), **natural_settings(context), "target": hidden})
+    settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
+    if target is None:
+        hidden = read_vehicle_choice(Dataset(dataset).vehicle_folder).target
+        settings = settings.model_copy(update={"target": hidden})
     detectors = detector or ["yolov3-tiny"]
     path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress)
     console.print(f"camouflage: {path}")
