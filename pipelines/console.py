@@ -12,7 +12,7 @@ from rich.progress import Progress as Bar
 from rich.text import Text
 
 from blender_addon.jobs.pace import spoken
-from rauca_core.contract import Progress, RaucaError
+from rauca_core.contract import Progress, RaucaError, StoppedError
 
 # No markup: a path or a remedy may hold `[/b]` or `rauca[detectors]`, which rich would take for its own.
 _Plain = partial(Console, markup=False, emoji=False)
@@ -39,10 +39,11 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
     Without a terminal (logs, CI) a line is printed at the start and at the end, and with ``every_step`` at each step.
 
     Args:
-        resumes: the work goes on where it was when the same command runs again.
+        resumes: the work can go on where it was, with ``--resume`` or within :func:`goes_on_by_itself`.
 
     Raises:
-        RaucaError: in place of a KeyboardInterrupt inside.
+        StoppedError: in place of a KeyboardInterrupt inside.
+        RaucaError: the same, where nothing is kept.
     """
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -69,8 +70,9 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
             yield move
         except KeyboardInterrupt:
             # Here, since typer would end the program without a word.
-            kept = "what was finished is kept, run the same command to go on"
-            raise RaucaError(f"interrupted; {kept if resumes else 'nothing was written'}") from None
+            if resumes:
+                raise StoppedError("interrupted; what was finished is kept") from None
+            raise RaucaError("interrupted; nothing was kept") from None
         if not console.is_terminal and seen:
             console.print(f"{title}: {seen[0].done} of {seen[0].total}")
 

@@ -26,6 +26,7 @@ from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
 
 from .blender_process import run_blender
 from .console import console, output, progress_bar
+from .going_on import goes_on_by_itself
 from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser
 
 dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
@@ -43,7 +44,7 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
     every_option = ArgumentParser(prog="rauca dataset make", parents=[dataset_parser(), slurm_parser()], **MERGED)
     options = every_option.parse_args(context.args)
     refuse_without_slurm(options)
-    with progress_bar("rendering data set", every_step=True) as bar:
+    with goes_on_by_itself(), progress_bar("rendering data set", every_step=True) as bar:
 
         def move(progress: Progress) -> None:
             bar(progress)
@@ -71,7 +72,7 @@ def dataset_check(
     json: Annotated[Path | None, typer.Option(help="write the findings to this file too")] = None,
 ) -> None:
     """Read every file and hold it against the others, the plan and the ledger; exit code 2 if anything is wrong."""
-    with progress_bar("checking") as move:
+    with progress_bar("checking", resumes=False) as move:
         result = check_dataset(folder, min_psnr, unfinished, move)
     if json:
         write_json(json, result.to_json())
@@ -92,7 +93,7 @@ def dataset_view(
     view: Annotated[list[int] | None, typer.Option(help="a column of the contact sheet; repeat for more")] = None,
 ) -> None:
     """Write a contact sheet of weathers by views, and frames with their boxes and masks."""
-    with progress_bar("drawing") as move:
+    with progress_bar("drawing", resumes=False) as move:
         page = view_dataset(folder, out, frame or (), view or (), move)
     console.print(f"page: {page}")
 
@@ -104,7 +105,7 @@ def dataset_export(
     out: Annotated[Path, typer.Option(help="folder for images and labels")],
 ) -> None:
     """Write images and boxes as COCO JSON or YOLO text, for other tools."""
-    with progress_bar("exporting") as move:
+    with goes_on_by_itself(), progress_bar("exporting") as move:
         targets = export_dataset(folder, form, out, move)
     console.print(f"{targets} targets: {out}")
 
@@ -117,7 +118,7 @@ def dataset_recolour(
 ) -> None:
     """Write every frame in uniform colours, from its light maps: one multiply-add each."""
     chosen = find_colours(colours)
-    with progress_bar("recolouring") as move:
+    with goes_on_by_itself(), progress_bar("recolouring") as move:
         written = recolour_dataset(folder, chosen, out, move)
     console.print(f"{written} images written: {out}")
 

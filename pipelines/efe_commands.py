@@ -116,7 +116,7 @@ def efe_evaluate(
     from rauca_core.environment.evaluation import compare
 
     net, _ = load_extractor(weights)
-    with progress_bar("evaluating") as move:
+    with progress_bar("evaluating", resumes=False) as move:
         found = compare(datasets, net, TEST, move)
     table = Table("weather", "method", "PSNR, dB", "MSE", "MAE", "BCE", "ms", title="light on the paint, sRGB values")
     for weather, methods in found.items():

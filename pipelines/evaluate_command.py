@@ -17,6 +17,7 @@ from rauca_core.contract.assets import assets_folder
 
 from .console import console, output
 from .dataset_commands import Blender
+from .going_on import goes_on_by_itself
 
 if TYPE_CHECKING:
     from rauca_core.detect import Detector
@@ -110,7 +111,9 @@ def evaluate(
         scene=scene,
     )
     loaded = _detectors(split_names(detectors), list(matched), device)
-    _print(run_study(replace(request, detectors=loaded)), out)
+    with goes_on_by_itself():
+        entries = run_study(replace(request, detectors=loaded))
+    _print(entries, out)
 
 
 def split_names(given: Sequence[str] | None) -> list[str]:

@@ -12,6 +12,7 @@ from benchmarks.child import run_child
 from benchmarks.page import fill_page
 from pipelines.blender_process import require_bpy
 from pipelines.console import progress_bar
+from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
 
@@ -40,7 +41,7 @@ def bench_dataset(out: Path, quick: bool = False, docs: Path | None = None) -> R
 
 def run_bench(settings: Settings, out: Path, docs: Path | None = None) -> Results:
     """The same, of any extent."""
-    with progress_bar("data set") as move:
+    with goes_on_by_itself(), progress_bar("data set") as move:
         results = _measure(settings, out.parent / "dataset-references", move)
     print_report(results)
     write_json(out, results.to_json())

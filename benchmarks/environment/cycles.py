@@ -70,7 +70,7 @@ def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Render) -> 
 
 def _run(request: dict[str, Any]) -> None:
     require_bpy()
-    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles") as move:
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles", resumes=False) as move:
         path = Path(temporary) / "request.json"
         write_json(path, request)
         command = [sys.executable, "-P", str(SCRIPT), str(path)]

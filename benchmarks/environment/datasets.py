@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
+from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import Dataset, RaucaError, Weather, find_preset
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
@@ -83,7 +84,7 @@ def make(wanted: Wanted, folder: Path) -> Dataset:
         preset = folder / f"{wanted.folder_name}.json"
         write_json(preset, {"format": name, "version": version, "weathers": [w.to_json() for w in wanted.weathers]})
         chosen = ["--out", str(out), "--vehicle", wanted.vehicle, "--weathers", str(preset), *wanted.options.split()]
-        with progress_bar(f"rendering {wanted.name}") as move:
+        with goes_on_by_itself(), progress_bar(f"rendering {wanted.name}") as move:
             run_blender("make_dataset", [*chosen, "--json-progress"], move)
     return Dataset(out)
 

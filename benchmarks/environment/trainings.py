@@ -94,7 +94,7 @@ def _train(
         best.update({name: value.clone() for name, value in learner.net.state_dict().items()})
 
     started = time.process_time()
-    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as folder, progress_bar(title) as move:
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as folder, progress_bar(title, resumes=False) as move:
 
         def show(report: EpochReport) -> None:
             move(Progress(report.epoch, report.epochs, f"error {report.error:.4f}"))

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
+from .checks import check_images, in_type_of
 from .classes import class_list, unusual_names
 from .heads import precise
 from .interface import DensePredictions
@@ -94,6 +95,13 @@ class OnnxDetector(SinglePassDetector):
         found = self._layout.decode(precise(output))
         found.boxes = box.boxes_to_image(found.boxes)
         return found
+
+    def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
+        check_images(self.name, images, waits)
+        weights = in_type_of(self.network, images[:0]).dtype
+        return images.to(
+            torch.promote_types(weights, torch.float32)
+        )  # exports keep this input before weights of 16 bits
 
     def _forward(self, prepared: Tensor) -> Tensor:
         wants_gradient = prepared.requires_grad and torch.is_grad_enabled()

@@ -20,7 +20,7 @@ def class_index(detector: Detector, category: str) -> int:
     if index is None:
         raise RaucaError(
             f"{detector.name}: knows no class {category!r} (its {len(detector.class_names)} are "
-            f"{', '.join(detector.class_names[:4])} ...); choose a detector trained on it"
+            f"{', '.join(detector.class_names[:4])} ...); choose a detector trained on it, or another class"
         )
     return index
 

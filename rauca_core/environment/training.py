@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import math
 import time
@@ -148,6 +149,7 @@ class _Training:
             **settings.identity(),
             **job.identity,
             "data": job.frames.digest,
+            "held out": hashlib.sha256(json.dumps(list(map(int, job.test))).encode()).hexdigest()[:16],
             "processes": team.size,
         }
         self.items = job.learner.items(job.train)

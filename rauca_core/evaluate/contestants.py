@@ -106,7 +106,11 @@ def check_vehicle(dataset: Path, vehicle: VehicleChoice, option: str) -> None:
     """
     if not (dataset / "vehicle" / "vehicle.json").is_file():  # not begun, or damaged and about to be written again
         return
-    kept, given = (load_vehicle(folder, read_image) for folder in (dataset / "vehicle", vehicle.folder))
+    given = load_vehicle(vehicle.folder, read_image)
+    try:
+        kept = load_vehicle(dataset / "vehicle", read_image)
+    except RaucaError:  # damaged: a job that needs it says so, and what is rendered already does not
+        return
     if changed := kept.changed(given):
         raise RaucaError(
             f"{dataset}: holds another vehicle of the name {vehicle.name} (changed: {', '.join(changed)}); choose "

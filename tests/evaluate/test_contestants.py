@@ -120,6 +120,13 @@ def test_another_vehicle_of_the_same_name_and_atlas_is_refused(
             workspace.views("single")
 
 
+def test_what_was_rendered_does_not_need_its_copy_of_the_vehicle(begun: tuple[Request, Workspace]) -> None:
+    request, workspace = begun
+    views = _held_out(request, workspace.vehicle, "single").source
+    (views / "vehicle" / "mesh.npz").write_bytes(b"cut")
+    assert _held_out(request, workspace.vehicle, "single").source == views
+
+
 def test_copies_follow_their_original(tmp_path: Path) -> None:
     path = camouflage(tmp_path)
     (contestant,) = read_contestants([f"mine={path}"])

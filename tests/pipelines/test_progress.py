@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from typing import Any, NoReturn
 
 import pytest
 from typer.testing import CliRunner
@@ -86,10 +87,32 @@ def test_progress_for_programs_is_on_standard_output_and_for_people_beside_it(mo
         assert [parse_progress(line) for line in done.stdout.splitlines()] == expected
 
 
-@pytest.mark.parametrize(("resumes", "told"), [(True, "run the same command"), (False, "nothing was written")])
+@pytest.mark.parametrize(
+    ("resumes", "told"), [(True, "run the same command with --resume"), (False, "nothing was kept")]
+)
 def test_an_interruption_promises_no_more_than_is_kept(resumes, told):
     with pytest.raises(RaucaError, match=told), progress_bar("measuring", resumes=resumes):
         raise KeyboardInterrupt
+
+
+def stopped(*_: Any, **__: Any) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("work", "command", "told"),
+    [
+        ("run_blender", ("make", "--out", "set"), "is kept; run the same command again to go on"),
+        ("recolour_dataset", ("recolour", "set", "--out", "x"), "is kept; run the same command again to go on"),
+        ("check_dataset", ("check", "set"), "nothing was kept"),
+    ],
+)
+def test_an_interrupted_command_says_how_to_go_on(monkeypatch, tmp_path, work, command, told):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(dataset_commands, work, stopped)
+    done = CliRunner().invoke(app, ["dataset", *command])
+    assert isinstance(done.exception, RaucaError)
+    assert str(done.exception).endswith(told)
 
 
 def test_a_log_gets_a_line_per_frame():

@@ -153,11 +153,11 @@ class _Rounds:
             "detector": origin.fingerprint,
             "data": self.frames.digest,
             "camouflages": [sha256_of(load_camouflage(path)[1]) for path in wanted.camouflages],
-            "choice of data sets to attack on": [
-                wanted.datasets.index(folder) for folder in wanted.attacked if settings.attack_steps
-            ],
             **settings.identity(),
         }
+        if settings.attack_steps:
+            attacked = [wanted.datasets.index(folder) for folder in wanted.attacked]
+            self.identity["choice of data sets to attack on"] = attacked
 
     def sights(self, camouflages: list[Path], share: float | None = None) -> CamouflagedSights:
         """Frames in some of the camouflages; those to test on (``share`` 0 or 1) wear them as they are."""

@@ -131,6 +131,15 @@ def test_gradient_is_the_direction_of_change(
     torch.testing.assert_close((gradient * direction).sum(), numeric, rtol=1e-4, atol=1e-5)
 
 
+def test_weights_of_16_bits_leave_the_input_as_it_is(exported: Callable[..., Path], picture: Picture) -> None:
+    """Most such exports keep an input of float32; onnxruntime then goes on with what is without gradients."""
+    detector = load_detector(str(exported("v8")))
+    images = batch_of(picture(60, 44))
+    before = detector.dense(images)
+    detector.network.half()
+    torch.testing.assert_close(detector.dense(images).boxes, before.boxes, atol=0, rtol=0)
+
+
 @pytest.mark.parametrize("open_batch", [False, True])
 def test_images_of_a_batch_do_not_meet(open_batch: bool, exported: Callable[..., Path], picture: Picture) -> None:
     detector = load_detector(str(exported("v8", open_batch=open_batch)))
