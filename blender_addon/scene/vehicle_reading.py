@@ -65,6 +65,8 @@ class Reading:
         if bad:
             raise contract.RaucaError(f"{request.where}: {bad} vertices are NaN or infinite; repair the mesh")
         to_vehicle, notes = orient(soup, request)
+        if np.abs(soup.positions).max() > contract.MAX_EXTENT_M:  # farther, xatlas can turn for ever
+            raise contract.RaucaError(f"{request.where}: reaches beyond {contract.MAX_EXTENT_M:g} m; repair the mesh")
         paint, base, mask = _choose_paint(soup, request, notes)
         if layers := _chosen_layers(soup, paint):
             notes.append(f"UVs: layer {layers}, of several")
@@ -147,7 +149,8 @@ def _choose_paint(
         notes.append(f"paint: the {int(soup.marked.sum())} triangles marked by hand")
         return soup.marked.copy(), _base_of(soup, soup.marked, request), None
     has_mask = request.paint_mask is not None
-    painted = vehicle_paint.choose_paint(soup.names, request.paint_material, has_mask, request.where, request.remedy)
+    shown = [soup.names[i] for i in np.unique(soup.material)]  # a slot that no face uses decides nothing
+    painted = vehicle_paint.choose_paint(shown, request.paint_material, has_mask, request.where, request.remedy)
     paint = np.isin(np.array(soup.names)[soup.material], painted)
     base = vehicle_paint.base_image(soup.blocks[painted[0]], request.beside)
     mask = None

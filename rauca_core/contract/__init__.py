@@ -20,11 +20,12 @@ from .presets import find_preset, load_weathers, preset_notes, save_weathers
 from .progress import Progress, parse_progress
 from .quality import Quality
 from .scenery import Scenery
-from .vehicle import Material, Vehicle, load_vehicle
+from .vehicle import MAX_EXTENT_M, Material, Vehicle, load_vehicle
 from .weather import Weather
 from .work import PlannedFrame, Shard, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
+    "MAX_EXTENT_M",
     "Box",
     "Camera",
     "Camouflage",
