@@ -51,6 +51,7 @@ class UserScene:
             _adopt(scene, source)
             self._leave_light_behind(source, _since(before), path)
             fresh = _since(before)
+            _show_what_renders_show(fresh)
             self._check_files(fresh, path)
             self._classify(fresh, path)
             scene.frame_set(source.frame_current)
@@ -167,6 +168,16 @@ def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
         scene.collection.children.link(collection)
     for thing in source.collection.objects:
         scene.collection.objects.link(thing)
+
+
+def _show_what_renders_show(fresh: list[bpy.types.ID]) -> None:
+    """The viewport's own hiding ends: masks are prepared from what the viewport shows."""
+    for block in fresh:
+        if isinstance(block, bpy.types.Object | bpy.types.Collection) and not block.hide_render:
+            block.hide_viewport = False
+        for modifier in getattr(block, "modifiers", ()):
+            if modifier.type == "NODES":
+                modifier.show_viewport = modifier.show_render
 
 
 def _pose(mark: bpy.types.Object, path: Path) -> NDArray[np.float64]:

@@ -232,26 +232,46 @@ def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_render
     assert set(bpy_module.data.materials.keys()) == known
 
 
+def _add_nodes(bpy, thing, kind, **settings):
+    """A geometry nodes modifier of one node; ``settings`` are the values of its sockets."""
+    group = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, node, end = (group.nodes.new(name) for name in ("NodeGroupInput", kind, "NodeGroupOutput"))
+    if "Geometry" in node.inputs:
+        group.links.new(begin.outputs[0], node.inputs["Geometry"])
+    if "Material" in node.inputs:
+        node.inputs["Material"].default_value = bpy.data.materials["slab"]
+    for name, value in settings.items():
+        node.inputs[name].default_value = value
+    group.links.new(node.outputs[0], end.inputs[0])
+    modifier = thing.modifiers.new("nodes", "NODES")
+    modifier.node_group = group
+    return modifier
+
+
 @pytest.mark.parametrize("kind", ["GeometryNodeSetMaterial", "GeometryNodeMeshCube", "GeometryNodeTransform"])
 def test_a_surface_whose_material_geometry_nodes_choose_is_refused(bpy_module, yard, kind):
-    def add_nodes(scene):
-        group = bpy_module.data.node_groups.new("nodes", "GeometryNodeTree")
-        for direction in ("INPUT", "OUTPUT"):
-            group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-        begin, node, end = (group.nodes.new(name) for name in ("NodeGroupInput", kind, "NodeGroupOutput"))
-        if "Geometry" in node.inputs:
-            group.links.new(begin.outputs[0], node.inputs["Geometry"])
-        if "Material" in node.inputs:
-            node.inputs["Material"].default_value = bpy_module.data.materials["slab"]
-        group.links.new(node.outputs[0], end.inputs[0])
-        scene.objects["floor"].modifiers.new("nodes", "NODES").node_group = group
-
-    path = yard(change=add_nodes)
+    path = yard(change=lambda scene: _add_nodes(bpy_module, scene.objects["floor"], kind))
     if kind == "GeometryNodeTransform":  # leaves the materials alone
         scene, _ = _place(bpy_module, path)
         assert [slot.material.name for slot in scene.objects["floor"].material_slots] == ["slab"]
         return
     with pytest.raises(RaucaError, match=r"yard.blend: object floor: its geometry nodes .* apply its modifiers"):
+        _place(bpy_module, path)
+
+
+@pytest.mark.parametrize("hidden", ["object", "modifier"])
+def test_a_surface_that_only_the_viewport_hides_is_refused_too(bpy_module, yard, hidden):
+    def add_nodes(scene):
+        modifier = _add_nodes(bpy_module, scene.objects["block"], "GeometryNodeSetMaterial")
+        if hidden == "object":
+            scene.objects["block"].hide_viewport = True
+        else:
+            modifier.show_viewport = False
+
+    path = yard(change=add_nodes)
+    with pytest.raises(RaucaError, match=r"yard.blend: object block: its geometry nodes .* apply its modifiers"):
         _place(bpy_module, path)
 
 
