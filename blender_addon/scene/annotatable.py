@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
+import numpy as np
 
 from ..core import contract, semantics
 from .exchange import SURFACES, exchanged_materials, is_volume, shown_objects
+from .rendered import rendered_by
 
 
-def categories(things: list[bpy.types.Object], own: str, where: str) -> dict[int, str]:
+def categories(scene: bpy.types.Scene, own: str, where: str) -> dict[int, str]:
     """COCO class of every other vehicle's id; the data set's own vehicle, of class ``own``, has no number yet.
 
     Raises:
         RaucaError: an object's number or category is none of another vehicle's, or two categories share a number.
     """
     found: dict[int, str] = {}
-    for thing in things:
-        number, category = thing.get(semantics.INSTANCE_PROPERTY), thing.get(semantics.CATEGORY_PROPERTY)
-        if number is None:
-            continue
+    for thing in _numbered(scene):
+        number, category = thing[semantics.INSTANCE_PROPERTY], thing.get(semantics.CATEGORY_PROPERTY)
         whole = type(number) is int and 0 < number < semantics.TARGET_INSTANCE
         named = isinstance(category, str) and category not in ("", own)
         if not whole or not named or found.get(number, category) != category:
@@ -32,20 +34,18 @@ def categories(things: list[bpy.types.Object], own: str, where: str) -> dict[int
 
 
 def require_annotatable(scene: bpy.types.Scene, own: str, where: str) -> None:
-    """Raise :class:`RaucaError` naming ``where`` unless all that ``scene`` shows can be annotated.
+    """Raise :class:`RaucaError` naming ``where`` unless all that renders of ``scene`` show can be annotated.
 
-    Geometry nodes may give a surface a material that is in no slot of its object, where no exchange reaches it.
+    The viewport must show what renders show, as only that can be looked at. Geometry nodes may give a surface a
+    material that is in no slot of its object, where no exchange reaches it.
     """
     things = shown_objects(scene)
-    categories(things, own, where)
+    categories(scene, own, where)
     probe = bpy.data.materials.new("rauca probe")
     try:
         with exchanged_materials([thing for thing in things if not is_volume(thing)], lambda *_: probe):
-            layer = scene.view_layers[0]
-            layer.update()
-            for instance in layer.depsgraph.object_instances:
-                if _keeps_its_own(instance.object, probe):
-                    owner = instance.parent or instance.object
+            for thing, owner in _rendered_instances(scene):
+                if _keeps_its_own(thing, probe):
                     raise contract.RaucaError(
                         f"{where}: object {owner.name}: its geometry nodes choose materials, which masks cannot tell "
                         "apart; apply its modifiers"
@@ -54,9 +54,35 @@ def require_annotatable(scene: bpy.types.Scene, own: str, where: str) -> None:
         bpy.data.materials.remove(probe)
 
 
+def _numbered(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The objects whose numbers renders tell: the one that instances stands before what it brings."""
+    found = {}
+    for thing, owner in _rendered_instances(scene):
+        carrier = owner if semantics.INSTANCE_PROPERTY in owner else thing.original
+        if semantics.INSTANCE_PROPERTY in carrier:
+            found[carrier.name_full] = carrier
+    return list(found.values())
+
+
+def _rendered_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:
+    """Each evaluated object that renders show, with the scene's own object that brings it, most often itself."""
+    layer = scene.view_layers[0]
+    layer.update()
+    rendered = rendered_by(layer)
+    for instance in layer.depsgraph.object_instances:
+        owner = (instance.parent or instance.object).original
+        left_out = owner.instance_type == "COLLECTION" and instance.is_instance and instance.object.hide_render
+        if owner in rendered and not left_out:
+            yield instance.object, owner
+
+
 def _keeps_its_own(shown: bpy.types.Object, probe: bpy.types.Material) -> bool:
-    """True when an evaluated object shows another material than the one that was put on everything."""
+    """True when an evaluated object's faces show another material than the one that was put on everything."""
     if shown.type not in SURFACES or is_volume(shown) or (shown.type == "MESH" and not shown.data.polygons):
         return False
     materials = [slot.material for slot in shown.material_slots] or [None]
+    if shown.type == "MESH":  # geometry nodes that set a material nowhere leave it a slot all the same
+        chosen = np.zeros(len(shown.data.polygons), np.int32)
+        shown.data.polygons.foreach_get("material_index", chosen)
+        materials = [materials[i] for i in np.unique(chosen.clip(0, len(materials) - 1))]
     return any(material is None or material.original != probe for material in materials)

@@ -126,7 +126,7 @@ def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.t
         RaucaError: see :func:`categories`.
     """
     things = shown_objects(scene)
-    numbered = categories(things, vehicle.vehicle.category, scene.name)
+    numbered = categories(scene, vehicle.vehicle.category, scene.name)
     emitters = _Emitters(vehicle)
     cycles, render = scene.cycles, scene.render
     before = cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world

@@ -275,6 +275,61 @@ def test_a_surface_that_only_the_viewport_hides_is_refused_too(bpy_module, yard,
         _place(bpy_module, path)
 
 
+@pytest.mark.parametrize("how", ["object", "collection", "excluded", "instancer", "inner", "modifier", "nowhere"])
+def test_what_no_render_shows_is_not_refused(bpy_module, yard, box_vehicle, how):
+    """Neither another vehicle of the data set's own class nor a material that geometry nodes choose."""
+    from blender_addon.scene.session import Session
+
+    def hide(scene):
+        tools = bpy_module.data.collections.new("tools")
+        tool = _quad(bpy_module, "tool", 1.0, 1.0)
+        tool.data.materials.append(bpy_module.data.materials["stone"])
+        tool.location = (3.0, -5.5, 0.5)
+        tools.objects.link(tool)
+        settings = {"Selection": False} if how == "nowhere" else {}
+        modifier = _add_nodes(bpy_module, tool, "GeometryNodeSetMaterial", **settings)
+        if how in ("modifier", "nowhere"):
+            modifier.show_render = how == "nowhere"
+        else:
+            tool["rauca_instance"], tool["rauca_category"] = 3, "car"
+        if how in ("instancer", "inner"):
+            shown = bpy_module.data.objects.new("shown", None)
+            shown.instance_type, shown.instance_collection = "COLLECTION", tools
+            shown.hide_render = how == "instancer"
+            scene.collection.objects.link(shown)
+        else:
+            scene.collection.children.link(tools)
+        tool.hide_render = how in ("object", "inner")
+        tools.hide_render = how == "collection"
+        if how == "excluded":
+            scene.view_layers[0].layer_collection.children["tools"].exclude = True
+
+    path = yard(change=hide)
+    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+    session.enter(0)
+    assert session.annotations(0, [0])[0].others == ()
+
+
+def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_module, yard, box_vehicle):
+    from blender_addon.scene.session import Session
+
+    def add_instance(scene):
+        parts = bpy_module.data.collections.new("parts")
+        inner = _quad(bpy_module, "inner", 1.0, 1.0)
+        inner["rauca_instance"], inner["rauca_category"] = 3, "car"
+        parts.objects.link(inner)
+        shown = bpy_module.data.objects.new("shown", None)
+        shown.instance_type, shown.instance_collection = "COLLECTION", parts
+        shown.location = (3.0, -5.5, 0.5)
+        shown["rauca_instance"], shown["rauca_category"] = 4, "bus"
+        scene.collection.objects.link(shown)
+
+    path = yard(change=add_instance)
+    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+    session.enter(0)
+    assert [(other.id, other.category) for other in session.annotations(0, [0])[0].others] == [(4, "bus")]
+
+
 def test_what_a_collections_instance_brings_is_seen(bpy_module, yard, box_vehicle):
     """Its sun stays behind; its truck is another vehicle where the instance says so, and only there."""
     from blender_addon.scene.session import Session
