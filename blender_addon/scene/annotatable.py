@@ -21,7 +21,8 @@ def categories(scene: bpy.types.Scene, own: str, where: str) -> dict[int, str]:
     found: dict[int, str] = {}
     for thing in _numbered(scene):
         number, category = thing[semantics.INSTANCE_PROPERTY], thing.get(semantics.CATEGORY_PROPERTY)
-        whole = type(number) is int and 0 < number < semantics.TARGET_INSTANCE
+        # A property that Blender's panel adds is a float, and that makes 3.0 of a 3.
+        whole = type(number) in (int, float) and 0 < number < semantics.TARGET_INSTANCE and number == int(number)
         named = isinstance(category, str) and category not in ("", own)
         if not whole or not named or found.get(number, category) != category:
             raise contract.RaucaError(
@@ -29,7 +30,7 @@ def categories(scene: bpy.types.Scene, own: str, where: str) -> dict[int, str]:
                 f"{semantics.CATEGORY_PROPERTY} {category!r}; give each vehicle a whole number from 1 to 254 and one "
                 f"category, not {own!r}, which is the data set's own vehicle's"
             )
-        found[number] = category
+        found[int(number)] = category
     return found
 
 

@@ -216,7 +216,12 @@ def test_faults_of_the_scene_are_told(bpy_module, yard):
 
 
 @pytest.mark.parametrize(
-    ("number", "category"), [(255, "bus"), (0, "bus"), ("7", "bus"), (7.4, "bus"), (True, "bus"), (7, "boat"), (7, 3)]
+    ("number", "category"),
+    [
+        *((number, "bus") for number in (255, 0, "7", 7.4, math.nan, math.inf, True)),
+        (7, "boat"),
+        (7, 3),
+    ],
 )
 def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_rendered(bpy_module, yard, number, category):
     def misnumber(scene):
@@ -311,6 +316,7 @@ def test_what_no_render_shows_is_not_refused(bpy_module, yard, box_vehicle, how)
 
 
 def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_module, yard, box_vehicle):
+    """Numbers are whole, though a custom property is a float where nobody says otherwise."""
     from blender_addon.scene.session import Session
 
     def add_instance(scene):
@@ -321,7 +327,7 @@ def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_mod
         shown = bpy_module.data.objects.new("shown", None)
         shown.instance_type, shown.instance_collection = "COLLECTION", parts
         shown.location = (3.0, -5.5, 0.5)
-        shown["rauca_instance"], shown["rauca_category"] = 4, "bus"
+        shown["rauca_instance"], shown["rauca_category"] = 4.0, "bus"
         scene.collection.objects.link(shown)
 
     path = yard(change=add_instance)
