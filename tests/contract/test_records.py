@@ -85,6 +85,17 @@ def test_a_vehicle_tells_in_what_another_differs_but_for_last_digits(tmp_path, b
     assert "triangles" in again.changed(box_vehicle)
 
 
+def test_a_texture_of_16_bits_is_the_same_whoever_made_8_of_them(box_vehicle):
+    """Blender rounds, Pillow cuts."""
+    sixteen = np.random.default_rng(0).integers(0, 2**16, (16, 16, 3))
+    cut, rounded = (sixteen >> 8).astype(np.uint8), np.rint(sixteen / 257).astype(np.uint8)
+    assert not np.array_equal(cut, rounded)
+    given, kept = (replace(box_vehicle, base_texture=texture) for texture in (cut, rounded))
+    assert kept.changed(given) == given.changed(kept) == []
+    for other in (cut ^ 2, cut[:-1], None):
+        assert kept.changed(replace(given, base_texture=other)) == ["base_texture"]
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
