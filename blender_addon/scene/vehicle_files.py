@@ -15,6 +15,7 @@ from ..core import contract, image_header, reading
 from .gltf_check import check_gltf
 from .render import silenced
 from .rendered import rendered_by
+from .vehicle_arrays import SHAPES
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
 # What importers raise on files that are not what their name says.
@@ -85,13 +86,14 @@ def _import(path: Path) -> None:
 
 
 def _append(path: Path) -> None:
-    """Append the objects that renders of a .blend's scenes show; all of them from a file without scenes."""
+    """Append the objects that renders of a .blend's scenes show; of an asset's file, whose scenes hold none, all."""
     with scripts_off(), bpy.data.libraries.load(str(path), link=False) as (source, target):
         target.scenes, target.objects = source.scenes, source.objects
     scenes = [scene for scene in target.scenes if scene is not None]
+    staged = any(o.type in SHAPES or o.instance_type == "COLLECTION" for scene in scenes for o in scene.objects)
     shown = {thing for scene in scenes for layer in scene.view_layers for thing in rendered_by(layer)}
     for item in target.objects:
-        if item is not None and (item in shown or not scenes):
+        if item is not None and (item in shown or not staged):
             bpy.context.scene.collection.objects.link(item)
 
 

@@ -196,6 +196,45 @@ def test_blend_with_a_script_is_read_and_never_run(tmp_path):
     assert ((corners.mean(axis=1) - [0, 0, 0.75]) * outward).sum(axis=1).min() > 0
 
 
+def _painted_box(name="car"):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
+    mesh.materials.append(bpy.data.materials.new("car paint"))
+    return bpy.data.objects.new(name, mesh)
+
+
+@pytest.mark.parametrize("kept", ["object", "collection", "asset"])
+def test_an_asset_is_read_though_it_lies_in_no_scene_of_its_file(tmp_path, kept):
+    box = _painted_box()
+    scene = bpy.data.scenes[0]
+    scene.collection.objects.link(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
+    if kept == "object":
+        box.use_fake_user = True
+    else:
+        collection = bpy.data.collections.new("assets")
+        collection.objects.link(box)
+        collection.use_fake_user = kept == "collection"
+        if kept == "asset":
+            collection.asset_mark()
+    path = tmp_path / "asset.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert len(import_vehicle(path, None, "car paint").triangles) == 10
+
+
+def test_a_vehicle_that_its_scene_hides_is_none_and_neither_is_what_lies_beside_the_scene(tmp_path):
+    widget = _painted_box("widget")
+    widget.use_fake_user = True
+    hidden = bpy.data.collections.new("hidden")
+    hidden.hide_render = True
+    hidden.objects.link(_painted_box())
+    bpy.data.scenes[0].collection.children.link(hidden)
+    path = tmp_path / "car.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    refused("has no faces that renders show", path, None, "car paint")
+
+
 def test_smart_project_serves_where_xatlas_is_missing(box_obj, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xatlas", None)
     box_obj.write_text(obj_text(with_uv=False))
