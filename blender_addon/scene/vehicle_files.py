@@ -49,7 +49,7 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
             _require_finite(path)
             with silenced(), _into_the_scenes_own_collection():
                 _import(path)
-            _check_images([b for b in all_blocks() if b.as_pointer() not in before], path)
+            _check_images([image for image in bpy.data.images if image.as_pointer() not in before], path)
         except DAMAGE as error:
             reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
             raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); export it again") from error
@@ -138,22 +138,37 @@ def _remove_drivers(block: bpy.types.ID) -> None:
                 animation.drivers.remove(driver)
 
 
-def _check_images(fresh: list[bpy.types.ID], path: Path) -> None:
+def _check_images(fresh: list[bpy.types.Image], path: Path) -> None:
     """Textures are of a size that fits in memory; those of an .obj or glTF lie in its folder, if anywhere.
 
-    A .blend is a project of the artist's, whose textures and libraries may lie where they like.
+    A .blend is a project of the artist's, whose textures and libraries may lie where they like. It brings skies and
+    more that its vehicle does not use, which are never decoded.
     """
+    appended = path.suffix.lower() == ".blend"
+    users = bpy.data.user_map() if appended else {}
+    vehicle = set(bpy.context.scene.collection.objects)
     for image in fresh:
-        if not isinstance(image, bpy.types.Image) or image.source != "FILE":
+        if image.source != "FILE" or (appended and vehicle.isdisjoint(_all_users(image, users))):
             continue
         if image.packed_file is not None:
             header = bytes(image.packed_file.data[: image_header.HEADER_BYTES])
         else:
             named = bpy.path.abspath(image.filepath, library=image.library)
-            if path.suffix.lower() != ".blend":
+            if not appended:
                 _refuse_outside(path, named)
             header = _beginning(Path(named))
         image_header.require_size(header, f"{path}: image {image.name!r}")
+
+
+def _all_users(block: bpy.types.ID, users: dict[bpy.types.ID, set[bpy.types.ID]]) -> set[bpy.types.ID]:
+    """All that uses a block, by way of others too; ``users`` are those that use each block themselves."""
+    found: set[bpy.types.ID] = set()
+    left = [block]
+    while left:
+        fresh = users.get(left.pop(), set()) - found
+        found |= fresh
+        left += fresh
+    return found
 
 
 def _beginning(path: Path) -> bytes:

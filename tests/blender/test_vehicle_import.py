@@ -235,6 +235,47 @@ def test_a_vehicle_that_its_scene_hides_is_none_and_neither_is_what_lies_beside_
     refused("has no faces that renders show", path, None, "car paint")
 
 
+@pytest.mark.parametrize("of", ["world", "backdrop", "material", "group", "modifier", "instance"])
+def test_only_images_that_the_vehicle_uses_are_measured(tmp_path, of):
+    box, backdrop, world = _painted_box(), _painted_box("backdrop"), bpy.data.worlds.new("sky")
+    backdrop.hide_render = True
+    scene = bpy.data.scenes[0]
+    scene.world = world
+    for thing in (box, backdrop):
+        scene.collection.objects.link(thing)
+    if of == "instance":
+        parts, shown = bpy.data.collections.new("parts"), bpy.data.objects.new("shown", None)
+        scene.collection.objects.unlink(box)
+        parts.objects.link(box)
+        shown.instance_type, shown.instance_collection = "COLLECTION", parts
+        scene.collection.objects.link(shown)
+    header = png_bytes(np.zeros((4, 4), np.uint8)).replace(struct.pack(">II", 4, 4), struct.pack(">II", 16384, 8192))
+    (tmp_path / "vast.png").write_bytes(header)
+    image = bpy.data.images.new("vast", 4, 4)
+    image.source, image.filepath = "FILE", str(tmp_path / "vast.png")
+    if of == "modifier":
+        texture = bpy.data.textures.new("vast", "IMAGE")
+        texture.image = image
+        box.modifiers.new("displace", "DISPLACE").texture = texture
+    else:
+        owner = {"world": world, "backdrop": backdrop.data.materials[0]}.get(of, box.data.materials[0])
+        if owner.node_tree is None:
+            owner.use_nodes = True  # until 5.0
+        tree = owner.node_tree
+        if of == "group":
+            group = bpy.data.node_groups.new("group", "ShaderNodeTree")
+            tree.nodes.new("ShaderNodeGroup").node_tree = group
+            tree = group
+        tree.nodes.new("ShaderNodeTexImage" if of != "world" else "ShaderNodeTexEnvironment").image = image
+    path = tmp_path / "car.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if of in ("world", "backdrop"):
+        assert len(import_vehicle(path, None, "car paint").triangles) == 10
+    else:
+        refused("image 'vast': 16384x8192 pixels; at most 8192x8192 are read", path, None, "car paint")
+
+
 def test_smart_project_serves_where_xatlas_is_missing(box_obj, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xatlas", None)
     box_obj.write_text(obj_text(with_uv=False))
