@@ -49,6 +49,7 @@ class UserScene:
         try:
             source = _marked(_appended(path), path)
             _adopt(scene, source)
+            _own(before)
             self._leave_light_behind(source, _since(before), path)
             fresh = _since(before)
             _show_what_renders_show(fresh)
@@ -168,6 +169,21 @@ def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
         scene.collection.children.link(collection)
     for thing in source.collection.objects:
         scene.collection.objects.link(thing)
+
+
+def _own(before: set[int]) -> None:
+    """Make local what the file links from others: a linked surface's material cannot be exchanged.
+
+    From the outside in, as only what nothing linked uses becomes local itself, and not a copy beside it.
+    """
+    for kind in (bpy.types.Collection, bpy.types.Object):
+        for block in _since(before):
+            if isinstance(block, kind) and block.library is not None:
+                block.make_local()
+    shapes = {block.data for block in _since(before) if isinstance(block, bpy.types.Object)} - {None}
+    for shape in shapes:
+        if shape.library is not None:
+            shape.make_local()
 
 
 def _show_what_renders_show(fresh: list[bpy.types.ID]) -> None:

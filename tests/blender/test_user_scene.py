@@ -255,6 +255,36 @@ def _add_nodes(bpy, thing, kind, **settings):
     return modifier
 
 
+def test_what_is_linked_from_another_file_is_annotated_too(bpy_module, yard, tmp_path):
+    bpy, library = bpy_module, tmp_path / "library.blend"
+
+    def link(scene):
+        props, shed, lone = (
+            bpy.data.collections.new("props"),
+            _quad(bpy, "shed", 1.0, 2.0),
+            _quad(bpy, "lone", 1.0, 1.0),
+        )
+        for thing in (shed, lone):
+            thing.data.materials.append(bpy.data.materials["slab"])
+        props.objects.link(shed)
+        bpy.data.libraries.write(str(library), {props, lone}, fake_user=True)
+        for thing in (shed, lone, props):
+            bpy.data.batch_remove([thing])
+        with bpy.data.libraries.load(str(library), link=True) as (_, target):
+            target.collections, target.objects = ["props"], ["lone"]
+        for name in ("one", "two"):
+            empty = bpy.data.objects.new(name, None)
+            empty.instance_type, empty.instance_collection = "COLLECTION", target.collections[0]
+            empty["rauca_instance"], empty["rauca_category"] = len(name), "bus"
+            scene.collection.objects.link(empty)
+        scene.collection.objects.link(target.objects[0])
+
+    scene, _ = _place(bpy, yard(change=link))
+    shown = {instance.object.original.name for instance in scene.view_layers[0].depsgraph.object_instances}
+    assert {"shed", "lone", "floor", "block"} <= shown
+    assert not any(thing.library or thing.data.library for thing in bpy.data.objects if thing.type == "MESH")
+
+
 @pytest.mark.parametrize("kind", ["GeometryNodeSetMaterial", "GeometryNodeMeshCube", "GeometryNodeTransform"])
 def test_a_surface_whose_material_geometry_nodes_choose_is_refused(bpy_module, yard, kind):
     path = yard(change=lambda scene: _add_nodes(bpy_module, scene.objects["floor"], kind))
