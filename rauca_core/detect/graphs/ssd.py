@@ -93,7 +93,7 @@ class SsdDetector(SinglePassDetector):
         with torch.no_grad():
             try:
                 boxes, scores = self._heads(torch.full((1, 3, self.size, self.size), 0.5))
-            except RuntimeError as error:
+            except (RuntimeError, IndexError) as error:
                 reason = str(error).splitlines()[0]
                 raise RaucaError(f"{self._parts.path}: the layers' shapes do not fit together ({reason})") from error
         if boxes.shape != (1, count, 4) or scores.shape[:2] != (1, count):
