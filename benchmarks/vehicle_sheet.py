@@ -16,7 +16,7 @@ from blender_addon.scene import camera, nodes, render
 from blender_addon.scene.vehicle import SceneVehicle
 from rauca_core.contract import Camera, Quality, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.colour import srgb_from_linear, to_bytes
+from rauca_core.contract.color import srgb_from_linear, to_bytes
 from rauca_core.images import read_image
 
 # Name, camera azimuth and distance over the vehicle's size, paint (linear albedo).
@@ -59,12 +59,12 @@ def picture(
     render.prepare(scene)
     _surroundings(scene)
     placed = SceneVehicle(scene, vehicle, "car_paint")
-    placed.paint.set_colour(paint)
+    placed.paint.set_color(paint)
     azimuth, elevation = math.radians(azimuth_deg), math.radians(14)
     flat = math.cos(elevation)
     ahead = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
-    eye = placed.centre + distance * max(vehicle.size()) * ahead
-    camera.place(scene, Camera.look_at(eye, placed.centre, 40, WIDTH, HEIGHT))
+    eye = placed.center + distance * max(vehicle.size()) * ahead
+    camera.place(scene, Camera.look_at(eye, placed.center, 40, WIDTH, HEIGHT))
     return to_bytes(srgb_from_linear(render.render_linear(scene, Quality(samples=16), 1)[..., :3]))
 
 

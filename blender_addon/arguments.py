@@ -39,8 +39,8 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
     _add_scene(add)
     add("--finish", default="own", help="of the paint: own, car_paint (clearcoat) or sticker (matte)")
-    add("--recolour-share", type=float, default=0.0, help="share of frames also rendered for real in another colour")
-    add("--reference", type=_colour, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
+    add("--recolor-share", type=float, default=0.0, help="share of frames also rendered for real in another color")
+    add("--reference", type=_color, default=(140, 140, 140), help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=0.5, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
     part = parser.add_mutually_exclusive_group().add_argument
@@ -142,10 +142,10 @@ def _azimuths(text: str) -> tuple[float, ...]:
     return _numbers(text)
 
 
-def _colour(text: str) -> tuple[int, int, int]:
+def _color(text: str) -> tuple[int, int, int]:
     digits = text.removeprefix("#")
     try:
         red, green, blue = bytes.fromhex(digits)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB colour like 8c8c8c") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB color like 8c8c8c") from None
     return red, green, blue

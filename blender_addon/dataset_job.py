@@ -99,7 +99,7 @@ def plan_from(options: argparse.Namespace, vehicle: contract.Vehicle) -> contrac
         blender=bpy.app.version_string,
         scenery=contract.Scenery.of_file(options.scene) if options.scene else contract.Scenery(),
         finish=options.finish,
-        recolour_share=options.recolour_share,
+        recolor_share=options.recolor_share,
     )
 
 

@@ -1,4 +1,4 @@
-"""The add-on's preferences: the Python outside Blender that optimises camouflages, and the detectors it has."""
+"""The add-on's preferences: the Python outside Blender that optimizes camouflages, and the detectors it has."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from .operators import (
     measure_pace,
     new_uv_layer,
     next_weather,
-    optimise_camouflage,
+    optimize_camouflage,
     remove_camouflage,
     remove_street,
     remove_weather,
@@ -37,7 +37,7 @@ from .operators import (
     unwrap_paint,
     without_denoiser,
 )
-from .ui import bake, cameras, camouflage, dataset, optimise, properties, vehicle, weather
+from .ui import bake, cameras, camouflage, dataset, optimize, properties, vehicle, weather
 
 MODULES: tuple[ModuleType, ...] = (
     translations,
@@ -57,7 +57,7 @@ MODULES: tuple[ModuleType, ...] = (
     generate_dataset,
     without_denoiser,
     check_python,
-    optimise_camouflage,
+    optimize_camouflage,
     steer_job,
     apply_camouflage,
     show_paint,
@@ -71,7 +71,7 @@ MODULES: tuple[ModuleType, ...] = (
     weather,
     cameras,
     dataset,
-    optimise,
+    optimize,
     camouflage,
     bake,
     properties,  # after the groups it points to

@@ -22,7 +22,7 @@ from pipelines.ablate_workspace import HeldOutViews, Workspace, pour
 from pipelines.console import console, progress_bar
 from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
-from rauca_core.attack import OptimiserSettings, make_settings, random_camouflage
+from rauca_core.attack import OptimizerSettings, make_settings, random_camouflage
 from rauca_core.attack.methods import settings_of
 from rauca_core.contract import Progress, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
@@ -83,7 +83,7 @@ def run_ablation(asked: Ablation) -> Path:
     """Run or resume an ablation; returns its page.
 
     Raises:
-        RaucaError: settings that the optimiser does not take, before anything is made; another process at work there.
+        RaucaError: settings that the optimizer does not take, before anything is made; another process at work there.
     """
     for repeat in _repeats(asked):
         settings_of_repeat(asked, repeat)
@@ -96,7 +96,7 @@ def _run(asked: Ablation) -> Path:
     made = {}
     for number, repeat in enumerate(repeats, start=1):
         console.print(f"camouflage {number} of {len(repeats)}: {repeat.variant.title}, seed {repeat.seed}")
-        made[repeat.label] = _optimise(asked, repeat)
+        made[repeat.label] = _optimize(asked, repeat)
     copies = _copies(asked, made)
     entries = []
     for weathers in asked.sizes.weathers:
@@ -129,7 +129,7 @@ def _repeats(asked: Ablation) -> list[Repeat]:
     ]
 
 
-def _optimise(asked: Ablation, repeat: Repeat) -> Path:
+def _optimize(asked: Ablation, repeat: Repeat) -> Path:
     """A variant's camouflage, from the workspace if it was made for any ablation."""
     variant, workspace = repeat.variant, asked.workspace
     with asked.clock.time(f"training set, {variant.training}"):
@@ -154,21 +154,21 @@ def _optimise(asked: Ablation, repeat: Repeat) -> Path:
         **trained,
     }
     white_boxes = list(asked.attacked)
-    with asked.clock.time(f"optimising {repeat.label}"):
+    with asked.clock.time(f"optimizing {repeat.label}"):
         return workspace.run(
             variant.key, key, lambda out, resume: optimize_camouflage(training, white_boxes, settings, out, resume)
         )
 
 
-def settings_of_repeat(asked: Ablation, repeat: Repeat) -> OptimiserSettings:
-    """Of a variant's optimisation."""
+def settings_of_repeat(asked: Ablation, repeat: Repeat) -> OptimizerSettings:
+    """Of a variant's optimization."""
     variant = repeat.variant
     chosen = {**_usual(asked), "seed": repeat.seed, "name": repeat.label, **variant.settings}
     return make_settings(**(chosen if variant.method is None else settings_of(variant.method, **chosen)))
 
 
 def _usual(asked: Ablation) -> dict[str, Any]:
-    """Settings that all optimisations share unless a variant says otherwise."""
+    """Settings that all optimizations share unless a variant says otherwise."""
     sizes = asked.sizes
     return {
         "steps": sizes.steps,
@@ -224,7 +224,7 @@ def _measure(asked: Ablation, views: HeldOutViews, copies: Mapping[str, Path]) -
 
 
 def own_settings(asked: Ablation, variant: Variant) -> dict[str, Any]:
-    """What a variant's optimisation does otherwise than the common one."""
+    """What a variant's optimization does otherwise than the common one."""
     chosen = settings_of_repeat(asked, Repeat(variant, 0, variant.key))
     usual = make_settings(**_usual(asked)).identity()
     own = {name: value for name, value in chosen.identity().items() if value != usual.get(name) and name != "steps"}
@@ -244,5 +244,5 @@ def _common(asked: Ablation) -> dict[str, Any]:
         "training frames": f"{sizes.frames} planned of each data set; those that hide most of the paint are left out",
         "held-out frames": f"{sizes.held_out} planned per weather set, in another town",
         "frames": f"{sizes.pixels} x {sizes.pixels} pixels, {sizes.samples} samples per pixel, denoised",
-        "optimisations per variant": asked.seeds,
+        "optimizations per variant": asked.seeds,
     }

@@ -25,7 +25,7 @@ WHITE_BOX = "yolov3-tiny"
 Data = Annotated[
     Path | None,
     typer.Option(
-        help="folder that ablations share: training sets, views, optimised camouflages; OUT/../data if left out"
+        help="folder that ablations share: training sets, views, optimized camouflages; OUT/../data if left out"
     ),
 ]
 
@@ -45,7 +45,7 @@ def ablate(
         int | None, typer.Option(min=1, help="camouflages per variant; as many as fit two hours if left out")
     ] = None,
     variants: Annotated[str | None, typer.Option(help="keys of some variants only, comma separated")] = None,
-    steps: Annotated[int | None, typer.Option(min=1, help="of every optimisation")] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="of every optimization")] = None,
     batch: Annotated[int | None, typer.Option(min=1, help="frames per step")] = None,
     lr: Annotated[float | None, typer.Option(help="Adam's learning rate, on sRGB values")] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="of every training set")] = None,
@@ -56,7 +56,7 @@ def ablate(
     map_size: Annotated[int | None, typer.Option(min=64, help="side of the UV map, texels")] = None,
     vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or a vehicle folder")] = "sedan",
     attack: Annotated[
-        list[str] | None, typer.Option(help="detector to optimise against; repeat for several; yolov3-tiny if left out")
+        list[str] | None, typer.Option(help="detector to optimize against; repeat for several; yolov3-tiny if left out")
     ] = None,
     detectors: Annotated[
         str | None, typer.Option(help="to measure with, comma separated; all that are ready and not this project's own")
@@ -66,7 +66,7 @@ def ablate(
     device: Annotated[str, typer.Option(help="of the detectors that measure")] = "cpu",
     blender: Blender = None,
 ) -> None:
-    """Optimise variants, measure all on the same held-out views, and hold the paper's orderings against them."""
+    """Optimize variants, measure all on the same held-out views, and hold the paper's orderings against them."""
     from rauca_core.detect import load_detector
     from rauca_core.evaluate.ablations import DEFAULT, QUICK, experiment_named
     from rauca_core.evaluate.contestants import find_vehicles

@@ -1,11 +1,11 @@
-"""What ablations share: training sets, held-out views, optimised camouflages and their renders, each made once.
+"""What ablations share: training sets, held-out views, optimized camouflages and their renders, each made once.
 
 Folder, run again to resume; names end in a digest of what was asked for, so that nothing is taken for something else::
 
     sets/<name>-<frames>-<digest>/            training sets; -<n> of them: a part, its frames linked
     taps/                                     of the neural renderer
     efe/<training set>-<digest>/              the published extractor, trained on it
-    runs/<variant>-<digest>/                  optimisations, with camouflage.json when finished; two ablations whose
+    runs/<variant>-<digest>/                  optimizations, with camouflage.json when finished; two ablations whose
                                               variants are the same share one, under the name that came first
     views/<weathers>-<frames>-<digest>/       held-out views, in the vehicle's reference paint
     paints/<name>-<digest>.json, .png         camouflages by the content of their UV map
@@ -28,7 +28,7 @@ from typing import Any
 from pipelines.blender_process import run_blender
 from pipelines.console import console, progress_bar
 from pipelines.evaluate import render_camouflages
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import (
     Dataset,
@@ -104,11 +104,11 @@ class Workspace:
         return HeldOutViews(name, folder, ids)
 
     def run(self, name: str, asked: Mapping[str, Any], work: Callable[[Path, bool], object]) -> Path:
-        """An optimisation's camouflage, made unless it is there.
+        """An optimization's camouflage, made unless it is there.
 
         Args:
             asked: all that it depends on, as JSON.
-            work: optimises into a folder; told whether to resume there.
+            work: optimizes into a folder; told whether to resume there.
         """
         runs, digest = self.folder / "runs", _digest(asked)
         with alone(runs / digest):

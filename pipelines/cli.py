@@ -32,7 +32,7 @@ from .harden_command import harden
 from .naturalness import (
     FeatureSize,
     MaxDeltaE,
-    PaletteColours,
+    PaletteColors,
     PaletteOption,
     Reference,
     ReferenceWeight,
@@ -147,7 +147,7 @@ def optimize(
     rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
     palette_of: PaletteOption = None,
-    palette_colours: PaletteColours = 4,
+    palette_colors: PaletteColors = 4,
     feature_size: FeatureSize = None,
     reference: Reference = None,
     reference_width: ReferenceWidth = 2.0,
@@ -161,7 +161,7 @@ def optimize(
         bool, typer.Option("--json-progress", help="each step as a line of JSON on standard output, for programs")
     ] = False,
 ) -> None:
-    """Optimise a camouflage UV map against one or several detectors."""
+    """Optimize a camouflage UV map against one or several detectors."""
     from rauca_core.attack import make_settings
     from rauca_core.evaluate.contestants import read_vehicle_choice
 
@@ -253,10 +253,10 @@ def bench_dataset_command(
 @bench_app.command("optimize")
 def bench_optimize_command(
     quick: Annotated[bool, typer.Option("--quick", help="fewer frames and steps: one minute, not four")] = False,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of optimiser.md in this folder too")] = None,
+    docs: Annotated[Path | None, typer.Option(help="renew the figures of optimizer.md in this folder too")] = None,
     json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/optimize.json"),
 ) -> None:
-    """Milliseconds of an optimisation step by stage, and with Algorithm 2 in place of taps."""
+    """Milliseconds of an optimization step by stage, and with Algorithm 2 in place of taps."""
     _benchmark("optimize.bench").bench_optimize(json, quick, docs)
 
 
@@ -302,7 +302,7 @@ def bench_defences_command(
     detector: Annotated[
         list[str] | None, typer.Option(help="repeat for more; yolov3-tiny and yolov4-tiny by default")
     ] = None,
-    patch: Annotated[float, typer.Option(help="share of the vehicle's box under the optimised patch")] = 0.25,
+    patch: Annotated[float, typer.Option(help="share of the vehicle's box under the optimized patch")] = 0.25,
     quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not three")] = False,
     docs: Annotated[
         Path | None, typer.Option(help="renew the figures and the picture of defences.md in this folder too")
@@ -325,7 +325,7 @@ def bench_jobs_command(
 
 @bench_app.command("stability")
 def bench_stability_command(
-    quick: Annotated[bool, typer.Option("--quick", help="10 steps a case of the optimiser, not 100")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="10 steps a case of the optimizer, not 100")] = False,
     docs: Annotated[Path | None, typer.Option(help="renew the figures of stability.md in this folder too")] = None,
     json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/stability.json"),
 ) -> None:

@@ -13,12 +13,12 @@ from rich.text import Text
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
-from rauca_core.contract.recolour import find_colours
+from rauca_core.contract.recolor import find_colors
 from rauca_core.dataset_tools import (
     CheckResult,
     check_dataset,
     export_dataset,
-    recolour_dataset,
+    recolor_dataset,
     remove_damaged,
     view_dataset,
 )
@@ -62,7 +62,7 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
 @dataset_app.command("check")
 def dataset_check(
     folder: Folder,
-    min_psnr: Annotated[float, typer.Option(help="dB that recoloured frames must reach against rendered ones")] = (
+    min_psnr: Annotated[float, typer.Option(help="dB that recolored frames must reach against rendered ones")] = (
         MIN_PSNR_DB
     ),
     unfinished: Annotated[bool, typer.Option("--unfinished", help="frames not rendered yet are no finding")] = False,
@@ -110,22 +110,22 @@ def dataset_export(
     console.print(f"{targets} targets: {out}")
 
 
-@dataset_app.command("recolour")
-def dataset_recolour(
+@dataset_app.command("recolor")
+def dataset_recolor(
     folder: Folder,
-    out: Annotated[Path, typer.Option(help="images go to OUT/<colour>/<frame>.png; run again to resume")],
-    colours: Annotated[str, typer.Option(help="train (9), test (32), or sRGB colours like ff8800,8c8c8c")] = "train",
+    out: Annotated[Path, typer.Option(help="images go to OUT/<color>/<frame>.png; run again to resume")],
+    colors: Annotated[str, typer.Option(help="train (9), test (32), or sRGB colors like ff8800,8c8c8c")] = "train",
 ) -> None:
-    """Write every frame in uniform colours, from its light maps: one multiply-add each."""
-    chosen = find_colours(colours)
-    with goes_on_by_itself(), progress_bar("recolouring") as move:
-        written = recolour_dataset(folder, chosen, out, move)
+    """Write every frame in uniform colors, from its light maps: one multiply-add each."""
+    chosen = find_colors(colors)
+    with goes_on_by_itself(), progress_bar("recoloring") as move:
+        written = recolor_dataset(folder, chosen, out, move)
     console.print(f"{written} images written: {out}")
 
 
 def _table(folder: Path, result: CheckResult) -> Table:
     longest = max(map(len, result.weathers))
-    table = Table(Column("weather", min_width=longest), *STATES, "recolouring", title=str(folder))
+    table = Table(Column("weather", min_width=longest), *STATES, "recoloring", title=str(folder))
     for name, weather in result.weathers.items():
         psnr = "" if weather.psnr_db is None else f"{weather.psnr_db:.1f} dB of {weather.checked}"
         table.add_row(name, *(str(weather.counts[state]) for state in STATES), psnr)

@@ -1,4 +1,4 @@
-"""The main job on one screen: synthesise -> optimise -> apply -> re-render -> measure -> report.
+"""The main job on one screen: synthesise -> optimize -> apply -> re-render -> measure -> report.
 
 ``python pipelines/demo.py`` or ``rauca demo`` runs it; run again to resume.
 """
@@ -33,7 +33,7 @@ RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and w
 
 @dataclass(frozen=True)
 class DemoScale:
-    """How much the demo renders and optimises; the default fits two cores and half an hour.
+    """How much the demo renders and optimizes; the default fits two cores and half an hour.
 
     The strings are arguments of ``rauca dataset make``. The held-out views are in another town, from other cameras.
 
@@ -83,7 +83,7 @@ def run_demo(choice: DemoChoice) -> Path:
 
         stages.run(title, arguments, work, folder / "dataset.json")
 
-    def optimise() -> None:
+    def optimize() -> None:
         size = {"steps": scale.steps, "batch": scale.batch, "seed": SEED, "checkpoint_every": 50}
         settings = make_settings(**settings_of(scale.method, **size, target=target, name="rauca"))
         started = (rauca.parent / "checkpoints").is_dir()
@@ -97,7 +97,7 @@ def run_demo(choice: DemoChoice) -> Path:
     dataset(train, "rendering training set", choice.vehicle, scale.train, SEED)
     dataset(held_out, "rendering held-out views", ["--vehicle", str(train / "vehicle")], held_out_views, SEED + 1)
     target = read_vehicle_choice(train / "vehicle").target
-    stages.run("optimising", [scale.method, scale.steps, scale.batch, SEED, target], optimise, rauca)
+    stages.run("optimizing", [scale.method, scale.steps, scale.batch, SEED, target], optimize, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
     painted = [sha256_of(path.with_suffix(".png")) for path in both]

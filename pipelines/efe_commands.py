@@ -10,7 +10,7 @@ from rich.table import Table
 
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
-from rauca_core.contract.recolour import TEST, find_colours
+from rauca_core.contract.recolor import TEST, find_colors
 
 from .console import console, output, progress_bar
 
@@ -111,7 +111,7 @@ def efe_evaluate(
     weights: Weights = None,
     json: Annotated[Path | None, typer.Option(help="where to write the figures")] = None,
 ) -> None:
-    """Measure our extractor, beside colour transfer and none, against exact maps in 32 colours."""
+    """Measure our extractor, beside color transfer and none, against exact maps in 32 colors."""
     from rauca_core.environment import load_extractor
     from rauca_core.environment.evaluation import compare
 
@@ -133,20 +133,20 @@ def efe_preview(
     image: Annotated[Path, typer.Argument(help="a photograph or any image of the vehicle")],
     mask: Annotated[Path, typer.Argument(help="grey image of its size, white where the paint is")],
     out: Annotated[Path, typer.Option(help="PNG to write")],
-    reference: Annotated[str, typer.Option(help="colour of the paint in the image, sRGB like 8c8c8c")] = "8c8c8c",
+    reference: Annotated[str, typer.Option(help="color of the paint in the image, sRGB like 8c8c8c")] = "8c8c8c",
     weights: Weights = None,
 ) -> None:
-    """Show an image's light maps, and its vehicle in other colours and patterns, on one sheet."""
+    """Show an image's light maps, and its vehicle in other colors and patterns, on one sheet."""
     from rauca_core.environment import load_extractor
     from rauca_core.environment.preview import preview
 
-    colours = find_colours(reference)
-    if len(colours) != 1:
-        raise RaucaError(f"--reference {reference}: give one sRGB colour like 8c8c8c")
+    colors = find_colors(reference)
+    if len(colors) != 1:
+        raise RaucaError(f"--reference {reference}: give one sRGB color like 8c8c8c")
     if out.suffix.lower() != ".png":
         raise RaucaError(f"{out}: --out must end in .png")
     net, _ = load_extractor(weights)
-    write_bytes(out, png_bytes(preview(image, mask, colours[0], net)))
+    write_bytes(out, png_bytes(preview(image, mask, colors[0], net)))
     console.print(f"preview: {out}")
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from pipelines.console import console, progress_bar
 from pipelines.protocol import RandomPaint, Request, run_study
 from pipelines.train_detector import command_line, score
-from rauca_core.attack import OptimiserSettings, StepReport, make_settings, optimise
+from rauca_core.attack import OptimizerSettings, StepReport, make_settings, optimize
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset, Progress, RaucaError, load_camouflage, read_plan
 from rauca_core.contract.seeding import named_seed
@@ -47,8 +47,8 @@ from rauca_core.evaluate.views import HeldOut
 ADAPTIVE = "adaptive"
 RESERVED = (NORMAL, RANDOM, ADAPTIVE)
 LIMITATIONS = (
-    "The held-out camouflages were optimised against the detector before hardening and never trained on. The adaptive "
-    "one was optimised against the hardened detector: it says how far a new attack of the same kind gets, and a longer "
+    "The held-out camouflages were optimized against the detector before hardening and never trained on. The adaptive "
+    "one was optimized against the hardened detector: it says how far a new attack of the same kind gets, and a longer "
     "or another one may get farther.",
     "One vehicle or a few, rendered: nothing here was measured on photographs.",
 )
@@ -147,7 +147,7 @@ def _harden(wish: Wish, attacked: Sequence[Path], resume: bool) -> Path:
         def attack(detector: Detector, number: int, folder: Path) -> Path:
             dataset = attacked[(number - 1) % len(attacked)]
             settings = _attack_settings(wish, f"round-{number}", chosen.attack_steps, number)
-            return _optimise(
+            return _optimize(
                 dataset, detector, settings, folder, lambda r: show(number, r.step, f"attack, score {r.score:.2f}")
             )
 
@@ -176,7 +176,7 @@ def _adaptive(wish: Wish, weights: Path, chosen: Mapping[VehicleChoice, Sequence
         settings = _attack_settings(wish, ADAPTIVE, wish.adaptive_steps, ADAPTIVE)
         folder = wish.out / ADAPTIVE / vehicle.name
         with progress_bar(f"{vehicle.name}: attacking the hardened detector") as move:
-            made[vehicle.atlas_id] = _optimise(
+            made[vehicle.atlas_id] = _optimize(
                 dataset,
                 load_detector(str(weights)),
                 settings,
@@ -186,7 +186,7 @@ def _adaptive(wish: Wish, weights: Path, chosen: Mapping[VehicleChoice, Sequence
     return made
 
 
-def _attack_settings(wish: Wish, name: str, steps: int, what: object) -> OptimiserSettings:
+def _attack_settings(wish: Wish, name: str, steps: int, what: object) -> OptimizerSettings:
     chosen = wish.settings
     return make_settings(
         steps=steps, batch=chosen.attack_batch, lr=chosen.attack_lr, map_size=chosen.map_size, samples=chosen.samples,
@@ -195,10 +195,10 @@ def _attack_settings(wish: Wish, name: str, steps: int, what: object) -> Optimis
     )  # fmt: skip
 
 
-def _optimise(
-    dataset: Path, detector: Detector, settings: OptimiserSettings, folder: Path, on_step: Callable[[StepReport], None]
+def _optimize(
+    dataset: Path, detector: Detector, settings: OptimizerSettings, folder: Path, on_step: Callable[[StepReport], None]
 ) -> Path:
-    """Optimise, or go on, also to more steps than it was finished with; what has as many is left as it is."""
+    """Optimize, or go on, also to more steps than it was finished with; what has as many is left as it is."""
     done = folder / "camouflage.json"
     if done.is_file():
         steps = load_camouflage(done)[0].made.get("steps")
@@ -207,7 +207,7 @@ def _optimise(
         if isinstance(steps, int) and steps > settings.steps:
             raise RaucaError(f"{done}: took {steps} steps, not {settings.steps}; ask for as many, or remove {folder}")
     started = (folder / "checkpoints" / POINTER).is_file()
-    return optimise(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
+    return optimize(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
 
 
 def _evaluate(
@@ -248,7 +248,7 @@ def _of(chosen: Mapping[VehicleChoice, Sequence[Contestant]], entry: Entry) -> S
 
 def _made(contestants: Sequence[Contestant], adaptive: Mapping[str, Path]) -> dict[str, str]:
     """How each paint was made, for the report."""
-    made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimised against nothing"}
+    made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimized against nothing"}
     made |= {c.label: f"held out; {_origin(c.path)}" for c in contestants}
     if adaptive:
         made[ADAPTIVE] = f"made after hardening; {_origin(next(iter(adaptive.values())))}"

@@ -100,12 +100,12 @@ def licence_of(package: str) -> str:
     classifiers = [c for c in about.get_all("Classifier") or () if c.startswith("License ::")]
     brief = [stated] if "\n" not in stated else []
     for text in (*brief, *classifiers, stated[:BEGINNING], *_licence_files(package)):
-        if licence := recognise(text):
+        if licence := recognize(text):
             return licence
     raise RaucaError(f"licences: {package} states none that is known; look at it and add its spelling to SPELLINGS")
 
 
-def recognise(text: str) -> str:
+def recognize(text: str) -> str:
     """The licence in a line or a whole text; empty when it is none of :data:`SPELLINGS`."""
     return next((name for pattern, name in SPELLINGS if re.search(pattern, text.strip())), "")
 

@@ -1,4 +1,4 @@
-"""The optimiser's settings from the command line, those of a method of the literature among them."""
+"""The optimizer's settings from the command line, those of a method of the literature among them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 
-from rauca_core.attack import OptimiserSettings
+from rauca_core.attack import OptimizerSettings
 from rauca_core.attack.methods import settings_of
 
 
@@ -19,7 +19,7 @@ def chosen_settings(context: typer.Context) -> dict[str, Any]:
         RaucaError: no method of that name.
     """
     params = context.params.items()
-    given = {name: value for name, value in params if name in OptimiserSettings.model_fields and value is not None}
+    given = {name: value for name, value in params if name in OptimizerSettings.model_fields and value is not None}
     given["weights"] = tuple(context.params["weight"]) if context.params["weight"] else None
     method = given.pop("method", None)
     if method is None:

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 PaletteOption = Annotated[
     str | None,
-    typer.Option("--palette", help="only these colours: #rrggbb,#rrggbb,..., a text file of them, or a photograph"),
+    typer.Option("--palette", help="only these colors: #rrggbb,#rrggbb,..., a text file of them, or a photograph"),
 ]
-PaletteColours = Annotated[int, typer.Option("--palette-colours", help="to take from a photograph given as palette")]
+PaletteColors = Annotated[int, typer.Option("--palette-colors", help="to take from a photograph given as palette")]
 FeatureSize = Annotated[
-    float | None, typer.Option("--feature-size", help="smallest patch of one colour on the vehicle, centimetres")
+    float | None, typer.Option("--feature-size", help="smallest patch of one color on the vehicle, centimetres")
 ]
 Reference = Annotated[
     str | None,
-    typer.Option("--reference", help="what to look like: a photograph, a camouflage's .json, or a colour #rrggbb"),
+    typer.Option("--reference", help="what to look like: a photograph, a camouflage's .json, or a color #rrggbb"),
 ]
 ReferenceWidth = Annotated[
     float, typer.Option("--reference-width", help="of a photograph on the vehicle, metres; 0: the image is a UV map")
@@ -38,7 +38,7 @@ OPTIONS = {"feature_cm": "--feature-size", "max_delta_e": "--max-delta-e", "refe
 
 def make_naturalness(
     palette: str | None = None,
-    palette_colours: int = 4,
+    palette_colors: int = 4,
     feature_size: float | None = None,
     reference: str | None = None,
     reference_width: float = 2.0,
@@ -51,7 +51,7 @@ def make_naturalness(
 
     try:
         wanted = Naturalness(
-            palette=read_palette(palette, palette_colours) if palette else (),
+            palette=read_palette(palette, palette_colors) if palette else (),
             feature_cm=feature_size,
             reference=reference,
             reference_sha256=fingerprint(reference) if reference else None,
@@ -66,11 +66,11 @@ def make_naturalness(
 
 
 def natural_settings(context: typer.Context) -> dict[str, Any]:
-    """The optimiser's settings that the command's options of this module amount to; a method's patches stay."""
+    """The optimizer's settings that the command's options of this module amount to; a method's patches stay."""
     from rauca_core.attack.methods import method_named
 
     given = context.params
-    names = ("palette_colours", "feature_size", "reference", "reference_width", "max_delta_e")
+    names = ("palette_colors", "feature_size", "reference", "reference_width", "max_delta_e")
     wanted = make_naturalness(given["palette_of"], **{name: given[name] for name in names})
     weight = given["reference_weight"]
     if weight < 0 or (weight and given["reference"] is None):

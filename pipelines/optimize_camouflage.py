@@ -1,4 +1,4 @@
-"""Optimise a camouflage on a data set against a detector.
+"""Optimize a camouflage on a data set against a detector.
 
 ``python pipelines/optimize_camouflage.py --help`` or ``rauca optimize --help`` lists the options;
 ``torchrun --nproc-per-node N pipelines/optimize_camouflage.py ...`` shares every step between N processes.
@@ -13,9 +13,9 @@ from pathlib import Path
 from statistics import median
 
 from pipelines.console import console, progress_bar
-from rauca_core.attack import OptimiserSettings, StepReport, optimise
+from rauca_core.attack import OptimizerSettings, StepReport, optimize
 from rauca_core.attack.preview import PICTURE, UV_MAP
-from rauca_core.contract import Dataset, OptimiseProgress, Progress
+from rauca_core.contract import Dataset, OptimizeProgress, Progress
 from rauca_core.detect import load_detector
 from rauca_core.team import team
 
@@ -25,15 +25,15 @@ RECENT_STEPS = 50  # that the time left is judged by
 def optimize_camouflage(
     dataset: Path,
     detectors: Sequence[str],
-    settings: OptimiserSettings,
+    settings: OptimizerSettings,
     out: Path,
     resume: bool,
     json_progress: bool = False,
 ) -> Path:
-    """Optimise with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
+    """Optimize with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     tell = _lines(out) if json_progress else None
-    with progress_bar("optimising") as move:
+    with progress_bar("optimizing") as move:
         views = ""
 
         def show(report: StepReport) -> None:
@@ -47,7 +47,7 @@ def optimize_camouflage(
 
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
         with team() as processes:
-            return optimise(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
+            return optimize(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:
@@ -61,7 +61,7 @@ def _lines(out: Path) -> Callable[[StepReport], None]:
         recent.append(report.seconds)
         left_s = (report.steps - report.step) * median(recent)
         losses = report.loss, report.attack, report.smooth, report.score
-        line = OptimiseProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line() + "\n"
+        line = OptimizeProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line() + "\n"
         try:
             if heard:
                 os.write(1, line.encode())  # one write, whole lines: nothing is left to be flushed when we end

@@ -1,4 +1,4 @@
-"""The neural renderer against Cycles on a data set: coverage everywhere, colour on a share of frames rendered anew."""
+"""The neural renderer against Cycles on a data set: coverage everywhere, color on a share of frames rendered anew."""
 
 from __future__ import annotations
 

@@ -84,8 +84,8 @@ def _agreement(run: Path) -> dict[str, str]:
     overlap = f"mean IoU {found.number('mean_iou'):.4f}, worst {found.number('worst_iou'):.4f}"
     shown = {"paint coverage, ours against Cycles": overlap}
     if not found.is_null("inside_db"):
-        colour = f"{found.number('inside_db'):.1f} dB inside, {found.number('edge_db'):.1f} dB on edges"
-        shown["camouflage, predicted against Cycles"] = colour
+        color = f"{found.number('inside_db'):.1f} dB inside, {found.number('edge_db'):.1f} dB on edges"
+        shown["camouflage, predicted against Cycles"] = color
     return shown
 
 

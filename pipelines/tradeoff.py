@@ -2,7 +2,7 @@
 
 Folder, run again to resume::
 
-    points/<label>/        each optimisation, as of `rauca optimize`
+    points/<label>/        each optimization, as of `rauca optimize`
     study/                 views, renders in every camouflage and results, as of `rauca evaluate`
     tradeoff.html, .json, .csv
 """
@@ -19,9 +19,9 @@ from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
 from pipelines.protocol import Request, run_study
 from pipelines.tradeoff_page import Curve, measure_points, write_curve
-from rauca_core.attack import OptimiserSettings, make_settings
+from rauca_core.attack import OptimizerSettings, make_settings
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.optimiser import unlike
+from rauca_core.attack.optimizer import unlike
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, load_detector
@@ -91,8 +91,8 @@ class TradeOff:
         """The data set's."""
         return read_vehicle_choice(self.dataset.vehicle_folder)
 
-    def settings(self, point: Point) -> OptimiserSettings:
-        """The optimiser's, for one point; all points differ in what is asked of the paint alone."""
+    def settings(self, point: Point) -> OptimizerSettings:
+        """The optimizer's, for one point; all points differ in what is asked of the paint alone."""
         sizes = self.sizes
         return make_settings(
             steps=sizes.steps, batch=sizes.batch, map_size=sizes.map_size, seed=self.seed, threads=self.threads,
@@ -125,7 +125,7 @@ def run_tradeoff(asked: TradeOff) -> Path:
     """Run or resume; returns the path of the page.
 
     Raises:
-        RaucaError: as `rauca optimize` and `rauca evaluate` do, before anything is optimised where that can be told.
+        RaucaError: as `rauca optimize` and `rauca evaluate` do, before anything is optimized where that can be told.
     """
     vehicle = asked.vehicle
     loaded = [load_detector(name) for name in asked.measured]
@@ -150,7 +150,7 @@ def run_tradeoff(asked: TradeOff) -> Path:
 
 
 def _camouflage(asked: TradeOff, point: Point, attacked: Sequence[Detector]) -> Path:
-    """A point's camouflage, optimised or gone on with where it is not there yet."""
+    """A point's camouflage, optimized or gone on with where it is not there yet."""
     folder, settings = asked.out / "points" / point.label, asked.settings(point)
     path = folder / "camouflage.json"
     if path.is_file():

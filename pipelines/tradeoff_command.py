@@ -13,7 +13,7 @@ from rauca_core.contract import Dataset, RaucaError
 
 from .console import console
 from .dataset_commands import Blender
-from .naturalness import PaletteColours, PaletteOption, Reference, ReferenceWidth, make_naturalness
+from .naturalness import PaletteColors, PaletteOption, Reference, ReferenceWidth, make_naturalness
 
 BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
 MOST = {"--max-delta-e": 1000, "--feature-size": 100_000}  # as `Naturalness` takes them
@@ -34,12 +34,12 @@ def tradeoff(
         typer.Option("--feature-size", help=f"smallest patches, cm; {FEATURES} by default; none to leave them out"),
     ] = None,
     palette_of: PaletteOption = None,
-    palette_colours: PaletteColours = 4,
+    palette_colors: PaletteColors = 4,
     detector: Annotated[list[str] | None, typer.Option(help="to attack; repeat for several")] = None,
     detectors: Annotated[
         str | None, typer.Option(help="to measure with, comma separated; all published ones that are ready by default")
     ] = None,
-    steps: Annotated[int | None, typer.Option(min=1, help="of each optimisation; 400 by default")] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="of each optimization; 400 by default")] = None,
     batch: Annotated[int | None, typer.Option(min=1, help="frames per step; 4 by default")] = None,
     map_size: Annotated[int | None, typer.Option(help="side of the UV maps, texels; 512 by default")] = None,
     weathers: Annotated[str, typer.Option(help="of the held-out views: seen, unseen, both or a preset")] = "seen",
@@ -54,7 +54,7 @@ def tradeoff(
     from .tradeoff import QUICK, Sizes, TradeOff, points, run_tradeoff
 
     opened = Dataset(dataset)
-    base = make_naturalness(palette_of, palette_colours, None, reference, reference_width)
+    base = make_naturalness(palette_of, palette_colors, None, reference, reference_width)
     if reference is None and bounds:
         raise RaucaError("--max-delta-e: a distance to what? give a --reference")
     wanted_bounds = _numbers("--max-delta-e", bounds or (QUICK_BOUNDS if quick else BOUNDS)) if reference else ()

@@ -18,7 +18,7 @@ from rauca_core.attack.naturalness.granulometry import measure_patches
 from rauca_core.contract import load_camouflage, load_vehicle
 from rauca_core.contract.files import write_bytes, write_json
 from rauca_core.evaluate import pages
-from rauca_core.evaluate.colours import GREY, PALETTE, Style
+from rauca_core.evaluate.colors import GREY, PALETTE, Style
 from rauca_core.evaluate.contestants import NORMAL
 from rauca_core.evaluate.grid import FramePicker
 from rauca_core.evaluate.maps import maps_of
@@ -50,7 +50,7 @@ class Measured:
         bound: on its distance from the reference, None for none; ``feature_cm``: asked for, None for none.
         distance: found, None without a reference.
         smallest_cm, median_cm: sizes of patches found on the vehicle, None where none were asked for.
-        losses: means over the last steps of the optimisation, as in ``camouflage.json``.
+        losses: means over the last steps of the optimization, as in ``camouflage.json``.
     """
 
     label: str

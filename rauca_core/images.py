@@ -30,7 +30,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     try:
         _verify(path)
         with _opened(path) as image:
-            if image.mode.startswith("I;16"):  # which Pillow would clip; colours of 16 bits it cuts like this
+            if image.mode.startswith("I;16"):  # which Pillow would clip; colors of 16 bits it cuts like this
                 return (np.asarray(image) >> 8).astype(np.uint8)
             if image.mode in ("I", "F"):
                 raise RaucaError(f"{path}: grey in Pillow's mode {image.mode}, of no known range; save it with 8 bits")

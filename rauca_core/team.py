@@ -42,7 +42,7 @@ class Team:
         """The network as the team trains it: gradients are averaged over the processes at every backward."""
         if self.size == 1:
             return net
-        # Buffers are the running statistics of batch normalisation: each process keeps its own, process 0's are saved.
+        # Buffers are the running statistics of batch normalization: each process keeps its own, process 0's are saved.
         return DistributedDataParallel(net, broadcast_buffers=False)
 
     def any(self, flag: bool) -> bool:

@@ -14,7 +14,7 @@ from benchmarks.stability.box import painted_box
 from rauca_core.contract import Vehicle
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-LONGEST_FIRST = ("pipelines", "faults", "blender", "attack")  # rooms that start processes, or optimise
+LONGEST_FIRST = ("pipelines", "faults", "blender", "attack")  # rooms that start processes, or optimize
 
 settings.register_profile("rauca", deadline=None)  # a kernel's first call compiles it
 settings.load_profile("rauca")

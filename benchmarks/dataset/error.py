@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 
 Image = NDArray[np.float32]
 SMALLEST = 1e-8  # of a mean square error: 80 dB

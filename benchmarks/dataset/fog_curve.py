@@ -11,14 +11,14 @@ from blender_addon.scene import composed_fog
 from blender_addon.scene.light_maps import MARGIN_PX
 from blender_addon.scene.render import Crop
 from rauca_core.contract import Weather
-from rauca_core.contract.recolour import recolour
+from rauca_core.contract.recolor import recolor
 
 from .error import Image, psnr_db, squared_errors
 from .reference import References
 from .results import FogPoint
 from .settings import Settings
 from .studio import LOCATION, Studio
-from .sweep import COLOURS
+from .sweep import COLORS
 
 LIGHTS = {"day": Weather("day", 45.0), "night": Weather("night", -30.0)}
 
@@ -37,7 +37,7 @@ def fog_curve(
 
 def _measure(studio: Studio, references: References, settings: Settings, light: str, weather: Weather) -> FogPoint:
     view = settings.views[0]
-    halves, painted = references.of(view, weather, COLOURS[0], settings.fog_samples), studio.painted(view)
+    halves, painted = references.of(view, weather, COLORS[0], settings.fog_samples), studio.painted(view)
     db = {
         f"{name}_db": psnr_db([squared_errors(frame, halves, painted).display])
         for name, frame in _frames(studio, view, weather).items()
@@ -47,9 +47,9 @@ def _measure(studio: Studio, references: References, settings: Settings, light: 
 
 def _frames(studio: Studio, view: int, weather: Weather) -> dict[str, Image]:
     """The grey vehicle by each method, at the default's quality."""
-    clear, grey = replace(weather, name="under", fog_density=0.0), COLOURS[0]
+    clear, grey = replace(weather, name="under", fog_density=0.0), COLORS[0]
     studio.use(replace(studio.default, composed_fog=False))
-    real = recolour(*studio.maps(view, weather), grey)
+    real = recolor(*studio.maps(view, weather), grey)
     studio.use(replace(studio.default, composed_fog=True), (clear, weather))
     unfogged = studio.render(view, clear, grey)
     studio.paint(grey)

@@ -12,7 +12,7 @@ from .results import MAPS, SINGLE, Entry
 def naive_samples(entries: list[Entry]) -> int:
     """Samples of one denoised render whose PSNR equals that of the default light maps, in one kind of weather.
 
-    Between measured counts the PSNR goes with the logarithm of the samples; rounded down, in the rival's favour.
+    Between measured counts the PSNR goes with the logarithm of the samples; rounded down, in the rival's favor.
     Outside of them the nearest count is taken.
 
     Args:

@@ -13,27 +13,27 @@ from .targets import COMPOSED_DB, PSNR_DB
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-COLOURS = 9  # that share a frame's light maps, in the paper's set
+COLORS = 9  # that share a frame's light maps, in the paper's set
 METHODS = {"real": "real volume", "composed": "composed around the vehicle", "everywhere": "composed everywhere",
            "formula": "transmittance and airlight"}  # fmt: skip
 
 
 def save_pareto(results: Results, path: Path) -> None:
-    """A panel per kind of weather: CPU seconds per frame in one colour against display PSNR."""
+    """A panel per kind of weather: CPU seconds per frame in one color against display PSNR."""
     figure, panels = plt.subplots(1, len(KINDS), figsize=(12, 4.2), layout="constrained", sharey=True)
     for axes, kind in zip(panels, KINDS, strict=True):
         entries = results.of_kind(kind)
-        _draw(axes, "one render a colour, denoised", "C0", "-", _chosen(entries, SINGLE, "samples"), 1)
-        _draw(axes, "one render a colour, raw", "C7", ":", _chosen(entries, SINGLE, "raw"), 1)
-        _draw(axes, f"light maps, {COLOURS} colours, denoised", "C1", "-", _chosen(entries, MAPS, "samples"), COLOURS)
-        _draw(axes, "light maps, raw", "C5", ":", _chosen(entries, MAPS, "raw"), COLOURS)
-        _draw(axes, "light maps, adaptive", "C2", "", _chosen(entries, MAPS, "adaptive"), COLOURS)
-        _draw(axes, "light maps, other bounces", "C4", "", _chosen(entries, MAPS, "bounces"), COLOURS)
-        _draw(axes, "light maps, fog the other way", "C6", "", _chosen(entries, MAPS, "fog"), COLOURS)
+        _draw(axes, "one render a color, denoised", "C0", "-", _chosen(entries, SINGLE, "samples"), 1)
+        _draw(axes, "one render a color, raw", "C7", ":", _chosen(entries, SINGLE, "raw"), 1)
+        _draw(axes, f"light maps, {COLORS} colors, denoised", "C1", "-", _chosen(entries, MAPS, "samples"), COLORS)
+        _draw(axes, "light maps, raw", "C5", ":", _chosen(entries, MAPS, "raw"), COLORS)
+        _draw(axes, "light maps, adaptive", "C2", "", _chosen(entries, MAPS, "adaptive"), COLORS)
+        _draw(axes, "light maps, other bounces", "C4", "", _chosen(entries, MAPS, "bounces"), COLORS)
+        _draw(axes, "light maps, fog the other way", "C6", "", _chosen(entries, MAPS, "fog"), COLORS)
         default = results.at_default(kind)
-        axes.plot(default.cpu_seconds / COLOURS, default.psnr_db, "*", color="C3", markersize=13, label="default")
+        axes.plot(default.cpu_seconds / COLORS, default.psnr_db, "*", color="C3", markersize=13, label="default")
         axes.axhline(PSNR_DB[kind], color="0.6", linewidth=0.8, linestyle="--")
-        axes.set(title=kind, xscale="log", xlabel="CPU seconds per frame in one colour")
+        axes.set(title=kind, xscale="log", xlabel="CPU seconds per frame in one color")
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("PSNR against a converged render, display values, dB")
     panels[0].legend(fontsize=7)
@@ -62,11 +62,11 @@ def _chosen(entries: list[Entry], what: str, axis: str) -> list[Entry]:
     return sorted(chosen, key=lambda entry: entry.cpu_seconds)
 
 
-def _draw(axes: plt.Axes, label: str, colour: str, line: str, entries: list[Entry], shared_by: int) -> None:
+def _draw(axes: plt.Axes, label: str, color: str, line: str, entries: list[Entry], shared_by: int) -> None:
     if not entries:
         return
     x, y = [e.cpu_seconds / shared_by for e in entries], [e.psnr_db for e in entries]
-    axes.plot(x, y, marker="o", markersize=4, linestyle=line, color=colour, label=label)
+    axes.plot(x, y, marker="o", markersize=4, linestyle=line, color=color, label=label)
     for entry, at in zip(entries, zip(x, y, strict=True), strict=True):
         axes.annotate(note(entry), at, textcoords="offset points", xytext=(4, -8), fontsize=6, color="0.3")
 

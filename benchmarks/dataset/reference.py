@@ -11,7 +11,7 @@ import numpy as np
 
 from rauca_core.contract import Quality, Weather
 from rauca_core.contract.files import write_bytes
-from rauca_core.contract.recolour import Colour
+from rauca_core.contract.recolor import Color
 from rauca_core.contract.seeding import named_seed
 
 from .error import Halves, Image
@@ -30,18 +30,18 @@ class References:
         self._studio, self._folder = studio, folder
         self._scene = (bpy.app.version_string, _fingerprint(), studio.session.plan.size, studio.session.plan.seed)
 
-    def of(self, view: int, weather: Weather, colour: Colour, samples: int) -> Halves:
+    def of(self, view: int, weather: Weather, color: Color, samples: int) -> Halves:
         """The frame's halves, of ``samples`` per pixel each."""
-        return Halves(*(self._half(view, weather, colour, samples, number) for number in (1, 2)))
+        return Halves(*(self._half(view, weather, color, samples, number) for number in (1, 2)))
 
-    def _half(self, view: int, weather: Weather, colour: Colour, samples: int, number: int) -> Image:
-        name = named_seed(*self._scene, view, weather.light_key(), colour, samples, number)
+    def _half(self, view: int, weather: Weather, color: Color, samples: int, number: int) -> Image:
+        name = named_seed(*self._scene, view, weather.light_key(), color, samples, number)
         path = self._folder / f"{name:016x}.npy"
         if path.is_file():
             stored: Image = np.load(path, allow_pickle=False).astype(np.float32)
             return stored
         self._studio.use(Quality(samples, 0.0, False, BOUNCES, False))
-        image = self._studio.render(view, weather, colour, draw=number)
+        image = self._studio.render(view, weather, color, draw=number)
         packed = io.BytesIO()
         np.save(packed, np.minimum(image, 65504).astype(np.float16), allow_pickle=False)
         write_bytes(path, packed.getvalue())

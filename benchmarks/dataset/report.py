@@ -43,9 +43,9 @@ def tables(results: Results) -> list[Grid]:
     fog_headers = ("light", "density", "extinction, 1/m", *(f"{label}, dB" for label in METHODS.values()))
     return [
         ("Targets", ("what", "wanted", "found", ""), targets),
-        ("Error and cost of a render, and of the light maps that serve every colour", ("what", *KIND_HEADERS),
+        ("Error and cost of a render, and of the light maps that serve every color", ("what", *KIND_HEADERS),
          _sweep_rows(results)),
-        ("Whole sets in nine colours, of one view", set_headers, sets),
+        ("Whole sets in nine colors, of one view", set_headers, sets),
         ("Composed fog", fog_headers, fogs),
     ]  # fmt: skip
 

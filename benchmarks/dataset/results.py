@@ -21,9 +21,9 @@ class Entry:
     """One setting in one kind of weather.
 
     Attributes:
-        what: ``one render`` of one colour, or ``light maps`` that serve every colour.
+        what: ``one render`` of one color, or ``light maps`` that serve every color.
         axis: which setting is varied: samples, raw, adaptive, bounces, fog.
-        psnr_db, linear_psnr_db, paint_psnr_db: over views and colours; of display values, of linear light up to
+        psnr_db, linear_psnr_db, paint_psnr_db: over views and colors; of display values, of linear light up to
             display white, of display values on the paint.
         cpu_seconds, wall_seconds: of the render, or of both that make a frame's light maps; the weather stands.
     """
@@ -53,7 +53,7 @@ class FogPoint:
         composed_db: composed around the vehicle; what data sets use by day.
         everywhere_db: composed everywhere, the vehicle too.
         formula_db: transmittance times the clear view plus one airlight, both scaled per channel to fit the coarse
-            render best: what is possible without neighbourhoods.
+            render best: what is possible without neighborhoods.
     """
 
     light: str
@@ -67,11 +67,11 @@ class FogPoint:
 
 @dataclass(frozen=True)
 class WholeSet:
-    """CPU seconds of all frames of one view: weathers times colours.
+    """CPU seconds of all frames of one view: weathers times colors.
 
     Attributes:
-        ours, ours_wall: light maps of every weather and the colours made of them, coverage included.
-        naive: one render per weather and colour, at ``naive_samples``; no coverage, though it needs it as much.
+        ours, ours_wall: light maps of every weather and the colors made of them, coverage included.
+        naive: one render per weather and color, at ``naive_samples``; no coverage, though it needs it as much.
         naive_samples: by kind of weather, the fewest denoised ones whose error is ours.
     """
 
@@ -149,7 +149,7 @@ class Results:
             "machine": {"cpus": os.cpu_count(), "processor": platform.machine(), "blender": self.blender},
             "settings": self.settings.to_json(),
             "default": dict(self.default),
-            "seconds_are": "CPU seconds of all threads, per frame in one colour",
+            "seconds_are": "CPU seconds of all threads, per frame in one color",
             "default_seconds_per_frame": sum(row.ours for row in main) / frames,
             "default_wall_seconds_per_frame": sum(row.ours_wall for row in main) / frames,
             "default_psnr_db": {_short(kind): self.at_default(kind).psnr_db for kind in KINDS},

@@ -16,7 +16,7 @@ class Settings:
         size: of the square frames, pixels.
         views: of the default ring, on which errors are measured: near and low, far and high.
         reference_samples: per pixel of each of the reference's two halves.
-        single_samples: per pixel, of denoised renders of one colour.
+        single_samples: per pixel, of denoised renders of one color.
         raw_samples: the same without the denoiser, for renders and light maps alike.
         map_samples: per pixel, of denoised light maps.
         thresholds: of adaptive sampling, with at most ``adaptive_samples``.

@@ -22,8 +22,8 @@ from blender_addon.scene.render import render_linear
 from blender_addon.scene.session import Session
 from blender_addon.vehicles import find_vehicle
 from rauca_core.contract import Quality, Weather
-from rauca_core.contract.colour import linear_from_srgb
-from rauca_core.contract.recolour import Colour
+from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.recolor import Color
 from rauca_core.contract.seeding import named_seed
 
 Image = NDArray[np.float32]
@@ -91,10 +91,10 @@ class Studio:
         self.session.plan = replace(self.session.plan, quality=quality, weathers=weathers or self.session.plan.weathers)
         self.session.memory = LightMemory(self.session.plan)
 
-    def paint(self, colour: Colour) -> None:
+    def paint(self, color: Color) -> None:
         """Paint the vehicle all over."""
-        red, green, blue = (float(c) for c in linear_from_srgb(np.array(colour) / 255))
-        self.session.vehicle.paint.set_colour((red, green, blue))
+        red, green, blue = (float(c) for c in linear_from_srgb(np.array(color) / 255))
+        self.session.vehicle.paint.set_color((red, green, blue))
 
     def settle(self, view: int, weather: Weather) -> None:
         """Let Blender take the weather in, at one sample: what comes next is timed without that."""
@@ -103,10 +103,10 @@ class Studio:
         self.render(view, weather, (0, 0, 0))
         self.session.plan = usual
 
-    def render(self, view: int, weather: Weather, colour: Colour, draw: int = 0) -> Image:
-        """One render in one colour, linear; other draws have other noise."""
+    def render(self, view: int, weather: Weather, color: Color, draw: int = 0) -> Image:
+        """One render in one color, linear; other draws have other noise."""
         self.set_weather(weather)
-        self.paint(colour)
+        self.paint(color)
         if not draw:
             return self.session.render(LOCATION, view, weather)
         camera.place(self.session.scene, self.session.viewpoint(LOCATION, view).camera)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 
 from rauca_core.contract import Quality, Weather
-from rauca_core.contract.recolour import Colour, recolour
+from rauca_core.contract.recolor import Color, recolor
 
 from .error import Image, SquaredErrors, psnr_db, squared_errors
 from .reference import References
@@ -20,7 +20,7 @@ WEATHERS = {
     "night": Weather("night", -30.0),
 }
 assert tuple(WEATHERS) == KINDS
-COLOURS: tuple[Colour, ...] = ((128, 128, 128), (255, 0, 0))  # of the recolouring set: its middle, and a hard one
+COLORS: tuple[Color, ...] = ((128, 128, 128), (255, 0, 0))  # of the recoloring set: its middle, and a hard one
 
 
 def variants(settings: Settings, default: Quality) -> Iterator[tuple[str, str, Quality]]:
@@ -46,10 +46,10 @@ def variants(settings: Settings, default: Quality) -> Iterator[tuple[str, str, Q
 def measure(
     studio: Studio, references: References, settings: Settings, kind: str, what: str, axis: str, quality: Quality
 ) -> Entry:
-    """Measure one variant over the settings' views and both colours."""
+    """Measure one variant over the settings' views and both colors."""
     weather, errors, cost = WEATHERS[kind], list[SquaredErrors](), Cost()
     for view in settings.views:
-        halves = [references.of(view, weather, colour, settings.reference_samples) for colour in COLOURS]
+        halves = [references.of(view, weather, color, settings.reference_samples) for color in COLORS]
         if what == MAPS:
             spent, frames = _through_maps(studio, view, weather, quality)
         else:
@@ -70,12 +70,12 @@ def _through_maps(studio: Studio, view: int, weather: Weather, quality: Quality)
     studio.settle(view, weather)
     with timed() as cost:
         A, B = studio.maps(view, weather)
-    return cost, [recolour(A, B, colour) for colour in COLOURS]
+    return cost, [recolor(A, B, color) for color in COLORS]
 
 
 def _one_by_one(studio: Studio, view: int, weather: Weather, quality: Quality) -> tuple[Cost, list[Image]]:
     studio.use(quality)
     studio.settle(view, weather)
     with timed() as cost:
-        frames = [studio.render(view, weather, colour) for colour in COLOURS]
-    return cost.times(1 / len(COLOURS)), frames
+        frames = [studio.render(view, weather, color) for color in COLORS]
+    return cost.times(1 / len(COLORS)), frames

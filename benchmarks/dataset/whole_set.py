@@ -1,4 +1,4 @@
-"""A whole set for real: every weather of a preset in nine colours, our way and one render at a time."""
+"""A whole set for real: every weather of a preset in nine colors, our way and one render at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rauca_core.contract import Weather, find_preset, in_rendering_order
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.recolour import TRAIN, recolour
+from rauca_core.contract.recolor import TRAIN, recolor
 
 from .results import WholeSet
 from .settings import Settings
@@ -42,13 +42,13 @@ def _ours(studio: Studio, view: int, weathers: list[Weather]) -> Cost:
     with timed() as cost:
         for weather in in_rendering_order(weathers):
             A, B = studio.maps(view, weather)
-            for colour in TRAIN:
-                recolour(A, B, colour)
+            for color in TRAIN:
+                recolor(A, B, color)
     return cost + studio.coverage
 
 
 def _naive(studio: Studio, view: int, weathers: list[Weather], samples: Mapping[str, int]) -> Cost:
-    """Weather by weather; the colours of one differ in nothing but the paint, so two of nine are rendered."""
+    """Weather by weather; the colors of one differ in nothing but the paint, so two of nine are rendered."""
     total = Cost()
     for weather in weathers:
         studio.use(replace(studio.default, samples=samples[kind_of(weather)], adaptive_threshold=0.0))

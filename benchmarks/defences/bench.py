@@ -20,7 +20,7 @@ from rauca_core.detect import Detector, car_score, class_index, load_detector
 from rauca_core.evaluate.average_precision import Sample, average_precision
 from rauca_core.evaluate.defences import Defence, defence_names, make_defence
 
-from .patch import optimise_patch, paste
+from .patch import optimize_patch, paste
 from .results import Outcome, Results, grids
 from .sheet import save_sheet
 from .views import Views, read_views
@@ -32,7 +32,7 @@ LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
 
 @dataclass(frozen=True)
 class Extent:
-    """How much to measure: steps of the patch's optimisation, views at most, share of the box under the patch."""
+    """How much to measure: steps of the patch's optimization, views at most, share of the box under the patch."""
 
     steps: int
     views: int
@@ -45,9 +45,9 @@ FULL, QUICK = Extent(steps=120, views=10**6), Extent(steps=20, views=8)
 def bench_defences(
     run: Path, detectors: Sequence[str], out: Path, quick: bool = False, docs: Path | None = None, patch: float = 0.25
 ) -> Results:
-    """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimised patch.
+    """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimized patch.
 
-    The patch is optimised on every other view against the first detector, and measured on the rest.
+    The patch is optimized on every other view against the first detector, and measured on the rest.
 
     Args:
         run: folder laid out as the demo's.
@@ -74,7 +74,7 @@ def run_bench(run: Path, detectors: Sequence[Detector], extent: Extent, out: Pat
     everything = range(len(views.frames))
     with progress_bar("defences", resumes=False) as move:
         others = views.part(everything[1::2])
-        patch = optimise_patch(detectors[0], others, extent.patch, extent.steps, _told(move, "patch"))
+        patch = optimize_patch(detectors[0], others, extent.patch, extent.steps, _told(move, "patch"))
         held = views.part(everything[::2][: extent.views])
         held = held.with_paint("patch", paste(held.paints["normal"], held.boxes, patch, extent.patch))
         outcomes = _measure(held, defences, detectors, _told(move, "views"))

@@ -1,4 +1,4 @@
-"""A square patch on the vehicle, optimised against one detector: what these defences were made for."""
+"""A square patch on the vehicle, optimized against one detector: what these defences were made for."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from rauca_core.attack.losses import attack_loss
 from rauca_core.detect import Detector, car_score
-from rauca_core.optimisers import Adam
+from rauca_core.optimizers import Adam
 
 from .views import Views
 
@@ -39,7 +39,7 @@ def paste(images: Tensor, boxes: Tensor, patch: Tensor, share: float) -> Tensor:
     return torch.stack(pasted)
 
 
-def optimise_patch(
+def optimize_patch(
     detector: Detector,
     views: Views,
     share: float,
@@ -51,14 +51,14 @@ def optimise_patch(
     """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam."""
     generator = torch.Generator().manual_seed(seed)
     patch = torch.rand(3, SIDE, SIDE, generator=generator).requires_grad_()
-    optimiser = Adam([patch], lr=0.03)
+    optimizer = Adam([patch], lr=0.03)
     for step in range(steps):
         chosen = torch.randint(len(views.frames), (batch,), generator=generator)
         images, boxes = views.paints["normal"][chosen], views.boxes[chosen]
         loss = attack_loss(car_score(detector, paste(images, boxes, patch, share), boxes)).mean()
-        optimiser.zero_grad()
+        optimizer.zero_grad()
         loss.backward()
-        optimiser.step()
+        optimizer.step()
         with torch.no_grad():
             patch.clamp_(0, 1)
         progress(step + 1, steps)

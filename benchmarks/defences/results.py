@@ -30,7 +30,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Results:
-    """``white_box`` is the detector that the patch was optimised against; it covers ``patch_share`` of a box."""
+    """``white_box`` is the detector that the patch was optimized against; it covers ``patch_share`` of a box."""
 
     images: int
     size: tuple[int, int]
@@ -67,7 +67,7 @@ def grids(results: Results) -> list[Grid]:
         rows = [_row(results, defence, attribute, detectors) for defence in results.defences]
         tables.append(
             (
-                f"{label}, {results.images} views (patch over {share} of the box, optimised on {results.white_box})",
+                f"{label}, {results.images} views (patch over {share} of the box, optimized on {results.white_box})",
                 headers,
                 rows,
             )

@@ -57,11 +57,9 @@ def draw_street(seed: int) -> NDArray[np.float32]:
     for _ in range(int(rng.integers(2, 5))):
         width = int(rng.integers(40, 160))
         left, foot = int(rng.integers(0, 416 - width)), int(rng.integers(horizon + 20, 310))
-        colour, height = rng.uniform(0.05, 0.95, 3).tolist(), width // 3
-        cv2.rectangle(canvas, (left, foot - height), (left + width, foot), colour, -1)
-        cv2.rectangle(
-            canvas, (left + width // 5, foot - 2 * height), (left + 4 * width // 5, foot - height), colour, -1
-        )
+        color, height = rng.uniform(0.05, 0.95, 3).tolist(), width // 3
+        cv2.rectangle(canvas, (left, foot - height), (left + width, foot), color, -1)
+        cv2.rectangle(canvas, (left + width // 5, foot - 2 * height), (left + 4 * width // 5, foot - height), color, -1)
         for wheel in (left + width // 5, left + 4 * width // 5):
             cv2.circle(canvas, (wheel, foot), width // 9, (0.05, 0.05, 0.05), -1)
     canvas += rng.normal(0, 0.03, canvas.shape)

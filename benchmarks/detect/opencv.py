@@ -93,11 +93,11 @@ def _ssd(source: Source, net: Any, parts: list[str], prepare: Callable[[Tensor],
 
 
 def _ssd_rows(encodings: Blob, scores: Blob, priors: Blob) -> Rows:
-    """Boxes from the encodings as OpenCV would decode them: offsets of centre and log size, times the variances."""
+    """Boxes from the encodings as OpenCV would decode them: offsets of center and log size, times the variances."""
     anchors, variances = priors.reshape(2, -1, 4)
     code = encodings.reshape(-1, 4) * variances
-    centre, size = (anchors[:, :2] + anchors[:, 2:]) / 2, anchors[:, 2:] - anchors[:, :2]
-    middle, half = centre + code[:, :2] * size, np.exp(code[:, 2:]) * size / 2
+    center, size = (anchors[:, :2] + anchors[:, 2:]) / 2, anchors[:, 2:] - anchors[:, :2]
+    middle, half = center + code[:, :2] * size, np.exp(code[:, 2:]) * size / 2
     return np.concatenate([middle - half, middle + half, scores.reshape(len(anchors), -1)[:, 1:]], 1)
 
 

@@ -39,6 +39,6 @@ def yolox(source: Source) -> Iterator[Contender]:
 def _decoded(output: NDArray[np.float32], size: int) -> Rows:
     places = [np.indices((size // s, size // s))[::-1].reshape(2, -1).T for s in (8, 16, 32)]
     strides = np.concatenate([np.full((len(p), 1), s) for p, s in zip(places, (8, 16, 32), strict=True)])
-    centre = (output[:, :2] + np.concatenate(places)) * strides / size
+    center = (output[:, :2] + np.concatenate(places)) * strides / size
     half = np.exp(output[:, 2:4]) * strides / size / 2
-    return np.concatenate([centre - half, centre + half, output[:, 4:5] * output[:, 5:]], 1).astype(np.float32)
+    return np.concatenate([center - half, center + half, output[:, 4:5] * output[:, 5:]], 1).astype(np.float32)

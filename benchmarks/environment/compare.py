@@ -62,7 +62,7 @@ class Comparison:
 
 
 def methods_of(frames: LightFrames, ours: LightSplitter, published: PublishedEfe) -> dict[str, Method]:
-    """What is compared, by name; plain shading is rasterised anew, as in an attack's first step on a view."""
+    """What is compared, by name; plain shading is rasterized anew, as in an attack's first step on a view."""
     return {
         "none": lambda i, frame: plain_render(frame, frames.render_plain(i)),
         "transfer": lambda i, frame: transfer_render(frame),

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from blender_addon.core import colour, contract, files
+from blender_addon.core import color, contract, files
 from blender_addon.scene import camera, render
 from blender_addon.scene.camouflages import read_paintwork
 from blender_addon.scene.frame import Light, with_rain
@@ -69,7 +69,7 @@ def _rendered(
     if job["paint"] == "light":
         session.plan = replace(plan, quality=quality)
         session.memory = LightMemory(session.plan)  # no light of another job, of other samples
-        reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+        reference = color.linear_from_srgb(np.array(plan.reference_srgb) / 255)
         started = time.process_time()
         A, B, image = light_maps(session, frame.location, frame.view, frame.weather, coverage, reference)
         seen = _as_in_the_frame(session, dataset, frame, Light(image, A, B))

@@ -1,6 +1,6 @@
 """Which face each pixel sees, the way Neural Renderer finds it: every pixel is tested against every face.
 
-The published base loop renders so at every step, once per colour. Ours takes milliseconds for the same picture, which
+The published base loop renders so at every step, once per color. Ours takes milliseconds for the same picture, which
 makes *base* cheap. What the published way would cost on this machine is timed here on some of a picture's rows.
 """
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from benchmarks.render.textures import uv_map
 from rauca_core.contract import Camouflage, Vehicle, save_camouflage
-from rauca_core.contract.colour import srgb_from_linear, to_bytes
+from rauca_core.contract.color import srgb_from_linear, to_bytes
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.seeding import named_rng
 from rauca_core.render import Pyramid, undisplay

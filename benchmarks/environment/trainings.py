@@ -21,7 +21,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import EpochReport, Job, Outcome, train
-from rauca_core.optimisers import AdamW
+from rauca_core.optimizers import AdamW
 from rauca_core.team import ALONE
 
 from .neural_renderer import seconds_per_image
@@ -109,7 +109,7 @@ def _train(
 class EpochTimes:
     """CPU seconds of one epoch over the same few frames.
 
-    ``base`` renders with our rasteriser, ``base_published`` as Neural Renderer does, every pixel against every face.
+    ``base`` renders with our rasterizer, ``base_published`` as Neural Renderer does, every pixel against every face.
     """
 
     frames: int
@@ -147,14 +147,14 @@ def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings
 
 
 def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
-    optimiser = AdamW(learner.net.parameters(), lr=1e-4)
+    optimizer = AdamW(learner.net.parameters(), lr=1e-4)
     items = learner.items(frames)
     batch = 4
 
     def step(part: Any) -> None:
-        optimiser.zero_grad()
+        optimizer.zero_grad()
         learner.loss(learner.net, part, lambda item: np.random.default_rng(item.frame)).backward()
-        optimiser.step()
+        optimizer.step()
 
     learner.net.train()
     step(items[:1])

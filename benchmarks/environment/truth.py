@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import Dataset
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.metrics import Error
 from rauca_core.images import read_image
@@ -37,7 +37,7 @@ class Truth:
     Attributes:
         index: of the frame in the test set.
         texture: its name.
-        albedo: (1, 3, H, W) linear, the texture at each pixel, normalised by coverage, from our renderer's taps.
+        albedo: (1, 3, H, W) linear, the texture at each pixel, normalized by coverage, from our renderer's taps.
         first, second: (3, H, W) sRGB, two renders of the same.
     """
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rauca_core.contract.recolour import TEST
+from rauca_core.contract.recolor import TEST
 from rauca_core.environment import LightSplitter, load_extractor
 from rauca_core.environment.convergence import smoothed
 from rauca_core.environment.frames import LightFrames
@@ -86,6 +86,6 @@ def first_within(errors: Sequence[float], most: float) -> int | None:
 
 
 def _unseen_db(net: LightSplitter, frames: LightFrames) -> float:
-    """PSNR in 32 colours against exact maps."""
+    """PSNR in 32 colors against exact maps."""
     found = measure(frames, range(len(frames)), lambda i, frame: splitter_render(net, frame), TEST)
     return total(found.values()).psnr_db

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rauca_core.contract.recolour import TEST
+from rauca_core.contract.recolor import TEST
 from rauca_core.environment import LightSplitter
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
@@ -16,7 +16,7 @@ from .settings import Settings
 
 @dataclass(frozen=True)
 class Weighting:
-    """PSNR in 32 colours against exact maps, by distance in metres: {distance: (with W, without)}."""
+    """PSNR in 32 colors against exact maps, by distance in metres: {distance: (with W, without)}."""
 
     by_distance: dict[float, tuple[float, float]]
 

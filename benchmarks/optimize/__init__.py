@@ -1,1 +1,1 @@
-"""``rauca bench optimize``: where the milliseconds of an optimiser's step go."""
+"""``rauca bench optimize``: where the milliseconds of an optimizer's step go."""

@@ -59,12 +59,12 @@ class Contender:
 
 
 def bench_optimize(out: Path, quick: bool = False, docs: Path | None = None) -> dict[str, Any]:
-    """Time the steps of an optimisation by stage, on one thread; write ``out`` (JSON).
+    """Time the steps of an optimization by stage, on one thread; write ``out`` (JSON).
 
     The loop runs with our taps, with Algorithm 2 worked out once as taps, and with Algorithm 2 as published, by turns.
 
     Args:
-        docs: folder whose `optimiser.md` gets the figures anew.
+        docs: folder whose `optimizer.md` gets the figures anew.
 
     Raises:
         RaucaError: Blender or the detector's weights are missing.
@@ -84,7 +84,7 @@ def bench_optimize(out: Path, quick: bool = False, docs: Path | None = None) -> 
     print_tables(grids, WIDTH)
     write_json(out, result)
     if docs is not None:
-        fill_page(docs / "optimiser.md", markdown_tables(grids), "optimize")
+        fill_page(docs / "optimizer.md", markdown_tables(grids), "optimize")
     return result
 
 
@@ -107,7 +107,7 @@ def _measure(dataset: Dataset, settings: Settings) -> list[Contender]:
     published.prepare()
     found = [Contender(name, run, []) for name, run in ((OURS, ours), (COMPOSED, composed), (PUBLISHED, published))]
     every = len(found) * (settings.warm_up + settings.rounds * settings.steps)
-    with progress_bar("optimising", resumes=False) as move:
+    with progress_bar("optimizing", resumes=False) as move:
         done = 0
         for number in range(-1, settings.rounds):  # round -1 builds taps, compiles and is not counted
             for contender in found:

@@ -22,7 +22,7 @@ def psnr_db(squared_errors: NDArray[np.floating]) -> float:
 
 
 def premultiplied(taps: Taps, texels: Tensor) -> NDArray[np.float32]:
-    """The paint layer (H, W, 3), linear: coverage times coverage-normalised texture, black elsewhere."""
+    """The paint layer (H, W, 3), linear: coverage times coverage-normalized texture, black elsewhere."""
     paint = torch.from_numpy(taps.alpha)[:, None] * taps.rows(texels)
     return taps.to_image(paint, torch.zeros(3, taps.height, taps.width)).permute(1, 2, 0).contiguous().numpy()
 
@@ -37,13 +37,13 @@ def ring_psnr_db(scene: Scene, taps: Sequence[Taps], texture: int) -> float:
 
 
 def reference_check(scene: Scene, samples: int) -> float:
-    """PSNR between the first view's reference and the same with our rasteriser's visibility instead of Embree's."""
+    """PSNR between the first view's reference and the same with our rasterizer's visibility instead of Embree's."""
     car, camera, reference = scene.car, scene.cameras[0], scene.references[0]
     other = render_reference(car.vehicle, raster_sees(car.vehicle, camera, samples), camera, car.maps, samples)
-    return psnr_db((other.colours - reference.colours)[:, reference.coverage > 0] ** 2)
+    return psnr_db((other.colors - reference.colors)[:, reference.coverage > 0] ** 2)
 
 
 def squared_error(reference: Reference, image: NDArray[np.float32], texture: int) -> NDArray[np.float64]:
     """(R, 3) on the pixels that show paint, in the reference or in the image."""
     shown = (reference.coverage > 0) | (image > 0).any(2)
-    return np.asarray((image[shown] - reference.colours[texture][shown]) ** 2, np.float64)
+    return np.asarray((image[shown] - reference.colors[texture][shown]) ** 2, np.float64)

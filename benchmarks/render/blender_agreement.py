@@ -1,4 +1,4 @@
-"""How far our taps are from what Cycles sees: coverage masks, UVs, and a colourful texture's anti-aliased albedo."""
+"""How far our taps are from what Cycles sees: coverage masks, UVs, and a colorful texture's anti-aliased albedo."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .settings import AGREEMENT_UV_SIZE, Settings
 from .views import random_cameras
 
 MASK_SUBSAMPLES = (4, 8, 12)
-COLOUR_SUBSAMPLES = 4
-CELLS = 64  # of the colourful texture, along each axis of the map
+COLOR_SUBSAMPLES = 4
+CELLS = 64  # of the colorful texture, along each axis of the map
 SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared
 
 
@@ -30,7 +30,7 @@ class BlenderAgreement:
     Attributes:
         iou_mean, iou_worst: by subsamples per axis, intersection over union of the masks at half coverage, over views.
         iou_cycles: mean of Cycles against itself, at a quarter of the samples: what its noise alone costs.
-        uv_median, uv_p99: distance of UVs at pixel centres, texels, over all pixels of all views.
+        uv_median, uv_p99: distance of UVs at pixel centers, texels, over all pixels of all views.
         inside_db, edge_db: PSNR of the premultiplied albedo, linear, at 4x4.
         floor_inside_db, floor_edge_db: Cycles against another draw of its own, at twice the samples.
     """
@@ -39,7 +39,7 @@ class BlenderAgreement:
     cameras: int
     size: int
     mask_samples: int
-    colour_samples: int
+    color_samples: int
     iou_mean: dict[str, float]
     iou_worst: dict[str, float]
     iou_cycles: float
@@ -61,30 +61,30 @@ def compare_with_blender(
     """
     pyramid = Pyramid.of(vehicle, AGREEMENT_UV_SIZE)
     cameras = random_cameras(vehicle, settings.cameras, settings.camera_size)
-    uv_map = colourful(pyramid)
-    every, coloured = range(len(cameras)), range(settings.colour_views)
-    most, some = settings.mask_samples, settings.colour_samples
+    uv_map = colorful(pyramid)
+    every, colored = range(len(cameras)), range(settings.color_views)
+    most, some = settings.mask_samples, settings.color_samples
     jobs = [Job("coverage", i, most) for i in every] + [Job("coverage", i, most // 4) for i in every]
     jobs += [Job("uv", i, 1) for i in every]
-    jobs += [Job("premultiplied", i, n) for n in (some, 2 * some) for i in coloured]
+    jobs += [Job("premultiplied", i, n) for n in (some, 2 * some) for i in colored]
     images = iter(render_jobs(vehicle, cameras, uv_map, jobs, progress))
     masks, rough = ([next(images)[..., 0] for _ in every] for _ in range(2))
     uvs = [next(images) for _ in every]
-    colours, fine = ([next(images) for _ in coloured] for _ in range(2))
+    colors, fine = ([next(images) for _ in colored] for _ in range(2))
 
     ious = {str(n): [_iou(_taps(vehicle, c, pyramid, n).coverage(), m) for c, m in zip(cameras, masks, strict=True)]
             for n in MASK_SUBSAMPLES}  # fmt: skip
     distances = np.concatenate([uv_distances(vehicle, c, u) for c, u in zip(cameras, uvs, strict=True)])
     texels = pyramid(pyramid.from_map(torch.from_numpy(uv_map).permute(2, 0, 1)))
-    ours = [premultiplied(_taps(vehicle, cameras[i], pyramid, COLOUR_SUBSAMPLES), texels) for i in coloured]
-    inside, edge = _inside_and_edge(ours, colours, masks)
-    floor_inside, floor_edge = _inside_and_edge(colours, fine, masks)
+    ours = [premultiplied(_taps(vehicle, cameras[i], pyramid, COLOR_SUBSAMPLES), texels) for i in colored]
+    inside, edge = _inside_and_edge(ours, colors, masks)
+    floor_inside, floor_edge = _inside_and_edge(colors, fine, masks)
     return BlenderAgreement(
         vehicle=name,
         cameras=len(cameras),
         size=settings.camera_size,
         mask_samples=most,
-        colour_samples=some,
+        color_samples=some,
         iou_mean={n: float(np.mean(row)) for n, row in ious.items()},
         iou_worst={n: float(np.min(row)) for n, row in ious.items()},
         iou_cycles=float(np.mean([_iou(a, b) for a, b in zip(rough, masks, strict=True)])),
@@ -97,8 +97,8 @@ def compare_with_blender(
     )
 
 
-def colourful(pyramid: Pyramid, seed: int = 0) -> Image:
-    """A map (size, size, 3), linear, of random colours in square cells; gutters filled as a camouflage's are."""
+def colorful(pyramid: Pyramid, seed: int = 0) -> Image:
+    """A map (size, size, 3), linear, of random colors in square cells; gutters filled as a camouflage's are."""
     cell = pyramid.size // CELLS
     cells = np.random.default_rng(seed).random((3, CELLS, CELLS)).astype(np.float32)
     texels = pyramid.from_map(torch.from_numpy(cells.repeat(cell, 1).repeat(cell, 2)))
@@ -106,7 +106,7 @@ def colourful(pyramid: Pyramid, seed: int = 0) -> Image:
 
 
 def uv_distances(vehicle: Vehicle, camera: Camera, theirs: Image) -> NDArray[np.float64]:
-    """Texels between our UV and Cycles' (H, W, 3) at each pixel centre where both see paint."""
+    """Texels between our UV and Cycles' (H, W, 3) at each pixel center where both see paint."""
     raster = rasterize(vehicle.positions, vehicle.triangles, camera)
     hit = raster.face_ids >= 0
     hit[hit] = vehicle.paint_faces()[raster.face_ids[hit]]

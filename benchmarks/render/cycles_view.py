@@ -7,7 +7,7 @@ pixels; jobs, JSON ``[[what, camera, samples], ...]``. What is rendered:
 
 - ``coverage``: the paint mask, with Cycles' default pixel filter;
 - ``premultiplied``: mask times map, linear, with the same filter;
-- ``uv``: u, v, 1 of the paint at the pixel's centre, through the narrowest filter there is.
+- ``uv``: u, v, 1 of the paint at the pixel's center, through the narrowest filter there is.
 
 Output: per job an array (size, size, 3) float32 under its number. No light, no bounces: what is seen is the texture,
 visibility and anti-aliasing alone. Progress is one marked JSON line per job.
@@ -54,7 +54,7 @@ def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 
 
 def emission(material: bpy.types.Material) -> tuple[bpy.types.NodeTree, bpy.types.NodeSocket]:
-    """Make a material pure emission, black; returns its nodes and the socket of its colour."""
+    """Make a material pure emission, black; returns its nodes and the socket of its color."""
     material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
@@ -67,7 +67,7 @@ def emission(material: bpy.types.Material) -> tuple[bpy.types.NodeTree, bpy.type
 
 def emit_product(material: bpy.types.Material, images: list[bpy.types.Image]) -> None:
     """Emit the product of one or two images."""
-    tree, colour = emission(material)
+    tree, color = emission(material)
     sockets = []
     for source in images:
         texture = tree.nodes.new("ShaderNodeTexImage")
@@ -75,16 +75,16 @@ def emit_product(material: bpy.types.Material, images: list[bpy.types.Image]) ->
         sockets.append(texture.outputs["Color"])
     if len(sockets) == 2:
         sockets = [vector_math(tree, "MULTIPLY", *sockets)]
-    tree.links.new(sockets[0], colour)
+    tree.links.new(sockets[0], color)
 
 
 def emit_uv(material: bpy.types.Material) -> None:
     """Emit (u, v, 1)."""
-    tree, colour = emission(material)
+    tree, color = emission(material)
     place = tree.nodes.new("ShaderNodeTexCoord")
     marked = vector_math(tree, "ADD", place.outputs["UV"])
     marked.node.inputs[1].default_value = (0.0, 0.0, 1.0)
-    tree.links.new(marked, colour)
+    tree.links.new(marked, color)
 
 
 def vector_math(tree: bpy.types.NodeTree, operation: str, *sockets: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
@@ -149,10 +149,10 @@ def main(source: str, target: str) -> None:
     paint, rest = build_mesh(data).data.materials
     emission(rest)
     mask = image("mask", data["mask"].astype(np.float32)[..., None].repeat(3, 2) / 255)
-    colours = image("map", data["uv_map_linear"])
+    colors = image("map", data["uv_map_linear"])
     paints = {
         "coverage": lambda: emit_product(paint, [mask]),
-        "premultiplied": lambda: emit_product(paint, [mask, colours]),
+        "premultiplied": lambda: emit_product(paint, [mask, colors]),
         "uv": lambda: emit_uv(paint),
     }
     jobs, painted, results = json.loads(str(data["jobs"])), None, {}

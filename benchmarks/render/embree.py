@@ -1,4 +1,4 @@
-"""Rays through Embree: the benchmark's own eyes, which share no code with the rasteriser."""
+"""Rays through Embree: the benchmark's own eyes, which share no code with the rasterizer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class RayCaster:
 
 
 def ray_directions(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unnormalised directions (n, 3) through image points x, y (n,) in pixels; z in the camera is 1."""
+    """Unnormalized directions (n, 3) through image points x, y (n,) in pixels; z in the camera is 1."""
     points = np.stack([x, y, np.ones_like(x)], 1)
     return points @ np.linalg.inv(camera.K).T @ camera.R
 

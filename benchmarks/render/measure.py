@@ -79,7 +79,7 @@ def warm_up(car: Car, contenders: list[Contender]) -> None:
 
 
 def _taps_per_pixel(taps: Taps) -> float:
-    """Over pixels that show paint: others only carry their neighbours' texture, in case the light maps need it."""
+    """Over pixels that show paint: others only carry their neighbors' texture, in case the light maps need it."""
     numbers = np.diff(taps.rows.indptr)[taps.alpha > 0]
     return float(numbers.mean()) if len(numbers) else 0.0
 

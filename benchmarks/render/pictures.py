@@ -24,7 +24,7 @@ def save_pictures(scene: Scene, folder: Path) -> list[Path]:
     """Save the reference, and a picture per renderer: its result, and the absolute difference times `GAIN`."""
     folder.mkdir(parents=True, exist_ok=True)
     view = int(np.argmax([(r.coverage > 0).sum() for r in scene.references]))
-    reference = scene.references[view].colours[TEXTURE]
+    reference = scene.references[view].colors[TEXTURE]
     window = _busiest(scene.references[view].coverage)
     saved = [_save(reference[window], None, folder / "reference.jpg")]
     for contender in contenders(SHOWN):
@@ -47,7 +47,7 @@ def _busiest(coverage: NDArray[np.float64]) -> tuple[slice, slice]:
 
 
 def _save(linear: NDArray[np.floating], difference: NDArray[np.floating] | None, path: Path) -> Path:
-    """Colours are encoded by a square root, near enough to sRGB to look at; differences stay linear."""
+    """Colors are encoded by a square root, near enough to sRGB to look at; differences stay linear."""
     parts = [np.sqrt(np.clip(linear, 0, 1))]
     if difference is not None:
         parts.append(np.clip(difference * GAIN, 0, 1))

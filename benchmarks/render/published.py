@@ -37,16 +37,16 @@ class UvTraversalStep:
         _, self.pixels = pixels_from_cells(vehicle, camera)
 
     def forward(self, uv_map: NDArray[np.float32]) -> tuple[torch.Tensor, Any]:
-        """A map (size, size, 3) -> colours (R, 3) of the painted pixels, and what the backward step needs."""
+        """A map (size, size, 3) -> colors (R, 3) of the painted pixels, and what the backward step needs."""
         cells, total = uv_traversal_step(uv_map, self.uvs, self.faces, TEXTURE_SIZE)
         leaf = torch.from_numpy(cells).reshape(-1, 3).requires_grad_()
-        colours = self.pixels(leaf)
-        return colours, (leaf, total)
+        colors = self.pixels(leaf)
+        return colors, (leaf, total)
 
-    def backward(self, gradient: torch.Tensor, colours: torch.Tensor, kept: Any) -> NDArray[np.float32]:
+    def backward(self, gradient: torch.Tensor, colors: torch.Tensor, kept: Any) -> NDArray[np.float32]:
         """Gradient (R, 3) on the pixels -> gradient (size, size, 3) on the map."""
         leaf, total = kept
-        (on_cells,) = torch.autograd.grad(colours, leaf, gradient)
+        (on_cells,) = torch.autograd.grad(colors, leaf, gradient)
         on_cells_array = on_cells.numpy().reshape(*total.shape, 3)
         result: NDArray[np.float32] = uv_traversal_step_back(on_cells_array, total, self.uvs, self.faces)
         return result

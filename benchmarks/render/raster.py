@@ -1,4 +1,4 @@
-"""Our rasteriser against Embree: who finds the visible face of every pixel sooner."""
+"""Our rasterizer against Embree: who finds the visible face of every pixel sooner."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RasterTime:
     Attributes:
         ours_ms: ``rasterize``, vertex transform included.
         embree_ms: the query alone, of rays made beforehand through the pixels of the car's box, tree built beforehand.
-        trimesh_ms: the same through trimesh's ``intersects_first``, which copies and normalises the rays.
+        trimesh_ms: the same through trimesh's ``intersects_first``, which copies and normalizes the rays.
         same_face: share of the box's pixels for which both name the same face.
     """
 

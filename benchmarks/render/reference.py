@@ -31,19 +31,19 @@ class Reference:
 
     Attributes:
         coverage: (H, W) share of the paint in each pixel, box filter.
-        colours: (K, H, W, 3) premultiplied linear paint colour with each of K textures.
+        colors: (K, H, W, 3) premultiplied linear paint color with each of K textures.
         touched: (size, size) bool, the texels that any subsample's lookup weighs.
     """
 
     coverage: NDArray[np.float64]
-    colours: NDArray[np.float64]
+    colors: NDArray[np.float64]
     touched: NDArray[np.bool_]
 
 
 def render_reference(vehicle: Vehicle, see: See, camera: Camera, maps: NDArray[np.float32], samples: int) -> Reference:
     """Render UV maps (K, size, size, 3) with ``samples`` x ``samples`` rays per pixel on a regular grid."""
     height, width = camera.height, camera.width
-    coverage, colours = np.zeros((height, width)), np.zeros((len(maps), height, width, 3))
+    coverage, colors = np.zeros((height, width)), np.zeros((len(maps), height, width, 3))
     touched = np.zeros(maps.shape[1:3], bool)
     x0, y0, x1, y1 = box_of(vehicle, camera)
     eye = camera.position
@@ -67,10 +67,10 @@ def render_reference(vehicle: Vehicle, see: See, camera: Camera, maps: NDArray[n
             maps,
             samples,
             coverage[window],
-            colours[:, window[0], window[1]],
+            colors[:, window[0], window[1]],
             touched,
         )
-    return Reference(coverage, colours, touched)
+    return Reference(coverage, colors, touched)
 
 
 def embree_sees(caster: RayCaster, camera: Camera) -> See:
@@ -85,7 +85,7 @@ def embree_sees(caster: RayCaster, camera: Camera) -> See:
 
 
 def raster_sees(vehicle: Vehicle, camera: Camera, samples: int) -> See:
-    """Visibility by the rasteriser under test, to tell how much it matters who looks."""
+    """Visibility by the rasterizer under test, to tell how much it matters who looks."""
     raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(samples, "grid"))
     whole = raster.whole(camera.width, camera.height)
 
@@ -113,7 +113,7 @@ def _shade(
     maps: Any,
     samples: int,
     coverage: Any,
-    colours: Any,
+    colors: Any,
     touched: Any,
 ) -> None:
     share = 1.0 / (samples * samples)
@@ -144,7 +144,7 @@ def _shade(
                 touched[j, i] = True
                 for k in range(maps.shape[0]):
                     for channel in range(3):
-                        colours[k, y, x, channel] += weight * part * maps[k, j, i, channel]
+                        colors[k, y, x, channel] += weight * part * maps[k, j, i, channel]
 
 
 @njit(cache=True)

@@ -96,11 +96,11 @@ def _verdict(passed: bool) -> str:
 
 
 def save_plot(results: Results, path: Path) -> None:
-    """Speed against error on the main vehicle at the largest size: a panel per ring, a colour per texture."""
+    """Speed against error on the main vehicle at the largest size: a panel per ring, a color per texture."""
     figure, panels = plt.subplots(1, len(RINGS), figsize=(10, 4.2), layout="constrained")
     size = max(results.settings.sizes)
     for axes, ring in zip(panels, RINGS, strict=True):
-        for texture, colour in zip(TEXTURES, ("C0", "C1"), strict=True):
+        for texture, color in zip(TEXTURES, ("C0", "C1"), strict=True):
             entries = [
                 e
                 for e in results.renderers
@@ -112,8 +112,8 @@ def save_plot(results: Results, path: Path) -> None:
             if ring == "paper":
                 step = results.speedups[results.main].algorithm2_ms
                 others += [("as published", step, psnr) for name, _, psnr in others if name == ALGORITHM_2]
-            _draw(axes, ours, f"ours, {texture}", marker="o", linestyle="-", color=colour)
-            _draw(axes, others, f"others, {texture}", marker="o", linestyle="", color=colour, fillstyle="none")
+            _draw(axes, ours, f"ours, {texture}", marker="o", linestyle="-", color=color)
+            _draw(axes, others, f"others, {texture}", marker="o", linestyle="", color=color, fillstyle="none")
         axes.margins(x=0.22)
         axes.set(
             title=f"{results.main}, {ring} ring, {size} px", xscale="log",

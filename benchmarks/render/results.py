@@ -27,7 +27,7 @@ class Results:
         reach: of the main vehicle, per renderer, share of visible texels that a larger ring's gradient comes to.
         levels: per vehicle, mip levels from the UV map and back, once per step.
         streamed_ms: per vehicle, 2x2 on the largest paper ring: read from the cache, apply, transpose; per image.
-        reference_check_db: per vehicle, Embree's reference against the rasteriser's on one view.
+        reference_check_db: per vehicle, Embree's reference against the rasterizer's on one view.
     """
 
     settings: Settings

@@ -23,8 +23,8 @@ class Settings:
         steps: steps of Algorithm 2 that are timed; each takes most of a second.
         cameras: random cameras per vehicle for the agreement with Blender.
         camera_size: their image size, pixels.
-        mask_samples, colour_samples: of Cycles per pixel, for coverage masks and for the albedo.
-        colour_views: cameras of the albedo comparison.
+        mask_samples, color_samples: of Cycles per pixel, for coverage masks and for the albedo.
+        color_views: cameras of the albedo comparison.
     """
 
     sizes: tuple[int, ...] = (320, 640)
@@ -39,8 +39,8 @@ class Settings:
     cameras: int = 32
     camera_size: int = 320
     mask_samples: int = 1024
-    colour_samples: int = 256
-    colour_views: int = 2
+    color_samples: int = 256
+    color_views: int = 2
 
 
 FULL = Settings()
@@ -54,5 +54,5 @@ QUICK = Settings(
     steps=2,
     cameras=2,
     mask_samples=256,
-    colour_views=1,
+    color_views=1,
 )

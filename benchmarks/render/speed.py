@@ -36,7 +36,7 @@ def resident_steps(
 ) -> dict[str, StepTime]:
     """Forward and backward of a whole ring as one batch, per image, for each contender, taps in memory.
 
-    As in the optimiser, one call serves the batch, and its gradient is added to one buffer of all texels. Building the
+    As in the optimizer, one call serves the batch, and its gradient is added to one buffer of all texels. Building the
     mip levels from the UV map, and handing that gradient down to it, is paid once per step: see `levels_step`.
     """
     times: dict[str, list[StepTime]] = {name: [] for name in all_taps}

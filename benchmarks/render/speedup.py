@@ -64,11 +64,11 @@ def measure_speedup(scene: Scene, ours: Contender, repeats: int) -> Speedup:
     times = []
     for _ in range(repeats + 1):
         clock = _Clock()
-        colours, kept = published.forward(uv_map)
+        colors, kept = published.forward(uv_map)
         clock.lap()
-        published.backward(torch.ones_like(colours), colours, kept)
+        published.backward(torch.ones_like(colors), colors, kept)
         clock.lap()
-        del colours, kept
+        del colors, kept
         for _ in range(4):  # ours is short: the last of a few, its caches as warm as in a run
             clock.restart()
             canvas = Canvas(pyramid, texels)

@@ -42,7 +42,7 @@ def judge(results: Results) -> list[Target]:
         rows.append(Target(f"less error than {ALGORITHM_2}, {texture}, {rival}", 10, gap, "dB"))
     rows += [
         Target(f"times as fast as {ALGORITHM_2}, {rival}", 150, results.speedups[rival].operator),
-        Target("rasteriser's time over Embree's, worst", 1, results.raster_vs_embree, most=True),
+        Target("rasterizer's time over Embree's, worst", 1, results.raster_vs_embree, most=True),
         Target("forward + backward, 2x2, in memory", 1, two.step_ms, "ms", most=True),
         Target("forward + backward, 2x2, from the cache", 3, results.streamed_ms[results.main], "ms", most=True),
         Target("visible texels that receive gradient, 8x8", 100, 100 * results.reach[ours(8)], "%"),

@@ -1,1 +1,1 @@
-"""Hard cases of rasteriser, renderer, environment, losses and optimiser: tests and `rauca bench stability` try them."""
+"""Hard cases of rasterizer, renderer, environment, losses and optimizer: tests and `rauca bench stability` try them."""

@@ -11,7 +11,7 @@ import numpy as np
 from rauca_core.contract import Camera
 
 from .detectors import Answer, as_found, elsewhere, endless, inside_out, nothing, points, saturated, sure, unseen
-from .drawn import CENTRE, Look, Maps, around
+from .drawn import CENTER, Look, Maps, around
 
 SIZE = 48  # pixels
 LARGEST_HALF, SMALLEST_HALF = 65504.0, 6e-8  # of float16, as light maps are stored
@@ -28,7 +28,7 @@ class HardCase:
         look: how the frames are made.
         answer: what the detector makes of its predictions.
         learns: whether the attack has a gradient on the UV map.
-        settings: of the optimiser, where they differ.
+        settings: of the optimizer, where they differ.
     """
 
     name: str
@@ -44,13 +44,13 @@ def _from_afar(azimuth_deg: float, size: int) -> Camera:
     azimuth, distance_m = np.radians(azimuth_deg), 260.0
     eye = distance_m * np.array([np.cos(azimuth), np.sin(azimuth), 0.1])
     half = distance_m / around(0.0, size).K[0, 0] / 2
-    ahead = Camera.look_at(eye, np.array(CENTRE), 45, size, size)
-    return Camera.look_at(eye, np.array(CENTRE) + half * (ahead.R[0] + ahead.R[1]), 45, size, size)
+    ahead = Camera.look_at(eye, np.array(CENTER), 45, size, size)
+    return Camera.look_at(eye, np.array(CENTER) + half * (ahead.R[0] + ahead.R[1]), 45, size, size)
 
 
 def _turned_away(azimuth_deg: float, size: int) -> Camera:
     eye = around(azimuth_deg, size).position
-    return Camera.look_at(eye, 2 * eye - np.array(CENTRE), 45, size, size)
+    return Camera.look_at(eye, 2 * eye - np.array(CENTER), 45, size, size)
 
 
 def _cut_off(azimuth_deg: float, size: int) -> Camera:

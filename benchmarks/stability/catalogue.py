@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from . import light, loop, losses, rasteriser, renderer
+from . import light, loop, losses, rasterizer, renderer
 from .checks import Check
 
-FAST: tuple[Check, ...] = (*rasteriser.CHECKS, *renderer.CHECKS, *light.CHECKS, *losses.CHECKS)
+FAST: tuple[Check, ...] = (*rasterizer.CHECKS, *renderer.CHECKS, *light.CHECKS, *losses.CHECKS)
 
 
 def catalogue(steps: int) -> tuple[Check, ...]:
-    """Those and the optimiser's, each of these over ``steps`` steps."""
+    """Those and the optimizer's, each of these over ``steps`` steps."""
     return (*FAST, *loop.checks(steps))

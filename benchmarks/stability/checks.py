@@ -20,7 +20,7 @@ class Check:
     """One hard case.
 
     Attributes:
-        part: of the house: rasteriser, renderer, environment, losses or optimiser.
+        part: of the house: rasterizer, renderer, environment, losses or optimizer.
         name: for tables and tests.
         expected: what must come of it, in a few words.
         attempt: tries it in a precision and says what came of it; raises :class:`UnexpectedError`.

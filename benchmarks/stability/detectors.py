@@ -41,14 +41,14 @@ class SmallDetector:
         out = torch.nn.functional.conv2d(hidden, self._second.to(images), padding=1)
         batch, _, rows, columns = out.shape
         y, x = torch.meshgrid(*(torch.arange(n, device=out.device) * 8.0 + 4 for n in (rows, columns)), indexing="ij")
-        centre = torch.stack([x, y]) + 4 * out[:, 0:2].tanh()
+        center = torch.stack([x, y]) + 4 * out[:, 0:2].tanh()
         half = 16 * torch.exp(out[:, 2:4])
-        boxes = torch.cat([centre - half, centre + half], 1).reshape(batch, 4, -1).transpose(1, 2)
+        boxes = torch.cat([center - half, center + half], 1).reshape(batch, 4, -1).transpose(1, 2)
         objectness = out[:, 4].reshape(batch, -1).sigmoid()
         return DensePredictions(boxes, objectness, out[:, 5:7].reshape(batch, 2, -1).transpose(1, 2).sigmoid())
 
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        raise NotImplementedError("the optimiser reads predictions before suppression")
+        raise NotImplementedError("the optimizer reads predictions before suppression")
 
 
 class Answering(SmallDetector):

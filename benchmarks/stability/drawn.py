@@ -30,14 +30,14 @@ Box = tuple[float, float, float, float]
 
 WEATHERS = (Weather("day", 45.0), Weather("dusk", 5.0))
 GREY = 140
-ELEVATION, DISTANCE_M, CENTRE = 12.0, 7.0, (0.0, 0.0, 0.7)
+ELEVATION, DISTANCE_M, CENTER = 12.0, 7.0, (0.0, 0.0, 0.7)
 
 
 def around(azimuth_deg: float, size: int) -> Camera:
     """A camera on a ring about a vehicle at the origin, seven metres away."""
     azimuth = np.radians(azimuth_deg)
     eye = np.array([6.8 * np.cos(azimuth), 6.8 * np.sin(azimuth), 2.2])
-    return Camera.look_at(eye, np.array(CENTRE), 45, size, size)
+    return Camera.look_at(eye, np.array(CENTER), 45, size, size)
 
 
 def as_drawn(A: Maps, B: Maps) -> tuple[Maps, Maps]:
@@ -102,8 +102,8 @@ def _shaded(vehicle: Vehicle, ids: NDArray[np.int32], paint: NDArray[np.bool_], 
     A, B = np.zeros((*ids.shape, 3), np.float32), np.full((*ids.shape, 3), 0.35, np.float32)
     B[ids.shape[0] // 2 :] = 0.12
     seen = ids >= 0
-    colours = np.array([m.base_color for m in vehicle.materials])[vehicle.material]
-    B[seen] = colours[ids[seen]] * shade[ids[seen], None]
+    colors = np.array([m.base_color for m in vehicle.materials])[vehicle.material]
+    B[seen] = colors[ids[seen]] * shade[ids[seen], None]
     A[paint], B[paint] = shade[ids[paint], None], 0.01
     return A, B
 

@@ -12,7 +12,7 @@ from rauca_core.attack import Panel, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.cpu import threads
-from rauca_core.optimisers import Adam
+from rauca_core.optimizers import Adam
 
 from .cases import SIZE, HardCase
 from .detectors import Answering
@@ -52,12 +52,12 @@ class Endured:
 def endure(
     case: HardCase, vehicle: Vehicle, folder: Path, steps: int = STEPS, double: bool = False, **chosen: Any
 ) -> Endured:
-    """Optimise on a case by the real loop: files, taps, light, augmentation, detector, Adam.
+    """Optimize on a case by the real loop: files, taps, light, augmentation, detector, Adam.
 
     Args:
         folder: for its data set; made where it is not there.
         double: begin with a texture of float64, whose precision all that follows takes on.
-        chosen: settings of the optimiser, before those of the case.
+        chosen: settings of the optimizer, before those of the case.
     """
     settings = make_settings(**{**SMALL, **chosen, **case.settings, "steps": steps})
     made = (folder / "dataset.json").is_file()

@@ -134,7 +134,7 @@ def _training(kind: str) -> Callable[[torch.dtype], str]:
     return attempt
 
 
-def _colour_transfer(dtype: torch.dtype) -> str:
+def _color_transfer(dtype: torch.dtype) -> str:
     for value in (0.0, 1.0, 100.0):
         image = torch.full((3, SIZE, SIZE), value, dtype=dtype)
         for cover in (0.0, 1.0, 0.3):
@@ -211,7 +211,7 @@ def _checks() -> Iterator[Check]:
     for way, expected, make in WAYS:
         for kind in KINDS:
             yield Check("environment", f"{way}: {kind}", expected, make(kind))
-    yield Check("environment", "colour transfer: flat frames", "finite, A at least 0", _colour_transfer, NO_QUANTILES)
+    yield Check("environment", "color transfer: flat frames", "finite, A at least 0", _color_transfer, NO_QUANTILES)
     yield Check("environment", "Eq. 5 at a wrong 0", "finite, with a gradient that leads away", _wrong_end)
     yield Check("environment", "exact maps with NaN", "refused by name", _nan_in_the_file, STORED)
     yield Check("environment", "exact maps beyond float16", "held at its largest, 65504", _sun_in_the_mirror, STORED)

@@ -1,4 +1,4 @@
-"""The optimiser's hard cases as checks: the precision is that of the detectors, or of the whole loop for float64."""
+"""The optimizer's hard cases as checks: the precision is that of the detectors, or of the whole loop for float64."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def checks(steps: int) -> tuple[Check, ...]:
     """All cases, each over ``steps`` steps."""
     moves = {True: "finite, paint moves", False: "finite, no paint moves"}
     return tuple(
-        Check("optimiser", f"{case.name}: {case.about}", moves[case.learns], partial(_attempt, case, steps))
+        Check("optimizer", f"{case.name}: {case.about}", moves[case.learns], partial(_attempt, case, steps))
         for case in CASES
     )
 

@@ -1,6 +1,6 @@
 """Predictions that make a loss or its gradient infinite: the precision is that of the detector's answer.
 
-Losses are taken in float32 where the detector answers in bfloat16, as in the optimiser.
+Losses are taken in float32 where the detector answers in bfloat16, as in the optimizer.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def _wide(dtype: torch.dtype) -> torch.dtype:
 
 
 def _predictions(boxes: Tensor, sure: Tensor) -> DensePredictions:
-    """One class, whose probability and objectness are ``sure`` (B, N), as the optimiser's panel takes them."""
+    """One class, whose probability and objectness are ``sure`` (B, N), as the optimizer's panel takes them."""
     return DensePredictions(boxes, sure, sure[..., None]).to(_wide(boxes.dtype))
 
 

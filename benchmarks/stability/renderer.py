@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import Camera, RaucaError
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 from rauca_core.render import Canvas, Pyramid, build_taps, display, rasterize, undisplay
 from rauca_core.render.sampling.sampler import Sampler, look_up
 
@@ -24,7 +24,7 @@ FAR = Camera.look_at(np.array([30.0, 20.0, 8.0]), np.zeros(3), 50, 64, 64)  # co
 GRAZING = Camera.look_at(np.array([6.0, 1.25, 0.8]), np.array([0.0, 1.0, 0.7]), 50, 48, 48)
 TOUCHING = Camera.look_at(np.array([1.9, 0.2, 0.7]), np.array([2.0, -1.0, 0.7]), 120, 40, 32)
 AWAY = Camera.look_at(np.array([5.0, 0.0, 1.0]), np.array([9.0, 0.0, 1.0]), 50, 32, 32)
-ROUNDING = {torch.float32: 1e-5, torch.bfloat16: 4e-3, torch.float64: 1e-6}  # of a colour; weights are float32
+ROUNDING = {torch.float32: 1e-5, torch.bfloat16: 4e-3, torch.float64: 1e-6}  # of a color; weights are float32
 
 
 def _random_texels(pyramid: Pyramid, dtype: torch.dtype) -> Tensor:
@@ -74,8 +74,8 @@ def _uv_outside_the_map(dtype: torch.dtype) -> str:
     inside = torch.from_numpy(taps.alpha > 0.99)
     expect(int(inside.sum()) > 100, "the wall is not in the picture")
     off = float((taps.rows(pyramid(pyramid.from_map(uv_map)))[inside] - 1).abs().max())
-    expect(off <= ROUNDING[dtype], f"{off:.1e} from the border's colour")
-    return f"the border's colour, off by {off:.0e}"
+    expect(off <= ROUNDING[dtype], f"{off:.1e} from the border's color")
+    return f"the border's color, off by {off:.0e}"
 
 
 def _no_uv_area(dtype: torch.dtype) -> str:
@@ -86,8 +86,8 @@ def _no_uv_area(dtype: torch.dtype) -> str:
     seen = taps.rows(pyramid(_random_texels(pyramid, dtype)))
     expect(len(seen) > 100, "the wall is not in the picture")
     spread = float((seen - seen[:1]).abs().max())
-    expect(spread <= 1e-5, f"colours differ by {spread:.1e}")
-    return "one colour all over"
+    expect(spread <= 1e-5, f"colors differ by {spread:.1e}")
+    return "one color all over"
 
 
 def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
@@ -103,9 +103,9 @@ def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
             weights = torch.from_numpy(found.fragments.weights).to(listed)
             read = (weights[..., None] * listed[torch.from_numpy(found.fragments.texels.astype(np.int64))]).sum(1)
             expect(len(read) > 100, f"{sampler}: nothing in the picture")
-            expect(torch.isfinite(read).all(), f"{sampler}: colours are not finite")
+            expect(torch.isfinite(read).all(), f"{sampler}: colors are not finite")
             expect(np.isfinite(found.fragments.paint).all(), f"{sampler}: coverage is not finite")
-            expect(float(read.min()) >= 0 and float(read.max()) <= 1 + 1e-5, f"{sampler}: colours outside [0, 1]")
+            expect(float(read.min()) >= 0 and float(read.max()) <= 1 + 1e-5, f"{sampler}: colors outside [0, 1]")
     return f"finite and in range with all {len(Sampler)} samplers"
 
 
@@ -116,8 +116,8 @@ def _gutters(dtype: torch.dtype) -> str:
     uv_map.view(3, -1)[:, torch.from_numpy(pyramid.texels)] = 0.25
     seen = build_taps(box, FAR, MAP, pyramid=pyramid).rows(pyramid(pyramid.from_map(uv_map)))
     off = float((seen - 0.25).abs().max())
-    expect(off <= ROUNDING[dtype], f"{off:.1e} of the gutters' colour")
-    return f"the paint's colour, off by {off:.0e}"
+    expect(off <= ROUNDING[dtype], f"{off:.1e} of the gutters' color")
+    return f"the paint's color, off by {off:.0e}"
 
 
 def _grazing(dtype: torch.dtype) -> str:
@@ -140,11 +140,11 @@ def _constant(dtype: torch.dtype) -> str:
     box = painted_box()
     pyramid = Pyramid.of(box, MAP)
     taps = build_taps(box, ASIDE, MAP, pyramid=pyramid)
-    colour = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
-    seen = taps.rows(pyramid(colour.expand(len(pyramid.texels), 3).contiguous()))
-    off = float((seen - colour).abs().max())
-    expect(off <= ROUNDING[dtype], f"{off:.1e} from the colour")
-    return f"the colour, off by {off:.0e}"
+    color = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
+    seen = taps.rows(pyramid(color.expand(len(pyramid.texels), 3).contiguous()))
+    off = float((seen - color).abs().max())
+    expect(off <= ROUNDING[dtype], f"{off:.1e} from the color")
+    return f"the color, off by {off:.0e}"
 
 
 def _adjoint(dtype: torch.dtype) -> str:
@@ -233,9 +233,9 @@ CHECKS = (
     _check("UV outside the map", "reads the map's border", _uv_outside_the_map),
     _check("face without UV area", "reads one constant", _no_uv_area),
     _check("hard UVs, camera at the paint", "finite, in [0, 1], with every sampler", _hard_uvs_near_the_camera),
-    _check("seams at coarse levels", "no colour of the gutters", _gutters),
+    _check("seams at coarse levels", "no color of the gutters", _gutters),
     _check("grazing angle", "the error falls with the samples", _grazing),
-    _check("constant texture", "its colour, to rounding", _constant),
+    _check("constant texture", "its color, to rounding", _constant),
     _check("operator and gradient", "adjoint, to rounding", _adjoint),
     _check("gradients of 1e-7", "summed without loss, in float32 at least", _small_gradients),
     _check("NaN in a gradient", "shown, and not kept for the next step", _nan_in_a_gradient),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 SIDE = 192  # pixels
 STROKE = 1.5  # half the line's width, pixels
-COLOUR = (0.36, 0.67, 0.95)  # sRGB
+COLOR = (0.36, 0.67, 0.95)  # sRGB
 GRID = (0.5, 0.5, 0.5, 0.25)
 MARGIN = 8  # pixels
 MOST_POINTS = SIDE // 4  # the loss of one step jumps with its frames: what counts is how the runs of steps go
@@ -18,7 +18,7 @@ MOST_POINTS = SIDE // 4  # the loss of one step jumps with its frames: what coun
 def curve(values: Sequence[float], side: int = SIDE) -> NDArray[np.float32]:
     """Draw ``values`` against their order, from their least to their greatest, as (side, side, 4) sRGB and alpha.
 
-    Colours are premultiplied with alpha, as Blender draws its icons. Row 0 is at the top. Values that are not finite
+    Colors are premultiplied with alpha, as Blender draws its icons. Row 0 is at the top. Values that are not finite
     are left out; many are drawn by the means of equal runs of them.
     """
     picture = np.zeros((side, side, 4), np.float32)
@@ -56,7 +56,7 @@ def _fill(picture: NDArray[np.float32], rows: NDArray[np.float64], inside: NDArr
     """A faint area below the curve."""
     down = np.arange(len(picture))[:, None]
     area = (down > rows) & (down < len(picture) - MARGIN) & inside
-    picture[area] = (*COLOUR, 0.18)
+    picture[area] = (*COLOR, 0.18)
 
 
 def _stroke(picture: NDArray[np.float32], rows: NDArray[np.float64], inside: NDArray[np.bool_]) -> None:
@@ -70,6 +70,6 @@ def _stroke(picture: NDArray[np.float32], rows: NDArray[np.float64], inside: NDA
     upper[[first, last]], lower[[first, last]] = rows[[first, last]], rows[[first, last]]
     beyond = np.maximum(np.maximum(upper - down, down - lower), 0)
     ink = np.clip(STROKE + 0.5 - beyond, 0, 1) * inside
-    for channel, value in enumerate((*COLOUR, 1.0)):
+    for channel, value in enumerate((*COLOR, 1.0)):
         layer = picture[:, :, channel]
         layer[...] = np.where(ink > 0, layer * (1 - ink) + value * ink, layer)

@@ -1,4 +1,4 @@
-"""What an external Python needs to optimise camouflages, and what it lacks, in words. No Blender in here."""
+"""What an external Python needs to optimize camouflages, and what it lacks, in words. No Blender in here."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from ..core import contract, files, reading, schema
 
 LOCK_FILE = ".lock"
 CLAIM = 1 << 40  # the byte that guards the writing of the plan; no camera has this number
-PATIENCE_S = 5.0  # a neighbour that looks around holds everything for an instant
+PATIENCE_S = 5.0  # a neighbor that looks around holds everything for an instant
 
 
 class FolderLock:

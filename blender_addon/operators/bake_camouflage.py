@@ -108,7 +108,7 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
         if running is None or event.type == "ESC":
             self._end(context)
             self.report({"INFO"}, rpt("Bake stopped; nothing was written"))
-            return {"CANCELLED"}
+            return {"CANCELED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if (percent := int(100 * running.done)) != self._shown:
@@ -172,7 +172,7 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
                 bpy.data.images.remove(left)
         settings = context.scene.rauca.bake
         settings.difference, settings.baked_layer, settings.file = baked.difference, order.layer, str(order.path)
-        text = rpt("Baked to {file}: colours differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
+        text = rpt("Baked to {file}: colors differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
         self.report({"INFO"}, text.format(file=order.path.name, share=baked.difference, decibels=baked.psnr_db))
 
     def _end(self, context: bpy.types.Context) -> None:

@@ -15,7 +15,7 @@ from .background_operator import BackgroundOperator
 
 
 class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """See whether the chosen Python can optimise camouflages, and say what it lacks; takes some seconds"""
+    """See whether the chosen Python can optimize camouflages, and say what it lacks; takes some seconds"""
 
     bl_idname = "rauca.check_python"
     bl_label = "Check"

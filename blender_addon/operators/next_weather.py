@@ -33,7 +33,7 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         settings = context.scene.rauca.weather
         weathers = settings.listed()
         names = [weather.name for weather in weathers]
-        # From a weather of the sliders' own, forward leads to the picked one's neighbour all the same.
+        # From a weather of the sliders' own, forward leads to the picked one's neighbor all the same.
         number = names.index(settings.picked) if settings.picked in names else -1
         settings.pick(weathers[(number + self.step) % len(weathers)])
 

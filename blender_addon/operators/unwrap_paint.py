@@ -60,7 +60,7 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         if event.type == "ESC" or _child is None:
             self.cancel(context)
             self.report({"INFO"}, rpt("Unwrapping stopped"))
-            return {"CANCELLED"}
+            return {"CANCELED"}
         if event.type != "TIMER" or not _child.ended():
             return {"PASS_THROUGH"}
         try:

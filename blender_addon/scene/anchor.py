@@ -23,12 +23,12 @@ class Anchor:
 
     Attributes:
         vehicle_to_world: (4, 4) rigid transform; front along +x, wheels on z = 0.
-        centre: (3,) the middle of the vehicle's box, in its frame, metres.
+        center: (3,) the middle of the vehicle's box, in its frame, metres.
         found: False when there is no vehicle in the scene and the world's origin stands in for it.
     """
 
     vehicle_to_world: NDArray[np.float64]
-    centre: NDArray[np.float64]
+    center: NDArray[np.float64]
     found: bool = True
 
 

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract, instances, semantics
+from ..core import color, contract, instances, semantics
 from . import nodes
 from .annotatable import categories
 from .exchange import exchanged_materials, is_volume, shown_objects
@@ -39,7 +39,7 @@ class Annotation:
     Attributes:
         vehicle, paint: uint8 coverage of the vehicle and of its paint, 255 is all.
         distance: float16 metres along the view ray, infinity for sky.
-        semantic: uint8 class seen at the pixel's centre.
+        semantic: uint8 class seen at the pixel's center.
         instances: uint8 vehicle seen there: 255 ours, 0 none.
         others: the other vehicles in ``instances``.
         visible: paint pixels seen divided by those expected without occluders (see `visibility.py`).
@@ -60,7 +60,7 @@ class Annotation:
 
 @dataclass(eq=False)
 class Ids:
-    """Semantic and instance ids at the pixels' centres, (H, W) uint8, and the vehicles that the ids name."""
+    """Semantic and instance ids at the pixels' centers, (H, W) uint8, and the vehicles that the ids name."""
 
     semantic: NDArray[np.uint8]
     instances: NDArray[np.uint8]
@@ -103,8 +103,8 @@ class GeometryView:
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
         return Annotation(
-            colour.to_bytes(pixels[..., 0]),
-            colour.to_bytes(pixels[..., 1]),
+            color.to_bytes(pixels[..., 0]),
+            color.to_bytes(pixels[..., 1]),
             distance.astype(np.float16),
             ids.semantic,
             ids.instances,
@@ -188,7 +188,7 @@ class _Emitters:
             tree.links.new(_class_where(tree, instance.outputs["Fac"], "other_vehicle", name), ids.inputs["X"])
         mode = tree.nodes.new("ShaderNodeValue")
         mode.name = MODE
-        shown = nodes.mix_colour(tree, mode.outputs[0], coverage.outputs[0], ids.outputs[0])
+        shown = nodes.mix_color(tree, mode.outputs[0], coverage.outputs[0], ids.outputs[0])
         nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission", Color=shown).outputs[0])
         return material
 

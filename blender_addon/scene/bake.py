@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import bake, colour, contract, files, geometry
+from ..core import bake, color, contract, files, geometry
 from .coating import Coat, set_baked_layer
 from .images import image_linear
 from .mesh_edits import require_own_faces
@@ -19,7 +19,7 @@ from .surface import Surface
 from .vehicle_arrays import Piece
 
 CHECK_SIZE = 1024
-OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and a texel would have to be two colours
+OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and a texel would have to be two colors
 BEYOND = 1e-3  # of the image's side; less is rounding
 HOMELESS_LIMIT = 0.005  # of the paint's area; slivers may have no area in a layout
 POINTS = 200_000  # on the surface, where the baked picture is held against the camouflage
@@ -34,8 +34,8 @@ class Task:
         source_uvs, target_uvs: (F, 3, 2) of the paint, in [0, 1].
         wraps: the target's UVs lie in several tiles.
         material: (F,) row of ``bases``.
-        bases: (M, 3) linear colour below the camouflage, used where the base texture is not.
-        textured: (M,) True where the base texture gives that colour.
+        bases: (M, 3) linear color below the camouflage, used where the base texture is not.
+        textured: (M,) True where the base texture gives that color.
         camouflage, mask, base: linear pictures in the source's layout; ``base`` may be None.
         size: of the result, texels.
     """
@@ -51,8 +51,8 @@ class Task:
     base: NDArray[np.float32] | None
     size: int
 
-    def colour_at(self, face: NDArray[np.int64], uv: NDArray[np.float64]) -> NDArray[np.float32]:
-        """The paint's linear base colour (N, 3) at source UVs (N, 2), as the scene's materials mix it."""
+    def color_at(self, face: NDArray[np.int64], uv: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The paint's linear base color (N, 3) at source UVs (N, 2), as the scene's materials mix it."""
         below = self.bases[self.material[face]]
         if self.base is not None:
             textured = self.textured[self.material[face]]
@@ -114,16 +114,16 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
         textured=np.array([m.textured for m in vehicle.materials]),
         camouflage=image_linear(camouflage),
         mask=image_linear(mask)[..., :1],
-        base=None if base is None else colour.linear_from_srgb(base / np.float32(255)),
+        base=None if base is None else color.linear_from_srgb(base / np.float32(255)),
         size=size,
     )
 
 
 def run_bake(task: Task, progress: Callable[[float], None]) -> Baked:
     """Carry the camouflage over; touches no Blender data, so it may run in a thread."""
-    carried = bake.carry(task.source_uvs, task.target_uvs, task.size, task.colour_at, len(task.camouflage), progress)
-    srgb = colour.to_bytes(colour.srgb_from_linear(carried.linear))
-    linear = colour.linear_from_srgb(srgb / np.float32(255))
+    carried = bake.carry(task.source_uvs, task.target_uvs, task.size, task.color_at, len(task.camouflage), progress)
+    srgb = color.to_bytes(color.srgb_from_linear(carried.linear))
+    linear = color.linear_from_srgb(srgb / np.float32(255))
     return Baked(files.png_bytes(srgb), blender_pixels(linear), *_on_surface(task, linear))
 
 
@@ -142,7 +142,7 @@ def finish_bake(surface: Surface, coat: Coat, layer: str, task: Task, baked: Bak
 def baked_image(baked: Baked) -> bpy.types.Image:
     """The picture as an image of this .blend, to be packed.
 
-    It is a float image in linear light, as the camouflage is: of 8-bit ones Cycles mixes neighbouring texels before it
+    It is a float image in linear light, as the camouflage is: of 8-bit ones Cycles mixes neighboring texels before it
     decodes them, which game engines do not, and which costs 3 dB on a camouflage with fine detail.
     """
     return image_of_pixels(IMAGE_NAME, baked.pixels)
@@ -219,8 +219,8 @@ def _on_surface(task: Task, linear: NDArray[np.float32]) -> tuple[float, float]:
     a, b = rng.random((2, POINTS))
     a, b = np.where(a + b > 1, (1 - a, 1 - b), (a, b))
     weights = np.stack([1 - a - b, a, b], axis=1)[..., None]
-    wanted = task.colour_at(face, (weights * task.source_uvs[face]).sum(axis=1))
+    wanted = task.color_at(face, (weights * task.source_uvs[face]).sum(axis=1))
     found = bake.bilinear(linear, (weights * task.target_uvs[face]).sum(axis=1))
-    error = colour.srgb_from_linear(found) - colour.srgb_from_linear(wanted)
+    error = color.srgb_from_linear(found) - color.srgb_from_linear(wanted)
     squared = float(np.mean(error.astype(np.float64) ** 2))
     return float(-10 * np.log10(max(squared, 1e-10))), float(np.abs(error).mean())

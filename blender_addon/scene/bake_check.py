@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import color, contract
 from . import camera as cameras
 from .coating import Coat
 from .nodes import add, fresh_tree
@@ -32,14 +32,14 @@ class RoundTrip:
 def look_around(surface: Surface, size: int, azimuths: Sequence[float]) -> list[contract.Camera]:
     """Cameras around the vehicle where it stands, near and far, ``size`` pixels square; azimuths in degrees."""
     low, high = surface.soup.positions.min(axis=0), surface.soup.positions.max(axis=0)
-    centre, length = (low + high) / 2, float((high - low).max())
+    center, length = (low + high) / 2, float((high - low).max())
     up = np.radians(ELEVATION_DEG)
     views = []
     for distance in DISTANCES:
         for azimuth in np.radians(azimuths):
             toward = np.array([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)])
-            eye = centre + toward * distance * length
-            views.append(contract.Camera.look_at(eye, centre, FOV_DEG, size, size))
+            eye = center + toward * distance * length
+            views.append(contract.Camera.look_at(eye, center, FOV_DEG, size, size))
     return views
 
 
@@ -60,7 +60,7 @@ def round_trip(scene: bpy.types.Scene, coat: Coat, views: Sequence[contract.Came
             coat.show(which)
             shown[which] = render_linear(scene, quality, seed=1)
         there = shown["CAMOUFLAGE"][..., 3] > 0.5
-        direct, baked = (colour.srgb_from_linear(shown[w][..., :3][there]) for w in ("CAMOUFLAGE", "BAKED"))
+        direct, baked = (color.srgb_from_linear(shown[w][..., :3][there]) for w in ("CAMOUFLAGE", "BAKED"))
         changed = np.abs(shown["CAMOUFLAGE"] - shown["ORIGINAL"])[..., :3].max(axis=2) > CHANGED
         errors.append(((direct - baked).astype(np.float64) ** 2).mean(axis=1))
         painted.append(changed[there])
@@ -69,7 +69,7 @@ def round_trip(scene: bpy.types.Scene, coat: Coat, views: Sequence[contract.Came
 
 
 def daylight(scene: bpy.types.Scene) -> None:
-    """A sun and a bright sky of one colour: light that shows every texel alike."""
+    """A sun and a bright sky of one color: light that shows every texel alike."""
     sun = bpy.data.objects.new("rauca sun", bpy.data.lights.new("rauca sun", "SUN"))
     sun.data.energy = 2.0
     sun.rotation_euler = (0.6, 0.3, 0.0)

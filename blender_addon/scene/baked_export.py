@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import colour, contract, files
+from ..core import color, contract, files
 from . import nodes
 from .coating import PAINTED, Coat, take_off
 from .images import image_linear
@@ -55,7 +55,7 @@ def _as_bytes(image: bpy.types.Image) -> Iterator[bpy.types.Image]:
     copy = bpy.data.images.new(image.name, width, height, alpha=False)
     try:
         pixels = np.ones((height, width, 4), np.float32)
-        pixels[..., :3] = colour.srgb_from_linear(image_linear(image)[::-1])
+        pixels[..., :3] = color.srgb_from_linear(image_linear(image)[::-1])
         copy.pixels.foreach_set(pixels.ravel())
         copy.pack()
         yield copy
@@ -137,7 +137,7 @@ def _exchange(
         own = owner.material_slots[slot].material
         if own is None:
             continue
-        if "rauca_class" in own and (slot, False) in specs:  # its colour passes through groups that glTF cannot follow
+        if "rauca_class" in own and (slot, False) in specs:  # its color passes through groups that glTF cannot follow
             material = _principled(specs[slot, False])
         else:
             material = own.copy()

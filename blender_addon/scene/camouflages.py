@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract, files, reading, schema
+from ..core import color, contract, files, reading, schema
 from .images import read_image_blender
 from .metering import expose
 from .rain import rain_before
@@ -99,7 +99,7 @@ def _in_paint(session: Session, dataset: contract.Dataset, frame: contract.Frame
     rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
     if rain is not None:
         linear = contract.rain.over(linear, replace(rain, alpha=rain.alpha[crop.inside]))
-    pixels[crop.inside] = colour.to_bytes(colour.srgb_from_linear(linear))
+    pixels[crop.inside] = color.to_bytes(color.srgb_from_linear(linear))
     return pixels
 
 

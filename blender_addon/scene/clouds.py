@@ -75,7 +75,7 @@ def draw(
     opacity = nodes.compute(tree, "MULTIPLY", thickness, 1.0 / 0.15, clamp=True)
     if sun_share(cover) > 0.0:
         opacity = nodes.compute(tree, "MULTIPLY", opacity, _beside_sun(tree, toward, sun, cover))
-    return nodes.mix_colour(tree, opacity, sky, _radiance(tree, noise.outputs[0], cover, card, sun_altitude_deg))
+    return nodes.mix_color(tree, opacity, sky, _radiance(tree, noise.outputs[0], cover, card, sun_altitude_deg))
 
 
 def _radiance(
@@ -89,7 +89,7 @@ def _radiance(
     bright = (*(level * (1.0 + SHADE_CONTRAST) * c for c in tint), 1.0)
     dark = (*(level * (1.0 - SHADE_CONTRAST) * c for c in tint), 1.0)
     depth = nodes.compute(tree, "MULTIPLY_ADD", noise, 2.5, -0.75, clamp=True)
-    return nodes.mix_colour(tree, depth, bright, dark)
+    return nodes.mix_color(tree, depth, bright, dark)
 
 
 def _beside_sun(

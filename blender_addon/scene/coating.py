@@ -1,6 +1,6 @@
 """The camouflage as a coat over a material of the artist's: a node group before the shader, taken out without a trace.
 
-The material keeps its name, its slots and all its nodes. The group lets the original colour through wherever a face is
+The material keeps its name, its slots and all its nodes. The group lets the original color through wherever a face is
 not painted or the paint mask is black, so a material that other parts share stays theirs.
 """
 
@@ -44,15 +44,15 @@ class Coat:
         baked = nodes.compute(tree, "GREATER_THAN", shown.outputs[0], 1.5)
         here = nodes.compute(tree, "MULTIPLY", painted.outputs["Fac"], coated)
         masked = nodes.compute(tree, "MULTIPLY", here, _image(tree, "mask", given["Atlas UV"], mask))
-        direct = nodes.mix_colour(
+        direct = nodes.mix_color(
             tree, masked, given["Color"], _image(tree, "camouflage", given["Atlas UV"], camouflage)
         )
-        carried = nodes.mix_colour(tree, here, given["Color"], _image(tree, "baked", given["Baked UV"], None))
+        carried = nodes.mix_color(tree, here, given["Color"], _image(tree, "baked", given["Baked UV"], None))
         nodes.add(
             tree,
             "NodeGroupOutput",
-            Color=nodes.mix_colour(tree, baked, direct, carried),
-            # A metal tints its highlights: radiance would no longer be affine in the colour.
+            Color=nodes.mix_color(tree, baked, direct, carried),
+            # A metal tints its highlights: radiance would no longer be affine in the color.
             Metallic=nodes.compute(tree, "MULTIPLY", given["Metallic"], nodes.compute(tree, "SUBTRACT", 1.0, masked)),
         )
         coat = Coat(tree)
@@ -121,7 +121,7 @@ def put_on(material: bpy.types.Material, coat: Coat, atlas_layer: str) -> None:
 
 
 def take_off(material: bpy.types.Material) -> None:
-    """Take the coat off a material: its own colour and metal are linked, or set, as they were."""
+    """Take the coat off a material: its own color and metal are linked, or set, as they were."""
     tree = material.node_tree
     if tree is None:
         return

@@ -1,9 +1,9 @@
 """Fog around the vehicle from a coarse render and the clear view: cheaper than a whole render, the vehicle untouched.
 
 What fog does to a picture is smooth: it dims what lies behind it, fills shadows, adds its own glow. So the scene is
-rendered in fog on a grid four times as coarse, where noise is cheap to remove, and each neighbourhood of that grid is
+rendered in fog on a grid four times as coarse, where noise is cheap to remove, and each neighborhood of that grid is
 explained as a linear function of the clear picture behind transmittance (joint upsampling by a guided filter). The
-fine picture is that function of the fine guides. The vehicle, whose colour the light maps are about, and a margin
+fine picture is that function of the fine guides. The vehicle, whose color the light maps are about, and a margin
 around it are always rendered in the real volume.
 """
 
@@ -19,7 +19,7 @@ COARSE_SAMPLES = 4  # times the frame's own
 # 1/m; between these the composed day is 35 dB or more from the truth (`rauca bench dataset`). Thinner fog shows more of
 # the clear frame's own noise; at night the lamps' halos are too small for the coarse grid.
 THINNEST, DENSEST = 0.01, 0.06
-RADIUS = 2  # of a neighbourhood, coarse pixels
+RADIUS = 2  # of a neighborhood, coarse pixels
 RIDGE = 1.0  # holds the weights near zero, where fog dims and glows and does no more; light in units of its median
 GLOW_RIDGE = 1e-6  # the same for the constant weight, the glow
 FARTHEST_M = 60.0  # of fog looked through: beyond, light comes from the layer's glow whatever lies behind it
@@ -54,7 +54,7 @@ def compose(coarse_linear: Image, clear_linear: Image, distance: NDArray[np.floa
     unit = max(float(np.median(coarse_linear)), 1e-4)
     seen_through = np.exp(-extinction * np.minimum(distance.astype(np.float64), FARTHEST_M))
     behind = seen_through[..., None] * clear_linear / unit
-    brightness = np.sqrt(np.maximum(behind.mean(axis=-1), 0.0))  # tells shadow from light where a colour is dark
+    brightness = np.sqrt(np.maximum(behind.mean(axis=-1), 0.0))  # tells shadow from light where a color is dark
     shared = np.stack([brightness, seen_through, np.ones_like(seen_through)], axis=-1)
     composed = np.empty(clear_linear.shape, np.float32)
     for channel in range(3):
@@ -103,7 +103,7 @@ def coarsen(fine: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _refine(coarse: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
-    """Bilinear from the coarse grid's pixel centres to the frame's."""
+    """Bilinear from the coarse grid's pixel centers to the frame's."""
     for axis, count in ((0, height), (1, width)):
         last = coarse.shape[axis] - 1
         place = np.clip((np.arange(count) + 0.5) / COARSE - 0.5, 0.0, last)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract, recolour
+from ..core import color, contract, recolor
 from .annotate import Annotation
 from .light_maps import light_maps
 from .metering import expose, exposure_stops
@@ -60,12 +60,12 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
 def render_light(session: Session, task: contract.PlannedFrame, sight: Sight) -> Light:
     """The frame's radiance by path tracing: both light maps, or the reference paint alone."""
     plan = session.plan
-    reference = colour.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+    reference = color.linear_from_srgb(np.array(plan.reference_srgb) / 255)
     if plan.light:
         paint = sight.annotation.paint / np.float32(255)
         A, B, image = light_maps(session, task.location, task.view, task.weather, paint, reference, sight.annotation)
         return Light(image, A, B)
-    session.vehicle.paint.set_colour(tuple(reference.tolist()))
+    session.vehicle.paint.set_color(tuple(reference.tolist()))
     return Light(session.render(task.location, task.view, task.weather))
 
 
@@ -81,8 +81,8 @@ def render_check(
     """The frame in uniform paint for real, nothing composed or predicted: what the light maps are held against."""
     if frame.check_srgb is None:
         return None
-    red, green, blue = colour.linear_from_srgb(np.array(frame.check_srgb) / 255).tolist()
-    session.vehicle.paint.set_colour((red, green, blue))
+    red, green, blue = color.linear_from_srgb(np.array(frame.check_srgb) / 255).tolist()
+    session.vehicle.paint.set_color((red, green, blue))
     rendered = Light(session.render(task.location, task.view, task.weather)).exposed(frame.exposure_stops)
     return add_weather_effects(session, task, sight, rendered).image
 
@@ -107,7 +107,7 @@ def with_rain(light: Light, rain: contract.rain.Streaks | None) -> Light:
 def describe(session: Session, task: contract.PlannedFrame, sight: Sight, stops: float) -> contract.Frame:
     """What ``frame.json`` says."""
     viewpoint, plan = session.viewpoint(task.location, task.view), session.plan
-    checked = recolour.check_colour(plan.seed, plan.recolour_share, task.id) if plan.light else None
+    checked = recolor.check_color(plan.seed, plan.recolor_share, task.id) if plan.light else None
     return contract.Frame(
         id=task.id,
         location=task.location,

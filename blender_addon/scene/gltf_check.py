@@ -116,7 +116,7 @@ def _buffer(buffer: dict[str, Any], binary: bytes, path: Path) -> bytes:
 
 def _bad(document: dict[str, Any], accessor: dict[str, Any], binary: bytes, path: Path) -> int:
     if "bufferView" not in accessor or accessor["componentType"] != FLOAT:
-        return 0  # compressed or quantised positions hold no NaN
+        return 0  # compressed or quantized positions hold no NaN
     view = document["bufferViews"][accessor["bufferView"]]
     buffer = _buffer(document["buffers"][view["buffer"]], binary, path)
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)

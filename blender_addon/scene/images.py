@@ -41,7 +41,7 @@ def read_image_blender(path: Path) -> NDArray[np.uint8]:
 def image_pixels(image: bpy.types.Image) -> NDArray[np.uint8]:
     """The stored 8-bit values of an image data block, as :func:`read_image_blender` returns them.
 
-    The image may be the artist's: it is left as it is, for another colour space would drop what was painted on it.
+    The image may be the artist's: it is left as it is, for another color space would drop what was painted on it.
     """
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)

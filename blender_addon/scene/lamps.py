@@ -13,7 +13,7 @@ from ..core import contract
 
 # A low beam: three times a street lamp's intensity, aimed at the road some fifteen metres ahead.
 BEAM_ENERGY_W = 800.0
-BEAM_COLOUR = (1.0, 0.93, 0.82)
+BEAM_COLOR = (1.0, 0.93, 0.82)
 BEAM_ANGLE_DEG, BEAM_BLEND, BEAM_DIP_DEG = 50.0, 0.9, 2.5
 BEAM_SOURCE_RADIUS_M = 0.06
 FULL_ENERGY = "rauca_full_energy"
@@ -48,7 +48,7 @@ class VehicleLamps:
         self._beams: list[bpy.types.Object] = []
         for position in headlamp_positions(vehicle):
             light = bpy.data.lights.new("rauca headlamp", "SPOT")
-            light.color, light.shadow_soft_size = BEAM_COLOUR, BEAM_SOURCE_RADIUS_M
+            light.color, light.shadow_soft_size = BEAM_COLOR, BEAM_SOURCE_RADIUS_M
             light.spot_size, light.spot_blend = math.radians(BEAM_ANGLE_DEG), BEAM_BLEND
             beam = bpy.data.objects.new("rauca headlamp", light)
             beam.parent = vehicle_object
@@ -71,10 +71,10 @@ def headlamp_positions(vehicle: contract.Vehicle) -> NDArray[np.float64]:
     """Where beams start, (N, 3) metres in the vehicle's frame: before each side's headlamp glass; N is 0 to 2."""
     lenses = [i for i, material in enumerate(vehicle.materials) if material.kind == "headlamp"]
     faces = np.isin(vehicle.material, lenses)
-    centres = vehicle.positions[vehicle.triangles[faces]].mean(axis=1).astype(np.float64)
+    centers = vehicle.positions[vehicle.triangles[faces]].mean(axis=1).astype(np.float64)
     starts = []
-    for side in (centres[:, 1] > 0, centres[:, 1] <= 0):
+    for side in (centers[:, 1] > 0, centers[:, 1] <= 0):
         if side.any():
-            lens = centres[side]
+            lens = centers[side]
             starts.append((lens[:, 0].max() + BEAM_OFFSET_M, lens[:, 1].mean(), lens[:, 2].mean()))
     return np.array(starts, np.float64).reshape(-1, 3)

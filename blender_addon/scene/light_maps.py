@@ -12,7 +12,7 @@ from .light_memory import PaintLight, clear
 from .render import Crop
 from .session import Session
 
-WHITE = 0.8  # an albedo paint can have; A is scaled back to a base colour of one
+WHITE = 0.8  # an albedo paint can have; A is scaled back to a base color of one
 SOLID = 0.999  # coverage from which a pixel is no edge
 MARGIN_PX = 16  # around the paint, where its light falls on other things, and for the denoiser
 
@@ -53,7 +53,7 @@ def light_maps(
 
 
 def _render_light(session: Session, location: int, view: int, weather: contract.Weather, painted: Mask) -> PaintLight:
-    session.vehicle.paint.set_colour((0.0, 0.0, 0.0))
+    session.vehicle.paint.set_color((0.0, 0.0, 0.0))
     black = session.render(location, view, weather)
     gain = np.zeros_like(black)
     crop = Crop.around(painted, MARGIN_PX)
@@ -72,7 +72,7 @@ def _compose_light(
         unfogged = _render_light(session, location, view, clear(weather), annotation.paint > 0)
         session.memory.keep(location, view, clear(weather), unfogged)
         session.set_weather(weather)
-    session.vehicle.paint.set_colour((0.0, 0.0, 0.0))
+    session.vehicle.paint.set_color((0.0, 0.0, 0.0))
     coarse = session.render_coarse(location, view, weather)
     black = composed_fog.compose(coarse, unfogged.black, annotation.distance, weather.extinction)
     gain = np.zeros_like(black)
@@ -86,7 +86,7 @@ def _compose_light(
 
 def _gain(session: Session, location: int, view: int, weather: contract.Weather, crop: Crop, black: Image) -> Image:
     """What white paint adds to a part of the frame, per albedo."""
-    session.vehicle.paint.set_colour((WHITE, WHITE, WHITE))
+    session.vehicle.paint.set_color((WHITE, WHITE, WHITE))
     white = session.render(location, view, weather, crop)
     return np.maximum((white - black) / WHITE, 0.0).astype(np.float32)
 
@@ -95,7 +95,7 @@ def refine_edges(gain: Image, coverage: Coverage) -> Image:
     """The gain with the share of paint in its edge pixels taken from ``coverage``.
 
     A frame's few samples are off by 0.08 in how much of an edge pixel is paint, the annotation's by 0.015. Light on
-    the paint itself hardly changes from pixel to pixel: it is read from the neighbourhood. By day that takes a fifth of
+    the paint itself hardly changes from pixel to pixel: it is read from the neighborhood. By day that takes a fifth of
     the squared error on edges away, at no cost (`docs/environment.md`). Elsewhere the gain stays as it is.
     """
     share = np.asarray(coverage, np.float32)[..., None]

@@ -32,8 +32,8 @@ def principled(tree: bpy.types.NodeTree) -> bpy.types.Node:
     return next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
 
 
-def mix_colour(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -> bpy.types.NodeSocket:
-    """``first * (1 - factor) + second * factor`` per channel, unclamped; returns the colour socket."""
+def mix_color(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -> bpy.types.NodeSocket:
+    """``first * (1 - factor) + second * factor`` per channel, unclamped; returns the color socket."""
     node = tree.nodes.new("ShaderNodeMix")
     node.data_type, node.clamp_factor = "RGBA", False
     # The node has a socket of every data type under the same names; these are the RGBA ones.

@@ -1,6 +1,6 @@
-"""The paint: one colour, or a UV map, wherever the paint mask allows.
+"""The paint: one color, or a UV map, wherever the paint mask allows.
 
-The colour goes into the base colour of a non-metallic Principled BSDF under an untinted coat. Linear radiance is then
+The color goes into the base color of a non-metallic Principled BSDF under an untinted coat. Linear radiance is then
 affine in it, which is what the light maps of a frame rest on.
 """
 
@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import color, contract
 from . import nodes
 from .finish import finish_of
 from .wetness import wet
@@ -19,21 +19,21 @@ UV_LAYER = "rauca"
 
 
 class Paint:
-    """Colour and UV map shared by all paint materials of one vehicle."""
+    """Color and UV map shared by all paint materials of one vehicle."""
 
     def __init__(self, vehicle: contract.Vehicle) -> None:
         mask = np.repeat(vehicle.paint_mask[:, :, None], 3, axis=2) / np.float32(255)
         self._mask = float_image("rauca paint mask", mask)
         self._base: bpy.types.Image | None = None
         if vehicle.base_texture is not None:
-            self._base = float_image("rauca base", colour.linear_from_srgb(vehicle.base_texture / np.float32(255)))
+            self._base = float_image("rauca base", color.linear_from_srgb(vehicle.base_texture / np.float32(255)))
         self._map: bpy.types.Image | None = None
         self._trees: list[bpy.types.NodeTree] = []
 
-    def set_colour(self, linear: tuple[float, float, float]) -> None:
+    def set_color(self, linear: tuple[float, float, float]) -> None:
         """Paint in one linear RGB albedo."""
         for tree in self._trees:
-            tree.nodes["paint colour"].outputs[0].default_value = (*linear, 1.0)
+            tree.nodes["paint color"].outputs[0].default_value = (*linear, 1.0)
             tree.nodes["paint source"].outputs[0].default_value = 0.0
 
     def set_map(self, uv_map_srgb: NDArray[np.uint8]) -> None:
@@ -43,7 +43,7 @@ class Paint:
         stale pixels when an image is edited in place: each map is a new image.
         """
         previous = self._map
-        self._map = float_image("rauca camouflage", colour.linear_from_srgb(uv_map_srgb / np.float32(255)))
+        self._map = float_image("rauca camouflage", color.linear_from_srgb(uv_map_srgb / np.float32(255)))
         for tree in self._trees:
             tree.nodes["paint map"].image = self._map
             tree.nodes["paint source"].outputs[0].default_value = 1.0
@@ -59,15 +59,15 @@ class Paint:
     def connect(
         self, tree: bpy.types.NodeTree, unpainted: bpy.types.NodeSocket | tuple[float, ...]
     ) -> bpy.types.NodeSocket:
-        """Add the paint's nodes to ``tree``; returns the base colour, ``unpainted`` where the mask is black."""
+        """Add the paint's nodes to ``tree``; returns the base color, ``unpainted`` where the mask is black."""
         flat = nodes.add(tree, "ShaderNodeRGB")
         source = nodes.add(tree, "ShaderNodeValue")
         uv_map = self._texture(tree, self._map)
-        flat.name, source.name, uv_map.name = "paint colour", "paint source", "paint map"
+        flat.name, source.name, uv_map.name = "paint color", "paint source", "paint map"
         source.outputs[0].default_value = 0.0
-        painted = nodes.mix_colour(tree, source.outputs[0], flat.outputs[0], uv_map.outputs["Color"])
+        painted = nodes.mix_color(tree, source.outputs[0], flat.outputs[0], uv_map.outputs["Color"])
         self._trees.append(tree)
-        return nodes.mix_colour(tree, self.mask_socket(tree), unpainted, painted)
+        return nodes.mix_color(tree, self.mask_socket(tree), unpainted, painted)
 
     def mask_socket(self, tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
         """The paint mask in [0, 1], interpolated as the renderer does."""
@@ -98,7 +98,7 @@ def paint_material(spec: contract.Material, paint: Paint, finish: str = "own") -
         "ShaderNodeBsdfPrincipled",
         Base_Color=base,
         Roughness=roughness,
-        Metallic=0.0,  # a metallic base tints its highlights: radiance would no longer be affine in the colour
+        Metallic=0.0,  # a metallic base tints its highlights: radiance would no longer be affine in the color
         Specular_IOR_Level=surface.specular,
         Coat_Weight=surface.coat,
         Coat_Roughness=surface.coat_roughness,

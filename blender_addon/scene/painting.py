@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import color, contract
 from .camouflages import Paintwork
 from .coating import PAINTED, Coat, coat_of, put_on, require_coatable, take_off
 from .mesh_edits import require_own_faces, write_layer
@@ -35,7 +35,7 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
             write_layer(piece, surface.paint[span], surface.vehicle.uvs[span])
         _mark(piece.owner.data, _painted_polygons(surface, piece, span))
     mask = np.repeat(surface.vehicle.paint_mask[..., None], 3, axis=2) / np.float32(255)
-    camouflage = colour.linear_from_srgb(paintwork.uv_map_srgb / np.float32(255))
+    camouflage = color.linear_from_srgb(paintwork.uv_map_srgb / np.float32(255))
     images = float_image("rauca camouflage", camouflage), float_image("rauca paint mask", mask)
     for image in images:
         image.pack()

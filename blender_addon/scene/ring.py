@@ -39,7 +39,7 @@ class Viewpoint:
 
 
 def viewpoint(
-    plan: Shots, location: int, view: int, vehicle_to_world: NDArray[np.float64], centre: NDArray[np.float64]
+    plan: Shots, location: int, view: int, vehicle_to_world: NDArray[np.float64], center: NDArray[np.float64]
 ) -> Viewpoint:
     """The camera of one view.
 
@@ -48,7 +48,7 @@ def viewpoint(
 
     Args:
         vehicle_to_world: (4, 4) rigid transform.
-        centre: (3,) the point looked at, in the vehicle's frame, metres.
+        center: (3,) the point looked at, in the vehicle's frame, metres.
     """
     ring = plan.ring
     rng = seeding.named_rng(plan.seed, "ring", location, view)
@@ -56,17 +56,17 @@ def viewpoint(
     azimuth += rng.uniform(-1, 1) * ring.jitter_azimuth_deg
     elevation = min(elevation + rng.uniform(-1, 1) * ring.jitter_elevation_deg, HIGHEST_DEG)
     distance *= 1 + rng.uniform(-1, 1) * ring.jitter_distance
-    aim = centre + rng.uniform(-1, 1, 3) * ring.jitter_aim_m
+    aim = center + rng.uniform(-1, 1, 3) * ring.jitter_aim_m
     roll = rng.uniform(-1, 1) * ring.jitter_roll_deg
 
-    eye = eye_at(azimuth, elevation, distance, centre)
+    eye = eye_at(azimuth, elevation, distance, center)
     world = np.stack([eye, aim]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
     camera = contract.Camera.look_at(world[0], world[1], ring.fov_deg, plan.size, plan.size, roll)
     return Viewpoint(camera, azimuth % 360.0, elevation, distance)
 
 
 def eye_at(
-    azimuth_deg: float, elevation_deg: float, distance_m: float, centre: NDArray[np.float64]
+    azimuth_deg: float, elevation_deg: float, distance_m: float, center: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Where a camera of these polar coordinates stands, (3,) in the vehicle's frame; never in the ground."""
     flat = distance_m * math.cos(math.radians(elevation_deg))
@@ -77,6 +77,6 @@ def eye_at(
             distance_m * math.sin(math.radians(elevation_deg)),
         ]
     )
-    eye: NDArray[np.float64] = centre + offset
+    eye: NDArray[np.float64] = center + offset
     eye[2] = max(eye[2], GROUND_CLEARANCE_M)
     return eye

@@ -22,7 +22,7 @@ CAMERA_SIZE, CHOSEN_SIZE = 0.04, 0.12  # length of a drawn camera over its dista
 
 @dataclass(frozen=True, eq=False)
 class RingLines:
-    """What is drawn, each in a colour of its own.
+    """What is drawn, each in a color of its own.
 
     Attributes:
         circles: the rings, without jitter.
@@ -38,41 +38,41 @@ class RingLines:
 
 
 def ring_lines(
-    shots: Shots, location: int, chosen: int, vehicle_to_world: NDArray[np.float64], centre: NDArray[np.float64]
+    shots: Shots, location: int, chosen: int, vehicle_to_world: NDArray[np.float64], center: NDArray[np.float64]
 ) -> RingLines:
     """The lines of a ring around a vehicle.
 
     Args:
         chosen: index of the view that is drawn large.
         vehicle_to_world: (4, 4) rigid transform.
-        centre: (3,) the point looked at, in the vehicle's frame, metres.
+        center: (3,) the point looked at, in the vehicle's frame, metres.
     """
     count = len(shots.ring)
     every = range(0, count, math.ceil(count / MOST_CAMERAS))
 
     def at(view: int) -> Viewpoint:
-        return viewpoint(shots, location, view, vehicle_to_world, centre)
+        return viewpoint(shots, location, view, vehicle_to_world, center)
 
     cameras = [_frustum(at(view), CAMERA_SIZE) for view in every if view != chosen]
     picked = at(chosen)
-    target = vehicle_to_world[:3, :3] @ centre + vehicle_to_world[:3, 3]
+    target = vehicle_to_world[:3, :3] @ center + vehicle_to_world[:3, 3]
     straying = range(count) if count <= MOST_RANGES else (chosen,)
-    ranges = [_range(shots.ring, view, centre) for view in straying]
+    ranges = [_range(shots.ring, view, center) for view in straying]
     return RingLines(
-        circles=_world(_circles(shots.ring, centre), vehicle_to_world),
+        circles=_world(_circles(shots.ring, center), vehicle_to_world),
         ranges=_world(np.concatenate(ranges), vehicle_to_world),
         cameras=_float32(cameras),
         chosen=_float32([_frustum(picked, CHOSEN_SIZE), np.stack([picked.camera.position, target])[None]]),
     )
 
 
-def _circles(ring: contract.Ring, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def _circles(ring: contract.Ring, center: NDArray[np.float64]) -> NDArray[np.float64]:
     turns = np.linspace(0.0, 360.0, CIRCLE_STEPS + 1).tolist()
     rings = itertools.product(ring.elevations_deg, ring.distances_m)
-    return np.concatenate([_joined([eye_at(turn, up, away, centre) for turn in turns]) for up, away in rings])
+    return np.concatenate([_joined([eye_at(turn, up, away, center) for turn in turns]) for up, away in rings])
 
 
-def _range(ring: contract.Ring, view: int, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def _range(ring: contract.Ring, view: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
     """Edges of a view's box in azimuth, elevation and distance; what does not vary has no edge."""
     azimuth, elevation, distance = ring.nominal(view)
     halves = (ring.jitter_azimuth_deg, ring.jitter_elevation_deg, ring.jitter_distance * distance)
@@ -90,7 +90,7 @@ def _range(ring: contract.Ring, view: int, centre: NDArray[np.float64]) -> NDArr
             for value in np.linspace(*spans[along], EDGE_STEPS + 1).tolist():
                 place = [*corner]
                 place.insert(along, value)
-                path.append(eye_at(place[0], place[1], place[2], centre))
+                path.append(eye_at(place[0], place[1], place[2], center))
             edges.append(_joined(path))
     return np.concatenate(edges)
 

@@ -48,7 +48,7 @@ class Session:
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
         """The camera of a view, jitter included."""
-        return viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.centre)
+        return viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.center)
 
     def enter(self, location: int) -> None:
         """Put the vehicle at a location."""

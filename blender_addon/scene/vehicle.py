@@ -43,7 +43,7 @@ class SceneVehicle:
         mesh.polygons.foreach_set("material_index", vehicle.material.astype(np.int32))
 
     @property
-    def centre(self) -> NDArray[np.float64]:
+    def center(self) -> NDArray[np.float64]:
         """The middle of the bounding box, vehicle frame, metres."""
         positions = self.vehicle.positions
         return ((positions.min(axis=0) + positions.max(axis=0)) / 2).astype(np.float64)
@@ -79,8 +79,8 @@ def _mesh(vehicle: contract.Vehicle) -> bpy.types.Mesh:
 def _plain_material(spec: contract.Material, paint: Paint) -> bpy.types.Material:
     material = bpy.data.materials.new(f"rauca {spec.name}")
     tree = nodes.fresh_tree(material)
-    colour = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
-    base, roughness = wet(tree, colour, spec.roughness, porosity=0.0)
+    color = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
+    base, roughness = wet(tree, color, spec.roughness, porosity=0.0)
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import colour, contract
+from ..core import color, contract
 from .images import image_linear, image_pixels, read_image_blender
 
 PAINT_NAMES = re.compile(r"paint|body|car", re.IGNORECASE)
@@ -59,7 +59,7 @@ def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     if mask.ndim == 3:
         if np.ptp(mask.astype(np.int16), axis=2).max() > 2:
             raise contract.RaucaError(
-                f"--paint-mask {path}: has colours; save it grey, white where the paint may change"
+                f"--paint-mask {path}: has colors; save it grey, white where the paint may change"
             )
         mask = np.ascontiguousarray(mask[..., 0])
     height, width = mask.shape
@@ -75,11 +75,11 @@ def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
 
 
 def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDArray[np.uint8] | None:
-    """The texture of a material's base colour, (H, W, 3) sRGB; without one, the PNG ``beside`` the vehicle's file."""
+    """The texture of a material's base color, (H, W, 3) sRGB; without one, the PNG ``beside`` the vehicle's file."""
     image = _linked_image(material)
     if image is not None and image.size[0] and image.size[1]:
         if image.is_float:  # Blender keeps these in linear light, whatever their file holds
-            return colour.to_bytes(colour.srgb_from_linear(image_linear(image)))
+            return color.to_bytes(color.srgb_from_linear(image_linear(image)))
         pixels = image_pixels(image)
         return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
     if beside is not None and beside.is_file():
@@ -91,7 +91,7 @@ def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDAr
 def describe(
     name: str, material: bpy.types.Material | None, paint: bool, base: NDArray[np.uint8] | None
 ) -> contract.Material:
-    """The contract's material; ``base`` is its texture, of which it keeps the mean colour."""
+    """The contract's material; ``base`` is its texture, of which it keeps the mean color."""
     kind = "paint" if paint else next((k for k, words in KINDS if re.search(words, name, re.IGNORECASE)), "other")
     shader = _principled(material)
     rgb, roughness, metallic, coat = np.full(3, 0.5), 0.4, 0.0, 0.0
@@ -101,14 +101,14 @@ def describe(
             float(np.clip(shader.inputs[key].default_value, 0, 1)) for key in ("Roughness", "Metallic", "Coat Weight")
         )
     if base is not None:
-        linear = colour.linear_from_srgb(base[:: max(1, len(base) // 256), :: max(1, len(base) // 256)] / 255.0)
+        linear = color.linear_from_srgb(base[:: max(1, len(base) // 256), :: max(1, len(base) // 256)] / 255.0)
         rgb = linear.reshape(-1, 3).mean(axis=0)
     red, green, blue = (float(c) for c in rgb)
     return contract.Material(name or "unnamed", kind, (red, green, blue), roughness, 0.0 if paint else metallic, coat)
 
 
 def same_image(one: bpy.types.Material | None, two: bpy.types.Material | None) -> bool:
-    """True when two materials take their base colour from one image, or neither from any."""
+    """True when two materials take their base color from one image, or neither from any."""
     return _linked_image(one) == _linked_image(two)
 
 
@@ -118,7 +118,7 @@ def _principled(material: bpy.types.Material | None) -> bpy.types.Node | None:
 
 
 def _linked_image(material: bpy.types.Material | None) -> bpy.types.Image | None:
-    """The first image met upstream of the base colour."""
+    """The first image met upstream of the base color."""
     shader = _principled(material)
     sockets = [shader.inputs["Base Color"]] if shader is not None else []
     for _ in range(64):  # a tree deeper than this is no texture of a car

@@ -183,7 +183,7 @@ def _atlas_size(base: NDArray[np.uint8] | None) -> int:
 
 
 def _under_mask(uvs: NDArray[np.float32], mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(F,) True on faces with a texel centre, or their own middle, on the white of the mask."""
+    """(F,) True on faces with a texel center, or their own middle, on the white of the mask."""
     size = len(mask)
     clean = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
     clean = clean - np.floor(clean.min(axis=1, keepdims=True) + 1e-4)

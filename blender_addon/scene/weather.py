@@ -81,15 +81,15 @@ def draw_sky(world: bpy.types.World, weather: contract.Weather) -> None:
     night = night_share(altitude) * (1.0 - cover) + weather.lamps * cover
     glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
     if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
-        colour: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
+        color: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
     else:
-        colour = _sky(tree, weather)
+        color = _sky(tree, weather)
         if night > 0.0:
             sum_ = nodes.add(tree, "ShaderNodeVectorMath")
-            tree.links.new(colour, sum_.inputs[0])
+            tree.links.new(color, sum_.inputs[0])
             sum_.inputs[1].default_value = [night * g for g in glow]
-            colour = sum_.outputs[0]
-    background = nodes.add(tree, "ShaderNodeBackground", Color=colour, Strength=1.0)
+            color = sum_.outputs[0]
+    background = nodes.add(tree, "ShaderNodeBackground", Color=color, Strength=1.0)
     tree.links.new(background.outputs[0], nodes.add(tree, "ShaderNodeOutputWorld").inputs["Surface"])
 
 
@@ -134,18 +134,18 @@ def _sky(tree: bpy.types.NodeTree, weather: contract.Weather) -> bpy.types.NodeS
     # Blender turns its sun clockwise from +y, the azimuth here goes counter-clockwise from +x.
     sky.sun_rotation = math.radians(90.0 - weather.sun_azimuth_angle)
     sky.sun_disc = clouds.sun_share(cover) > 0.0
-    colour = sky.outputs[0]
+    color = sky.outputs[0]
     if altitude < 0.0:
         natural = _twilight(altitude, 2, 1.0) * 2.0 ** exposure_stops(altitude)
         brighter = nodes.add(tree, "ShaderNodeVectorMath")
         brighter.operation = "SCALE"
-        tree.links.new(colour, brighter.inputs[0])
+        tree.links.new(color, brighter.inputs[0])
         brighter.inputs["Scale"].default_value = _twilight(altitude, 1, 1.0) / natural
-        colour = brighter.outputs[0]
+        color = brighter.outputs[0]
     if cover > 0.0:
         sky.sun_intensity = clouds.sun_share(cover)
         sky.sun_size = math.radians(clouds.sun_diameter_deg(cover))
         up, around = math.radians(altitude), math.radians(weather.sun_azimuth_angle)
         sun = (math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up))
-        colour = clouds.draw(tree, colour, cover, clear_card(altitude), sun, altitude)
-    return colour
+        color = clouds.draw(tree, color, cover, clear_card(altitude), sun, altitude)
+    return color

@@ -1,7 +1,7 @@
 """Water on surfaces: wet, they are darker where they are porous, and glossier; puddles lie on what faces up.
 
 Every wettable material holds the same node group, so one call wets the scene. Dry, its outputs are its inputs, bit for
-bit. A surface's colour is only ever multiplied by a number that does not depend on it: light stays affine in a paint.
+bit. A surface's color is only ever multiplied by a number that does not depend on it: light stays affine in a paint.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ PUDDLE_LEVEL_EMPTY, PUDDLE_LEVEL_FULL, PUDDLE_EDGE = 0.27, 0.6, 0.05
 
 
 def wet(
-    tree: bpy.types.NodeTree, colour: Any, roughness: Any, porosity: float
+    tree: bpy.types.NodeTree, color: Any, roughness: Any, porosity: float
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Put the scene's water on a surface.
 
     Args:
         tree: the material's node tree.
-        colour: linear albedo, a socket or RGBA.
+        color: linear albedo, a socket or RGBA.
         roughness: a socket or a number.
         porosity: how much water gets into it, 0 to 1: asphalt and soil 1, concrete 0.7, brick 0.6, bark 0.5, leaves
-            0.2; paint, glass, metal and plastic 0, whose colour does not change and which hold no puddles.
+            0.2; paint, glass, metal and plastic 0, whose color does not change and which hold no puddles.
 
     Returns:
-        The sockets to link to the shader's base colour and roughness.
+        The sockets to link to the shader's base color and roughness.
     """
     node = nodes.add(tree, "ShaderNodeGroup")
     node.node_tree = _group()
-    for name, value in (("Color", colour), ("Roughness", roughness), ("Porosity", porosity)):
+    for name, value in (("Color", color), ("Roughness", roughness), ("Porosity", porosity)):
         if isinstance(value, bpy.types.NodeSocket):
             tree.links.new(value, node.inputs[name])
         else:

@@ -8,7 +8,7 @@ from .bake import RaucaBake
 from .cameras import RaucaCameras
 from .camouflage import RaucaCamouflage
 from .dataset import RaucaDataset
-from .optimise import RaucaOptimise
+from .optimize import RaucaOptimize
 from .vehicle import RaucaVehicle
 from .weather import RaucaWeather
 
@@ -20,7 +20,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     weather: bpy.props.PointerProperty(type=RaucaWeather)  # type: ignore[valid-type]
     cameras: bpy.props.PointerProperty(type=RaucaCameras)  # type: ignore[valid-type]
     dataset: bpy.props.PointerProperty(type=RaucaDataset)  # type: ignore[valid-type]
-    optimise: bpy.props.PointerProperty(type=RaucaOptimise)  # type: ignore[valid-type]
+    optimize: bpy.props.PointerProperty(type=RaucaOptimize)  # type: ignore[valid-type]
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)  # type: ignore[valid-type]
     bake: bpy.props.PointerProperty(type=RaucaBake)  # type: ignore[valid-type]
 

@@ -1,16 +1,16 @@
-"""The attack: losses, random output augmentation, the optimiser and the baselines it is compared with."""
+"""The attack: losses, random output augmentation, the optimizer and the baselines it is compared with."""
 
 from .augmentation import Augmentation
 from .baselines import plain_camouflage, random_camouflage
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
-from .optimiser import optimise
+from .optimizer import optimize
 from .panel import Panel
-from .settings import OptimiserSettings, make_settings
+from .settings import OptimizerSettings, make_settings
 
 __all__ = [
     "Augmentation",
-    "OptimiserSettings",
+    "OptimizerSettings",
     "Panel",
     "SmoothLoss",
     "StepReport",
@@ -18,7 +18,7 @@ __all__ = [
     "box_overlap",
     "detection_score",
     "make_settings",
-    "optimise",
+    "optimize",
     "plain_camouflage",
     "random_camouflage",
     "read_history",

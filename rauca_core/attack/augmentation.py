@@ -32,7 +32,7 @@ class Ranges:
         scales: lowest and highest.
         brightness: either way, added, in sRGB units.
         contrasts: lowest and highest, about the image's own mean.
-        jitter: probability of a change of colour.
+        jitter: probability of a change of color.
         mirror: probability that left and right change places: as good a view, which costs no render.
     """
 
@@ -58,7 +58,7 @@ class Augmentation:
     """One drawn augmentation per image of a batch.
 
     Attributes:
-        matrix: (B, 2, 3) source to target in centred pixels: ``target = matrix @ (x - W/2, y - H/2, 1)``, in units of
+        matrix: (B, 2, 3) source to target in centered pixels: ``target = matrix @ (x - W/2, y - H/2, 1)``, in units of
             the image's side for the translation.
         brightness: (B,) offset; 0 leaves the image alone.
         contrast: (B,) factor; 1 leaves the image alone.
@@ -108,15 +108,15 @@ class Augmentation:
     def to_source(self, width: int, height: int) -> Tensor:
         """(B, 2, 3) float64, from pixels of the moved image to pixels of the image."""
         matrix = self.matrix.double().cpu()
-        centre = torch.tensor([[width / 2], [height / 2]], dtype=torch.float64)
+        center = torch.tensor([[width / 2], [height / 2]], dtype=torch.float64)
         inverse = torch.linalg.inv(matrix[:, :, :2])
-        shift = centre - inverse @ (centre + matrix[:, :, 2:] * torch.tensor([[width], [height]]))
+        shift = center - inverse @ (center + matrix[:, :, 2:] * torch.tensor([[width], [height]]))
         return torch.cat([inverse, shift], 2)
 
     def move_images(self, images: Tensor) -> Tensor:
         """The affine part on images, bilinear, on any device."""
         height, width = images.shape[2:]
-        # grid_sample measures each axis in half-sides from the centre.
+        # grid_sample measures each axis in half-sides from the center.
         half = images.new_tensor([width, height]) / 2
         to_source = self.to_source(width, height).to(images)
         turn = to_source[:, :, :2] * half[None, None, :] / half[None, :, None]
@@ -130,14 +130,14 @@ class Augmentation:
         matrix, sides = self.matrix.to(boxes), boxes.new_tensor([width, height])
         x0, y0, x1, y1 = boxes.unbind(1)
         corners = torch.stack([torch.stack(p, 1) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 2)
-        centred = corners - sides[None, :, None] / 2
-        moved = matrix[:, :, :2] @ centred + (matrix[:, :, 2:] + 0.5) * sides[None, :, None]
+        centered = corners - sides[None, :, None] / 2
+        moved = matrix[:, :, :2] @ centered + (matrix[:, :, 2:] + 0.5) * sides[None, :, None]
         low = torch.minimum(moved.amin(2).clamp(min=0), sides)
         high = torch.minimum(moved.amax(2).clamp(min=0), sides)
         return torch.cat([low, high], 1)
 
     def relight(self, images: Tensor) -> Tensor:
-        """The colour part."""
+        """The color part."""
         contrast = self.contrast.to(images)[:, None, None, None]
         brightness = self.brightness.to(images)[:, None, None, None]
         mean = images.mean((1, 2, 3), keepdim=True)

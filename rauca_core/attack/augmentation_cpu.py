@@ -22,7 +22,7 @@ def augment(images: Tensor, to_source: Tensor, brightness: Tensor, contrast: Ten
 
     Args:
         images: (B, 3, H, W) float32 or float64 sRGB.
-        to_source: (B, 2, 3) from a pixel's centre (x, y, 1) in the result to its place in the source, both in pixels.
+        to_source: (B, 2, 3) from a pixel's center (x, y, 1) in the result to its place in the source, both in pixels.
         brightness, contrast: (B,).
         backdrop: sRGB value outside the source.
 

@@ -1,4 +1,4 @@
-"""Frames made ready for the optimiser: everything that does not depend on the texture, computed once."""
+"""Frames made ready for the optimizer: everything that does not depend on the texture, computed once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..images import read_image
 from ..render import Canvas, Taps, composite, display, saturate
 from .lights import light_source
 from .media import make_medium
-from .settings import OptimiserSettings
+from .settings import OptimizerSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class FrameStore:
         reference_srgb: 8-bit, the paint that the frames were rendered in.
     """
 
-    def __init__(self, dataset: Dataset, settings: OptimiserSettings) -> None:
+    def __init__(self, dataset: Dataset, settings: OptimizerSettings) -> None:
         self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
         self.frames = [f for f in dataset.frames() if f.box_xyxy is not None]
         if not self.frames:

@@ -82,7 +82,7 @@ def read_history(folder: Path) -> list[dict[str, float]]:
     """
     path = Path(folder) / HISTORY
     if not path.is_file():
-        raise RaucaError(f"{path}: not found; optimise a camouflage first")
+        raise RaucaError(f"{path}: not found; optimize a camouflage first")
     lines, reports = read_limited(path, MAX_HISTORY_BYTES, "the history of a run").splitlines(), []
     for number, line in enumerate(lines, 1):
         try:

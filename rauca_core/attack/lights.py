@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, Vehicle
-from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
+from ..contract.color import linear_from_srgb, srgb_from_linear, to_bytes
 from ..environment import Light, estimate, load_exact, load_extractor
 from ..environment.affine_transfer import transfer_light
 from ..environment.frames import read_picture
@@ -59,7 +59,7 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
 
     Args:
         name: ``exact`` maps; ``ours``, the extractor's estimate; ``published``, that of the paper's; ``transfer`` of
-            colour without training; ``none``, Neural Renderer's own shading.
+            color without training; ``none``, Neural Renderer's own shading.
         extractor: weights of ours, the shipped ones if None; or of the published one, which must be given.
 
     Raises:

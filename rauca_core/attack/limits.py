@@ -1,4 +1,4 @@
-"""Keeping texels in [0, 1] while Adam moves them: three parametrisations.
+"""Keeping texels in [0, 1] while Adam moves them: three parametrizations.
 
 ``project`` puts them back after each step; every texel keeps its gradient. ``clamp`` clips in the forward pass, as
 published; a texel beyond the range has no gradient and can only be brought back by Adam's momentum. ``tanh`` never

@@ -57,7 +57,7 @@ def log_loss(values: Tensor) -> Tensor:
 
 
 class SmoothLoss:
-    """Eq. 7 over the paintable texels of a UV map: squared differences of neighbours, divided by H * W.
+    """Eq. 7 over the paintable texels of a UV map: squared differences of neighbors, divided by H * W.
 
     A pair counts when both texels are paintable: charts are not pulled towards gutters or towards one another.
     """
@@ -76,9 +76,9 @@ class SmoothLoss:
         if texels.device.type == "cpu":
             return _Smooth.apply(texels, self._right, self._below, self._scale)
         total = texels.new_zeros(())
-        for neighbour in (self._right, self._below):
-            here = torch.from_numpy(np.flatnonzero(neighbour >= 0)).to(texels.device)
-            there = torch.from_numpy(neighbour[neighbour >= 0]).to(texels.device)
+        for neighbor in (self._right, self._below):
+            here = torch.from_numpy(np.flatnonzero(neighbor >= 0)).to(texels.device)
+            there = torch.from_numpy(neighbor[neighbor >= 0]).to(texels.device)
             total = total + (texels[here] - texels[there]).square().sum()
         return total * self._scale
 
@@ -102,12 +102,12 @@ class _Smooth(torch.autograd.Function):
 def _squared_steps(texels: Any, right: Any, below: Any, gradient: Any) -> float:
     total = 0.0
     for i in range(texels.shape[0]):
-        for neighbour in (right[i], below[i]):
-            if neighbour < 0:
+        for neighbor in (right[i], below[i]):
+            if neighbor < 0:
                 continue
             for c in range(3):
-                step = texels[i, c] - texels[neighbour, c]
+                step = texels[i, c] - texels[neighbor, c]
                 total += step * step
                 gradient[i, c] += step
-                gradient[neighbour, c] -= step
+                gradient[neighbor, c] -= step
     return total

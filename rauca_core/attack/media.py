@@ -1,6 +1,6 @@
 """What is painted: the UV map itself, the facet texture tensor, or one pattern that repeats all over the vehicle.
 
-Views read a list of colours through taps; the medium says which list. Every medium ends as a UV map, so that Blender
+Views read a list of colors through taps; the medium says which list. Every medium ends as a UV map, so that Blender
 can show it: free texels are one already, facets are baked, a pattern is projected.
 """
 
@@ -27,14 +27,14 @@ from ..render import (
     project_pattern,
     undisplay,
 )
-from .settings import OptimiserSettings
+from .settings import OptimizerSettings
 
 Bake = Callable[[], SparseOperator]
 
 
 @dataclass(frozen=True, eq=False)
 class Medium:
-    """A list of colours that views read.
+    """A list of colors that views read.
 
     Attributes:
         taps: of every view, on that list and its mip levels.
@@ -48,21 +48,21 @@ class Medium:
 
     @property
     def count(self) -> int:
-        """How many colours the list holds."""
+        """How many colors the list holds."""
         return len(self.taps.pyramid.texels)
 
     @cached_property
     def _operator(self) -> SparseOperator | None:
         return None if self.bake is None else self.bake()
 
-    def on_map(self, colours: Tensor) -> Tensor:
-        """Colours (N, 3) sRGB of the list as texels (P, 3) sRGB of the UV map, differentiable; means are of light."""
+    def on_map(self, colors: Tensor) -> Tensor:
+        """Colors (N, 3) sRGB of the list as texels (P, 3) sRGB of the UV map, differentiable; means are of light."""
         if self._operator is None:
-            return colours
-        return display(self._operator(self.taps.pyramid(undisplay(colours))))
+            return colors
+        return display(self._operator(self.taps.pyramid(undisplay(colors))))
 
 
-def make_medium(vehicle: Vehicle, settings: OptimiserSettings, folder: Path, memory_bytes: int) -> Medium:
+def make_medium(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, memory_bytes: int) -> Medium:
     """The medium of a run.
 
     Args:

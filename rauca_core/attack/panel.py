@@ -1,4 +1,4 @@
-"""The detectors that a camouflage is optimised against: one, or several at once."""
+"""The detectors that a camouflage is optimized against: one, or several at once."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Panel:
                 does not show what the objective needs.
         """
         if not detectors:
-            raise RaucaError("optimise: no detector given; name at least one")
+            raise RaucaError("optimize: no detector given; name at least one")
         weights = [1.0] * len(detectors) if weights is None else list(weights)
         if len(weights) != len(detectors):
             raise RaucaError(f"weights: {len(weights)} for {len(detectors)} detectors; give one to each, or none")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..contract.colour import to_bytes
+from ..contract.color import to_bytes
 from ..contract.files import png_bytes, write_bytes
 
 SIDE = 512  # pixels, at most for the UV map

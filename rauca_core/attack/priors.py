@@ -1,4 +1,4 @@
-"""Losses on the paint itself and on the picture it makes: smoothness, and closeness to colours or to a seed picture."""
+"""Losses on the paint itself and on the picture it makes: smoothness, and closeness to colors or to a seed picture."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..contract import RaucaError
 from .frames import FrameStore, ReadyFrame
 from .losses import SmoothLoss, log_loss
 from .naturalness.lab import delta_e, lab
-from .naturalness.texture import NaturalColours
-from .settings import OptimiserSettings
+from .naturalness.texture import NaturalColors
+from .settings import OptimizerSettings
 from .texture import PaintedPanels, Texture
 
 PaintLoss = Callable[[Texture], Tensor]
@@ -22,7 +22,7 @@ LINES, BETWEEN = 0.9, 0.1  # DAS's weights of the seed picture on its lines and 
 
 
 def smooth_picture(images: Tensor, paint: Tensor) -> Tensor:
-    """Eq. 7 on the rendered picture: squared differences of neighbours, divided by H * W, one loss per image (B,).
+    """Eq. 7 on the rendered picture: squared differences of neighbors, divided by H * W, one loss per image (B,).
 
     A pair counts when both pixels show paint.
 
@@ -45,24 +45,24 @@ def paint_of(batch: Sequence[ReadyFrame]) -> Tensor:
 
 
 def smooth_pattern(pattern: Tensor) -> Tensor:
-    """ACTIVE's Eq. 5 on a square pattern (side, side, 3): ``-log(1 - |difference|)`` of neighbours, their mean.
+    """ACTIVE's Eq. 5 on a square pattern (side, side, 3): ``-log(1 - |difference|)`` of neighbors, their mean.
 
-    |.| of colours is the mean over the channels.
+    |.| of colors is the mean over the channels.
     """
     steps = (pattern[1:, :-1] - pattern[:-1, :-1], pattern[:-1, 1:] - pattern[:-1, :-1])
     return torch.stack([log_loss(step.abs().mean(-1)).sum() for step in steps]).sum() / (len(pattern) - 1) ** 2
 
 
-def near_palette(colours: Tensor, palette: Tensor) -> Tensor:
-    """ACTIVE's Eq. 6: ``-log(1 - |distance|)`` of each colour (N, 3) to the nearest of a palette (K, 3), the mean."""
-    distance = (colours[:, None] - palette[None]).abs().mean(-1)
+def near_palette(colors: Tensor, palette: Tensor) -> Tensor:
+    """ACTIVE's Eq. 6: ``-log(1 - |distance|)`` of each color (N, 3) to the nearest of a palette (K, 3), the mean."""
+    distance = (colors[:, None] - palette[None]).abs().mean(-1)
     return log_loss(distance.amin(1)).mean()
 
 
-def near_seed(colours: Tensor, seed: Tensor, edges: Tensor) -> Tensor:
+def near_seed(colors: Tensor, seed: Tensor, edges: Tensor) -> Tensor:
     """DAS's content loss: squared distance from the seed picture (M, 3), summed, lines (M,) nine times as dear."""
     weight = BETWEEN + (LINES - BETWEEN) * edges
-    return ((colours - seed).square().sum(1) * weight).sum()
+    return ((colors - seed).square().sum(1) * weight).sum()
 
 
 class NearReference:
@@ -77,30 +77,30 @@ class NearReference:
         return (delta_e(lab(texels), self._reference.to(texels)) * self._share.to(texels)).sum()
 
 
-def smooth_paint(store: FrameStore, settings: OptimiserSettings) -> PaintLoss | None:
+def smooth_paint(store: FrameStore, settings: OptimizerSettings) -> PaintLoss | None:
     """The smoothness loss on the paint; None where it is taken on the picture."""
     if settings.smooth == "picture":
         return None
     if settings.smooth == "pattern":
         side = settings.pattern_side
         _require(settings.paint == "pattern", "smooth: pattern", "paint: pattern")
-        return lambda texture: smooth_pattern(texture.colours().reshape(side, side, 3))
+        return lambda texture: smooth_pattern(texture.colors().reshape(side, side, 3))
     smooth = SmoothLoss(store.pyramid.texels, settings.map_size)
     return lambda texture: smooth(texture.texels())
 
 
-def prior(texture: Texture, settings: OptimiserSettings, palette: Callable[[], Any]) -> PaintLoss | None:
+def prior(texture: Texture, settings: OptimizerSettings, palette: Callable[[], Any]) -> PaintLoss | None:
     """The second loss on the paint.
 
     Args:
-        palette: makes the background's colours (K, 3) sRGB, where they are asked for.
+        palette: makes the background's colors (K, 3) sRGB, where they are asked for.
 
     Raises:
         RaucaError: the prior of a seed picture, or of a reference, for a texture without one.
     """
     if settings.prior == "background":
-        colours = torch.from_numpy(palette())
-        return lambda texture: near_palette(texture.colours(), colours.to(texture.parameter.device))
+        colors = torch.from_numpy(palette())
+        return lambda texture: near_palette(texture.colors(), colors.to(texture.parameter.device))
     if settings.prior == "seed":
         _require(isinstance(texture, PaintedPanels), "prior: seed", "cover: panels")
         return lambda texture: near_seed(texture.free(), texture.seed, texture.edges)  # type: ignore[attr-defined]
@@ -112,7 +112,7 @@ def prior(texture: Texture, settings: OptimiserSettings, palette: Callable[[], A
 
 
 def _near_reference(texture: Texture) -> NearReference | None:
-    if not isinstance(texture, NaturalColours) or texture.constraints.reference is None:
+    if not isinstance(texture, NaturalColors) or texture.constraints.reference is None:
         return None
     reference, areas = texture.constraints.reference / 255.0, texture.constraints.points.areas
     return NearReference(torch.from_numpy(reference).float(), torch.from_numpy(areas).float())

@@ -8,26 +8,26 @@ from typing import Any
 from torch import Tensor
 
 from ..contract import Camouflage, RaucaError, Vehicle, save_camouflage
-from ..contract.colour import to_bytes
+from ..contract.color import to_bytes
 from ..contract.files import png_bytes
 from ..render import Pyramid, display, undisplay
 from .journal import CURVES, HISTORY, read_history
 from .naturalness.finish import finish
-from .naturalness.texture import NaturalColours
-from .settings import OptimiserSettings
+from .naturalness.texture import NaturalColors
+from .settings import OptimizerSettings
 from .texture import Texture
 
 AVERAGED_STEPS = 50
 
 
 def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
-    """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign colour."""
+    """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign color."""
     uv_map = display(pyramid.to_map(undisplay(texels_srgb.detach().cpu())))
     return png_bytes(to_bytes(uv_map.permute(1, 2, 0).numpy()))
 
 
 def write_result(
-    out: Path, vehicle: Vehicle, pyramid: Pyramid, texture: Texture, settings: OptimiserSettings, detector: str
+    out: Path, vehicle: Vehicle, pyramid: Pyramid, texture: Texture, settings: OptimizerSettings, detector: str
 ) -> Path:
     """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history.
 
@@ -45,7 +45,7 @@ def write_result(
         "final_losses": losses,
         "settings": settings.identity(),
     }
-    if isinstance(texture, NaturalColours):
+    if isinstance(texture, NaturalColors):
         uv_map, made["natural"] = finish(texture.constraints, texture.texels())
         png = png_bytes(uv_map)
     else:

@@ -1,4 +1,4 @@
-"""One optimisation between two steps: UV map -> pixels -> light -> augmentation -> detectors, and back."""
+"""One optimization between two steps: UV map -> pixels -> light -> augmentation -> detectors, and back."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..cpu import threads
-from ..optimisers import Adam
+from ..optimizers import Adam
 from ..render import Canvas, tap_format, undisplay
 from ..team import ALONE, Team
 from .augmentation import RANGES, Augmentation
-from .background import background_colours
+from .background import background_colors
 from .checkpoint import Checkpoint
 from .frame_order import FrameOrder
 from .frames import FrameStore, ReadyFrame, boxes_of, light_up, see
 from .journal import StepReport
 from .panel import Attacked, Panel
 from .priors import paint_of, prior, smooth_paint, smooth_picture
-from .settings import OptimiserSettings
+from .settings import OptimizerSettings
 from .stopwatch import Stopwatch
 from .texture import Texture, make_texture
 
 
 class Run:
-    """The state of an optimisation.
+    """The state of an optimization.
 
     The frames of the next step are loaded by a thread of their own while this one works. Several processes of a
     ``team`` share every batch and step alike. Texture and pictures lie on the team's device, frames in the computer's
@@ -40,11 +40,11 @@ class Run:
 
     Attributes:
         step: steps done.
-        texture: what is optimised.
+        texture: what is optimized.
         last_image: (3, H, W) sRGB, the latest batch's first frame as rendered.
     """
 
-    def __init__(self, dataset: Dataset, panel: Panel, settings: OptimiserSettings, team: Team = ALONE) -> None:
+    def __init__(self, dataset: Dataset, panel: Panel, settings: OptimizerSettings, team: Team = ALONE) -> None:
         if settings.batch < team.size:
             raise RaucaError(f"batch: {settings.batch} frames for {team.size} processes; give one to each at least")
         self.settings, self.panel, self.team = settings, panel, team
@@ -53,7 +53,7 @@ class Run:
         self.adam = Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.store, settings)
         self.prior = prior(
-            self.texture, settings, lambda: background_colours(dataset, self.store, settings.palette, settings.seed)
+            self.texture, settings, lambda: background_colors(dataset, self.store, settings.palette, settings.seed)
         )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
         asked = identity_of(dataset, self.store, panel, settings)
@@ -149,13 +149,13 @@ class Run:
             return light_up(batch, albedo)
 
     def _painted(self) -> Tensor:
-        """The colours of this step: the texture's, a pattern moved by a random part of a tile where that is asked."""
-        colours, settings = self.texture.colours(), self.settings
+        """The colors of this step: the texture's, a pattern moved by a random part of a tile where that is asked."""
+        colors, settings = self.texture.colors(), self.settings
         if settings.paint == "pattern" and settings.shift > 0:
             side, reach = settings.pattern_side, round(settings.shift * settings.pattern_side)
             moves = named_rng(settings.seed, "shift", self.step).integers(-reach, reach, 2, endpoint=True)
-            colours = colours.reshape(side, side, 3).roll(moves.tolist(), (0, 1)).reshape(-1, 3)
-        return colours
+            colors = colors.reshape(side, side, 3).roll(moves.tolist(), (0, 1)).reshape(-1, 3)
+        return colors
 
     def _augment(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """What the detectors are shown of images (B, 3, H, W) and boxes (B, 4)."""
@@ -236,7 +236,7 @@ class Run:
         return self.team.sum(every).cpu()
 
 
-def identity_of(dataset: Dataset, store: FrameStore, panel: Panel, settings: OptimiserSettings) -> dict[str, Any]:
+def identity_of(dataset: Dataset, store: FrameStore, panel: Panel, settings: OptimizerSettings) -> dict[str, Any]:
     """What a run is asked for that its result depends on, as JSON."""
     return {**settings.identity(), "detectors": panel.identity, "frames": _digest(dataset, store)}
 

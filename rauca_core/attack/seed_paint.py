@@ -26,7 +26,7 @@ class Panel:
 
     Attributes:
         axis, sign: where it looks.
-        low, high: of its faces' centres, as shares of the vehicle's box along x (rear to front), y and z.
+        low, high: of its faces' centers, as shares of the vehicle's box along x (rear to front), y and z.
         right, up: the axes of the picture on it, times the signs in ``turn``: upright to whoever stands before it.
     """
 
@@ -74,7 +74,7 @@ def seed_paint(
         RaucaError: the vehicle has none of the panels.
     """
     positions = cell_positions(vehicle, texture_size).reshape(-1, texture_size**3, 3)
-    cells, colours, edges = [], [], []
+    cells, colors, edges = [], [], []
     for name, faces in panel_faces(vehicle).items():
         if not len(faces):
             continue
@@ -83,21 +83,21 @@ def seed_paint(
         low, high = plane.min(0), plane.max(0)
         paint, line = smile((plane - (low + high) / 2) / max((high - low).min() / 2, 1e-6), reference_srgb)
         cells.append((faces[:, None] * texture_size**3 + np.arange(texture_size**3)).ravel())
-        colours.append(paint)
+        colors.append(paint)
         edges.append(line)
     if not cells:
         raise RaucaError(f"{vehicle.name}: no paint on a bonnet, roof or door; cover all of it")
-    return np.concatenate(cells), np.concatenate(colours), np.concatenate(edges)
+    return np.concatenate(cells), np.concatenate(colors), np.concatenate(edges)
 
 
 def smile(
     points: NDArray[np.floating], reference_srgb: tuple[int, int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """A smiling face of radius 0.9 about 0: colours (N, 3) sRGB and lines (N,) at points (N, 2), x right, y up."""
+    """A smiling face of radius 0.9 about 0: colors (N, 3) sRGB and lines (N,) at points (N, 2), x right, y up."""
     x, y = points.T
     radius = np.hypot(x, y)
     eyes = np.hypot((np.abs(x) - 0.32) / 0.12, (y - 0.3) / 0.18) < 1
     mouth = (np.abs(np.hypot(x, y - 0.1) - 0.6) < LINE) & (y < -0.15)
     line = eyes | mouth | (np.abs(radius - 0.9) < LINE)
-    colours = np.where(radius[:, None] < 0.9, SKIN, np.array(reference_srgb) / 255)
-    return np.where(line[:, None], INK, colours).astype(np.float32), line.astype(np.float32)
+    colors = np.where(radius[:, None] < 0.9, SKIN, np.array(reference_srgb) / 255)
+    return np.where(line[:, None], INK, colors).astype(np.float32), line.astype(np.float32)

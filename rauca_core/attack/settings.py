@@ -1,4 +1,4 @@
-"""What a user may choose about an optimisation."""
+"""What a user may choose about an optimization."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .naturalness.choice import Naturalness
 from .objectives import ObjectiveName
 
 
-class OptimiserSettings(BaseModel):
-    """Settings of :func:`optimiser.optimise`; the defaults are the paper's where it names one.
+class OptimizerSettings(BaseModel):
+    """Settings of :func:`optimizer.optimize`; the defaults are the paper's where it names one.
 
     Attributes:
         steps: gradient steps in all.
@@ -57,7 +57,7 @@ class OptimiserSettings(BaseModel):
         objective: what is made small on the detectors, see `objectives`.
         smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``; see `priors`.
         prior, gamma: a second loss on the paint and its weight, see `priors`.
-        palette: dominant colours of the background in ``prior`` "background".
+        palette: dominant colors of the background in ``prior`` "background".
         augmentation: whose ranges ``roa`` draws from, see `augmentation`.
         natural: what the paint has to look like, see `naturalness`; None leaves it free.
     """
@@ -128,10 +128,10 @@ class OptimiserSettings(BaseModel):
         return self.lr * (1.0 - (1.0 - self.decay) * fallen)
 
 
-def make_settings(**chosen: Any) -> OptimiserSettings:
+def make_settings(**chosen: Any) -> OptimizerSettings:
     """Check settings from a command line or a file; raises :class:`RaucaError` naming the first bad one."""
     try:
-        return OptimiserSettings(**chosen)
+        return OptimizerSettings(**chosen)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

@@ -1,4 +1,4 @@
-"""What an optimisation varies."""
+"""What an optimization varies."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..contract import RaucaError
 from ..contract.seeding import named_seed
 from .limits import LIMITS
 from .media import Medium
-from .naturalness.texture import natural_colours
+from .naturalness.texture import natural_colors
 from .seed_paint import seed_paint
-from .settings import OptimiserSettings
+from .settings import OptimizerSettings
 
 if TYPE_CHECKING:
     from .frames import FrameStore
@@ -32,8 +32,8 @@ class Texture(Protocol):
 
     parameter: Tensor
 
-    def colours(self) -> Tensor:
-        """What views read: the medium's colours (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
+    def colors(self) -> Tensor:
+        """What views read: the medium's colors (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
         ...
 
     def texels(self) -> Tensor:
@@ -45,19 +45,19 @@ class Texture(Protocol):
         ...
 
 
-class FreeColours:
-    """Every colour of the medium is free; on the UV map that is RAUCA's texture."""
+class FreeColors:
+    """Every color of the medium is free; on the UV map that is RAUCA's texture."""
 
-    def __init__(self, medium: Medium, settings: OptimiserSettings, device: torch.device) -> None:
+    def __init__(self, medium: Medium, settings: OptimizerSettings, device: torch.device) -> None:
         """Random or plain at first, as the settings say."""
         self._limit, self._medium = LIMITS[settings.limit], medium
-        self.parameter = self._limit.start(first_colours(medium.count, settings).to(device)).requires_grad_()
+        self.parameter = self._limit.start(first_colors(medium.count, settings).to(device)).requires_grad_()
 
-    def colours(self) -> Tensor:
+    def colors(self) -> Tensor:
         return self._limit.values(self.parameter)
 
     def texels(self) -> Tensor:
-        return self._medium.on_map(self.colours())
+        return self._medium.on_map(self.colors())
 
     def settle(self) -> None:
         self._limit.settle(self.parameter)
@@ -71,46 +71,46 @@ class PaintedPanels:
         edges: (M,) float32, 1 on the seed picture's lines.
     """
 
-    def __init__(self, store: FrameStore, settings: OptimiserSettings, device: torch.device) -> None:
+    def __init__(self, store: FrameStore, settings: OptimizerSettings, device: torch.device) -> None:
         """Raises :class:`RaucaError` where no face of the paint looks like a bonnet, roof or door."""
         self._limit, self._medium = LIMITS[settings.limit], store.medium
         cells, seed, edges = seed_paint(store.vehicle, store.reference_srgb, settings.texture_size)
         self.seed, self.edges, self._cells = (torch.from_numpy(a).to(device) for a in (seed, edges, cells))
         reference = torch.from_numpy(np.array(store.reference_srgb, np.float32) / 255)
         self._base = reference.expand(store.medium.count, 3).clone().to(device)
-        first = self.seed if settings.start == "seed" else first_colours(len(cells), settings)
+        first = self.seed if settings.start == "seed" else first_colors(len(cells), settings)
         self.parameter = self._limit.start(first.to(device)).requires_grad_()
 
     def free(self) -> Tensor:
         """The free cells (M, 3) sRGB."""
         return self._limit.values(self.parameter)
 
-    def colours(self) -> Tensor:
+    def colors(self) -> Tensor:
         return self._base.index_copy(0, self._cells, self.free())
 
     def texels(self) -> Tensor:
-        return self._medium.on_map(self.colours())
+        return self._medium.on_map(self.colors())
 
     def settle(self) -> None:
         self._limit.settle(self.parameter)
 
 
-def make_texture(store: FrameStore, settings: OptimiserSettings, device: torch.device) -> Texture:
+def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.device) -> Texture:
     """The texture of a run, on ``device``; raises :class:`RaucaError` for settings that do not fit together."""
     if settings.natural is not None:
-        first = partial(first_colours, settings=settings)
-        return natural_colours(store.vehicle, store.pyramid, settings, first, device)
+        first = partial(first_colors, settings=settings)
+        return natural_colors(store.vehicle, store.pyramid, settings, first, device)
     if settings.cover == "panels":
         if settings.paint != "facets":
             raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")
         return PaintedPanels(store, settings, device)
     if settings.start == "seed":
         raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
-    return FreeColours(store.medium, settings, device)
+    return FreeColors(store.medium, settings, device)
 
 
-def first_colours(count: int, settings: OptimiserSettings) -> Tensor:
-    """Where an optimisation begins: (count, 3) sRGB, drawn on the CPU: the same whatever the device."""
+def first_colors(count: int, settings: OptimizerSettings) -> Tensor:
+    """Where an optimization begins: (count, 3) sRGB, drawn on the CPU: the same whatever the device."""
     if settings.start == "plain":
         return torch.full((count, 3), GREY)
     generator = torch.Generator().manual_seed(named_seed(settings.seed, "start"))

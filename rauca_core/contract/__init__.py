@@ -15,7 +15,7 @@ from .errors import RaucaError, StoppedError
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .instances import Box, Instance
 from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
-from .optimise_progress import OptimiseProgress, parse_optimise_progress
+from .optimize_progress import OptimizeProgress, parse_optimize_progress
 from .presets import find_preset, load_weathers, preset_notes, save_weathers
 from .progress import Progress, parse_progress
 from .quality import Quality
@@ -35,7 +35,7 @@ __all__ = [
     "Instance",
     "LedgerEntry",
     "Material",
-    "OptimiseProgress",
+    "OptimizeProgress",
     "Plan",
     "PlannedFrame",
     "Progress",
@@ -61,7 +61,7 @@ __all__ = [
     "load_passes",
     "load_vehicle",
     "load_weathers",
-    "parse_optimise_progress",
+    "parse_optimize_progress",
     "parse_progress",
     "planned_frames",
     "preset_notes",

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 class Camera:
     """A pinhole camera.
 
-    The image plane spans [0, width] x [0, height]: the centre of the top-left pixel is (0.5, 0.5).
+    The image plane spans [0, width] x [0, height]: the center of the top-left pixel is (0.5, 0.5).
 
     Attributes:
         K: (3, 3) intrinsics, pixels.
@@ -56,7 +56,7 @@ class Camera:
 
     @property
     def position(self) -> Array:
-        """The optical centre (3,) in world metres."""
+        """The optical center (3,) in world metres."""
         return -self.R.T @ self.t
 
     @property

@@ -39,7 +39,7 @@ class Camouflage:
         if self.atlas_id != atlas_id:
             raise RaucaError(
                 f"{where}: made for the UV atlas {self.atlas_id} of {self.vehicle_name}, this vehicle's atlas is "
-                f"{atlas_id}; optimise it on this vehicle"
+                f"{atlas_id}; optimize it on this vehicle"
             )
 
 

@@ -39,7 +39,7 @@ class Ring:
 
     Attributes:
         azimuths_deg: 0 faces the vehicle's front, counter-clockwise from above.
-        elevations_deg, distances_m: of the camera, from the vehicle's centre.
+        elevations_deg, distances_m: of the camera, from the vehicle's center.
         jitter_azimuth_deg, jitter_elevation_deg, jitter_roll_deg: half-widths, degrees.
         jitter_distance: half-width as a fraction of the distance.
         jitter_aim_m: half-width of the shift of the point looked at, metres.
@@ -102,16 +102,16 @@ class Plan:
         vehicle_name, atlas_id: which vehicle, and which UV layout, the frames show.
         size: frames are square, pixels.
         quality: how well they are rendered.
-        light: True renders the affine light maps A and B (to optimise on); False renders the reference paint itself
+        light: True renders the affine light maps A and B (to optimize on); False renders the reference paint itself
             and leaves A and B out (to evaluate on).
         weathers, ring, locations: every combination is one frame.
-        reference_srgb: 8-bit sRGB paint colour of ``image.png``.
+        reference_srgb: 8-bit sRGB paint color of ``image.png``.
         min_visible: frames that see less of the paint than this fraction are kept out.
         seed: names every random stream of the data set.
         blender: version that renders it.
         scenery: where the vehicle stands.
         finish: of the paint: the vehicle's ``own``, ``car_paint`` (clearcoat) or ``sticker`` (matte).
-        recolour_share: share of frames rendered once more for real in another colour, to check the light maps.
+        recolor_share: share of frames rendered once more for real in another color, to check the light maps.
     """
 
     name: str
@@ -129,7 +129,7 @@ class Plan:
     blender: str
     scenery: Scenery = TOWN
     finish: str = "own"
-    recolour_share: float = 0.0
+    recolor_share: float = 0.0
 
     def frame_ids(self) -> list[tuple[str, int, int, Weather]]:
         """Every planned frame as (id, location, view, weather), in rendering order."""
@@ -158,7 +158,7 @@ class Plan:
             "finish": self.finish,
             "reference_srgb": list(self.reference_srgb),
             "min_visible": self.min_visible,
-            "recolour_share": self.recolour_share,
+            "recolor_share": self.recolor_share,
             "seed": self.seed,
             "blender": self.blender,
         }
@@ -190,7 +190,7 @@ class Plan:
             fields.text("blender"),
             Scenery.from_json(fields.nested("scenery")),
             fields.text("finish"),
-            fields.number("recolour_share", 0, 1),
+            fields.number("recolor_share", 0, 1),
         )
         fields.done()
         if plan.finish not in FINISHES:

@@ -167,7 +167,7 @@ def append_line(path: Path, line: str) -> None:
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """Encode (H, W) grey or (H, W, 3) RGB 8-bit pixels as PNG.
 
-    Blender's Python has neither Pillow nor OpenCV, and Blender's own image writer applies colour management: hence
+    Blender's Python has neither Pillow nor OpenCV, and Blender's own image writer applies color management: hence
     these few lines. Reading is left to Pillow (outside Blender) and to Blender (inside).
     """
     if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3) or (pixels.ndim == 3 and pixels.shape[2] != 3):

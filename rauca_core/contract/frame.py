@@ -6,13 +6,13 @@ Frame folder::
     image.png      8-bit sRGB (`Standard` view) of the vehicle in its reference paint
     vehicle.png    8-bit coverage of the whole vehicle, anti-aliased, from a fog-free view
     paint.png      8-bit coverage of the paintable part (mask included), likewise
-    semantic.png   8-bit grey, the class seen at each pixel's centre (see `semantics.py`)
+    semantic.png   8-bit grey, the class seen at each pixel's center (see `semantics.py`)
     instances.png  8-bit grey, which vehicle: 255 ours, 1 to 254 others, 0 none; likewise
     passes.npz     distance (H, W) float16 metres, infinity for sky; with light also A, B (H, W, 3) float16 linear
-    check.png      only of some frames: rendered for real in the colour ``check_srgb``, to hold A and B against
+    check.png      only of some frames: rendered for real in the color ``check_srgb``, to hold A and B against
     SHA256SUMS     of all of these, for ``sha256sum --check``
 
-Display image of any texture x (linear, per pixel, coverage-normalised): ``srgb(A * x + B)``. Outside the paint A is 0
+Display image of any texture x (linear, per pixel, coverage-normalized): ``srgb(A * x + B)``. Outside the paint A is 0
 and B is the original frame.
 """
 
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .checksums import write_sums
-from .colour import srgb_from_linear, to_bytes
+from .color import srgb_from_linear, to_bytes
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .instances import Box, Instance
@@ -50,7 +50,7 @@ class Frame:
         camera: world to camera.
         vehicle_to_world: (4, 4) rigid transform of the vehicle.
         weather: the weather of the frame.
-        azimuth_deg, elevation_deg, distance_m: the camera seen from the vehicle's centre, jitter included; azimuth 0
+        azimuth_deg, elevation_deg, distance_m: the camera seen from the vehicle's center, jitter included; azimuth 0
             looks at the vehicle's front and grows counter-clockwise from above.
         box_xyxy: (4,) pixels, the tight box of the visible vehicle; None when fewer than 16 pixels are visible.
         visible: paint pixels seen divided by paint pixels expected without occluders.
@@ -139,7 +139,7 @@ class FramePasses:
     ``image_linear`` is display-referred linear light (before clipping), ``A`` and ``B`` the affine light maps,
     ``vehicle`` and ``paint`` coverage in [0, 1], ``distance`` metres along the view ray, ``semantic`` and
     ``instances`` uint8 ids. Without the ids, coverage tells what it can: paint, other parts of the vehicle,
-    ``unlabelled`` elsewhere. ``check_linear`` is the frame rendered for real in ``Frame.check_srgb``.
+    ``unlabeled`` elsewhere. ``check_linear`` is the frame rendered for real in ``Frame.check_srgb``.
     """
 
     image_linear: NDArray[np.float32]
@@ -155,7 +155,7 @@ class FramePasses:
     def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Semantic and instance ids, (H, W) uint8 each."""
         seen, paint = self.vehicle >= 0.5, self.paint >= 0.5
-        parts = np.where(paint, CLASS_IDS["paint"], np.where(seen, CLASS_IDS["vehicle_part"], CLASS_IDS["unlabelled"]))
+        parts = np.where(paint, CLASS_IDS["paint"], np.where(seen, CLASS_IDS["vehicle_part"], CLASS_IDS["unlabeled"]))
         which = np.where(seen, TARGET_INSTANCE, NO_INSTANCE)
         return (
             parts.astype(np.uint8) if self.semantic is None else self.semantic,
@@ -191,7 +191,7 @@ def _images(frame: Frame, passes: FramePasses) -> dict[str, NDArray[np.uint8]]:
         "instances.png": instances,
     }
     if (frame.check_srgb is None) != (passes.check_linear is None):
-        raise ValueError("a frame has both a check colour and its render, or neither")
+        raise ValueError("a frame has both a check color and its render, or neither")
     if passes.check_linear is not None:
         images["check.png"] = to_bytes(srgb_from_linear(passes.check_linear))
     return images

@@ -40,7 +40,7 @@ class LedgerEntry:
 
 
 def append_entry(folder: Path, entry: LedgerEntry, shard: str = "") -> None:
-    """Append to the ledger of a data set ``folder``, or of its shard labelled ``shard``; one writer per file."""
+    """Append to the ledger of a data set ``folder``, or of its shard labeled ``shard``; one writer per file."""
     name = f"ledger-{shard}.jsonl" if shard else "ledger.jsonl"
     known = {key: value for key, value in asdict(entry).items() if value is not None}
     append_line(Path(folder) / name, json.dumps(known))

@@ -169,12 +169,12 @@ def _splat(
         across: (S, N) where each sample lies in the drop's width, -0.5 to 0.5.
     """
     height, width = distance.shape
-    focal_x, focal_y, centre_x, centre_y = (np.float32(camera.K[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    focal_x, focal_y, center_x, center_y = (np.float32(camera.K[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
     steps = ((np.arange(len(across), dtype=np.float32) + 0.5) / len(across))[:, None]
     x, y, z = (start[i] + steps * moved[i] for i in range(3))
     x += across * diameter_m
     np.maximum(z, np.float32(0.5 * NEAREST_M), out=z)
-    column, row = x / z * focal_x + centre_x - np.float32(0.5), y / z * focal_y + centre_y - np.float32(0.5)
+    column, row = x / z * focal_x + center_x - np.float32(0.5), y / z * focal_y + center_y - np.float32(0.5)
     inside = (column > -1) & (column < width) & (row > -1) & (row < height)
     column, row, z = column[inside], row[inside], z[inside]
     ray = np.sqrt(x[inside] ** 2 + y[inside] ** 2 + z**2)

@@ -113,7 +113,7 @@ class Fields:
         return value
 
     def srgb(self, name: str) -> tuple[int, int, int]:
-        """An 8-bit colour: three whole numbers from 0 to 255."""
+        """An 8-bit color: three whole numbers from 0 to 255."""
         value = self.array(name, (3,))
         if not ((value >= 0) & (value <= 255) & (value % 1 == 0)).all():
             raise self._refuse(name, "three whole numbers from 0 to 255")

@@ -2,7 +2,7 @@
 
 ``semantic.png`` holds a class id per pixel and ``instances.png`` a vehicle's number. Both are plain grey 8-bit PNGs:
 Pillow, OpenCV and every training framework then read the ids themselves, whereas OpenCV silently turns a palette PNG
-into its colours. ``rauca dataset view`` paints them in :data:`PALETTE`.
+into its colors. ``rauca dataset view`` paints them in :data:`PALETTE`.
 
 In Blender a material names its class in the custom property ``rauca_class``, and an object that is another vehicle
 carries ``rauca_instance`` and ``rauca_category``.
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 CLASSES = (
-    "unlabelled",
+    "unlabeled",
     "sky",
     "road",
     "marking",
@@ -68,4 +68,4 @@ PALETTE: NDArray[np.uint8] = np.array(
     ],
     dtype=np.uint8,
 )
-"""(classes, 3) sRGB colours for people; Cityscapes' hues where a class exists there, the vehicle's parts loud."""
+"""(classes, 3) sRGB colors for people; Cityscapes' hues where a class exists there, the vehicle's parts loud."""

@@ -54,7 +54,7 @@ class Material:
         kind: one of :data:`KINDS`; faces of kind ``paint`` take the camouflage where the paint mask allows.
         base_color: linear RGB albedo in [0, 1].
         emission: linear radiance added by a lit lamp, relative to a white surface at noon.
-        textured: take the base colour from ``base.png`` instead.
+        textured: take the base color from ``base.png`` instead.
     """
 
     name: str

@@ -3,7 +3,7 @@
 from .check import CheckResult, check_dataset, remove_damaged
 from .export import FORMATS, export_dataset
 from .findings import Finding
-from .recolouring import recolour_dataset
+from .recoloring import recolor_dataset
 from .view import view_dataset
 
 __all__ = [
@@ -12,7 +12,7 @@ __all__ = [
     "Finding",
     "check_dataset",
     "export_dataset",
-    "recolour_dataset",
+    "recolor_dataset",
     "remove_damaged",
     "view_dataset",
 ]

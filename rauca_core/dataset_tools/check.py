@@ -31,7 +31,7 @@ from .findings import MAKE_AGAIN, RENDER_AGAIN, Finding
 from .ledger_lines import check_ledgers
 
 MIN_PSNR_DB = 30.0
-"""Recolouring checks below this fail a weather: 40 dB is usual at 8 samples, at 30 the eye sees the difference."""
+"""Recoloring checks below this fail a weather: 40 dB is usual at 8 samples, at 30 the eye sees the difference."""
 
 STATES = ("planned", "done", "occluded", "quarantined", "missing")
 
@@ -42,8 +42,8 @@ class WeatherResult:
 
     Attributes:
         counts: of frames by state.
-        squared_error, values: of all its recolouring checks.
-        checked: frames with a recolouring check.
+        squared_error, values: of all its recoloring checks.
+        checked: frames with a recoloring check.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -53,7 +53,7 @@ class WeatherResult:
 
     @property
     def psnr_db(self) -> float | None:
-        """Predicted against rendered colours on the paint, display space; None without a check."""
+        """Predicted against rendered colors on the paint, display space; None without a check."""
         if not self.values:
             return None
         return -10 * math.log10(max(self.squared_error / self.values, 1e-12))
@@ -76,7 +76,7 @@ class CheckResult:
             "findings": [{"file": f.file, "what": f.what, "remedy": f.remedy} for f in self.findings],
             "weathers": {
                 name: {state: w.counts[state] for state in STATES}
-                | {"checked": w.checked, "recolour_psnr_db": w.psnr_db}
+                | {"checked": w.checked, "recolor_psnr_db": w.psnr_db}
                 for name, w in self.weathers.items()
             },
         }
@@ -91,7 +91,7 @@ def check_dataset(
     """Read every file of a data set and hold them against each other, the plan and the ledger.
 
     Args:
-        min_psnr_db: a weather whose recolouring checks fall below is a finding.
+        min_psnr_db: a weather whose recoloring checks fall below is a finding.
         unfinished: frames not rendered yet are no finding.
 
     Raises:
@@ -116,7 +116,7 @@ def check_dataset(
         weathers[frame.weather.name].counts.update(("planned", state if state in STATES else "missing"))
     findings += check_ledgers(folder, {frame.id for frame in planned}, {frame.id for frame in present})
     findings += _left_out(dataset, weathers, unfinished)
-    findings += _poor_recolouring(weathers, min_psnr_db)
+    findings += _poor_recoloring(weathers, min_psnr_db)
     return CheckResult(findings, weathers)
 
 
@@ -194,9 +194,9 @@ def _left_out(dataset: Dataset, weathers: dict[str, WeatherResult], unfinished: 
         yield Finding("frames", f"{missing} of {planned} frames are not rendered", again)
 
 
-def _poor_recolouring(weathers: dict[str, WeatherResult], min_psnr_db: float) -> Iterator[Finding]:
+def _poor_recoloring(weathers: dict[str, WeatherResult], min_psnr_db: float) -> Iterator[Finding]:
     for name, weather in weathers.items():
         psnr = weather.psnr_db
         if psnr is not None and psnr < min_psnr_db:
-            what = f"recoloured frames are {psnr:.1f} dB from rendered ones in weather {name}, below {min_psnr_db:g}"
+            what = f"recolored frames are {psnr:.1f} dB from rendered ones in weather {name}, below {min_psnr_db:g}"
             yield Finding("frames", what, "make the data set again with more --samples")

@@ -24,7 +24,7 @@ class FrameResult:
 
     Attributes:
         findings: what is wrong; empty when all is well.
-        squared_error, values: of the recolouring check in display space; zero values without one.
+        squared_error, values: of the recoloring check in display space; zero values without one.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -61,7 +61,7 @@ class _Examination:
         self._findings.append(Finding(f"{frame}/{file}", what, RENDER_AGAIN, again=frame))
 
     def _contents(self) -> tuple[float, int]:
-        """Hold the files against each other; returns the recolouring check's squared error and number of values."""
+        """Hold the files against each other; returns the recoloring check's squared error and number of values."""
         frame, plan = load_frame(self._folder), self._dataset.plan
         rules.metadata(self._report, frame, self._planned, plan, self._vehicle)
         self._only_one(frame)

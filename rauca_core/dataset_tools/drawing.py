@@ -11,9 +11,9 @@ from .stored_frame import StoredFrame
 from .targets import Target
 
 INK, SOFT, PAPER, LINE = "#1d2430", "#5b6675", "#ffffff", "#dfe4ea"
-TARGET_COLOUR, OTHER_COLOUR = "#2ee6a8", "#ffb300"
+TARGET_COLOR, OTHER_COLOR = "#2ee6a8", "#ffb300"
 PAINT_OUTLINE = (255, 255, 255)
-CLASS_SHARE = 0.7  # of the class's colour in a pixel of the semantic view
+CLASS_SHARE = 0.7  # of the class's color in a pixel of the semantic view
 
 Pixels = NDArray[np.uint8]
 
@@ -38,12 +38,12 @@ def with_boxes(stored: StoredFrame, targets: list[Target], side: int) -> Image.I
     picture = Image.fromarray(pixels)
     for number, target in enumerate(targets):
         first = number == 0 and stored.frame.box_xyxy is not None
-        _box(picture, [v * scale for v in target.box_xyxy], target.category, TARGET_COLOUR if first else OTHER_COLOUR)
+        _box(picture, [v * scale for v in target.box_xyxy], target.category, TARGET_COLOR if first else OTHER_COLOR)
     return picture
 
 
 def with_classes(stored: StoredFrame, side: int) -> Image.Image:
-    """The frame under the colours of its semantic classes, other vehicles outlined."""
+    """The frame under the colors of its semantic classes, other vehicles outlined."""
     semantic, instances = stored.image("semantic.png"), stored.image("instances.png")
     grey = stored.image().mean(axis=2, keepdims=True)
     mixed = (1 - CLASS_SHARE) * grey + CLASS_SHARE * PALETTE[np.minimum(semantic, len(CLASSES) - 1)]
@@ -57,7 +57,7 @@ def with_classes(stored: StoredFrame, side: int) -> Image.Image:
 
 
 def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels of a mask whose neighbour, above, below or beside, is outside it."""
+    """Pixels of a mask whose neighbor, above, below or beside, is outside it."""
     inside = mask.copy()
     inside[1:] &= mask[:-1]
     inside[:-1] &= mask[1:]
@@ -67,7 +67,7 @@ def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def legend(classes: list[int], width: int) -> Image.Image:
-    """Names and colours of classes, in as many rows as ``width`` pixels ask for."""
+    """Names and colors of classes, in as many rows as ``width`` pixels ask for."""
     text, swatch, gap, row = font(14), 13, 16, 25
     places, x, y = [], 0, 0
     for number in classes:
@@ -88,12 +88,12 @@ def _spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _box(picture: Image.Image, box: list[float], text: str, colour: str) -> None:
+def _box(picture: Image.Image, box: list[float], text: str, color: str) -> None:
     pen, face = ImageDraw.Draw(picture), font(16)
     left, top, right, bottom = box
-    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
+    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=color, width=2)
     width, height = int(face.getlength(text)) + 8, 21
     x = min(max(left, 0), picture.width - width)
     y = top - height if top >= height else min(top, picture.height - height)
-    pen.rectangle((x, y, x + width, y + height), fill=colour)
+    pen.rectangle((x, y, x + width, y + height), fill=color)
     pen.text((x + 4, y + 1), text, fill="#101418", font=face)

@@ -104,7 +104,7 @@ class _Coco:
 
 
 class _Yolo:
-    """YOLO text: class, then centre and size of the box as shares of the image's width and height."""
+    """YOLO text: class, then center and size of the box as shares of the image's width and height."""
 
     def __init__(self, out: Path, dataset: Dataset, categories: list[str]) -> None:
         self._out, self._categories = out, categories
@@ -114,9 +114,9 @@ class _Yolo:
         lines = []
         for target in targets:
             left, top, right, bottom = target.box_xyxy
-            centre = (left + right) / 2 / width, (top + bottom) / 2 / height
+            center = (left + right) / 2 / width, (top + bottom) / 2 / height
             size = (right - left) / width, (bottom - top) / height
-            numbers = " ".join(f"{value:.6f}" for value in (*centre, *size))
+            numbers = " ".join(f"{value:.6f}" for value in (*center, *size))
             lines.append(f"{self._categories.index(target.category)} {numbers}\n")
         write_bytes(self._out / "labels" / f"{stored.frame.id}.txt", "".join(lines).encode())
 

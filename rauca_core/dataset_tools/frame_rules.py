@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Frame, Plan, PlannedFrame, Vehicle
-from ..contract.colour import linear_from_srgb, srgb_from_linear
+from ..contract.color import linear_from_srgb, srgb_from_linear
 from ..contract.instances import find_instances, mask_box
-from ..contract.recolour import recolour
+from ..contract.recolor import recolor
 from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES
 from .findings import Report
 
@@ -46,11 +46,11 @@ def _within_ring(report: Report, frame: Frame, plan: Plan) -> None:
 
 
 def _camera_stands(report: Report, frame: Frame, vehicle: Vehicle) -> None:
-    centre = (vehicle.positions.min(axis=0) + vehicle.positions.max(axis=0)) / 2
+    center = (vehicle.positions.min(axis=0) + vehicle.positions.max(axis=0)) / 2
     azimuth, elevation = math.radians(frame.azimuth_deg), math.radians(frame.elevation_deg)
     flat = frame.distance_m * math.cos(elevation)
     height = frame.distance_m * math.sin(elevation)
-    expected = centre + np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), height])
+    expected = center + np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), height])
     found = frame.camera_in_vehicle.position
     off = np.abs(found - expected)
     low = found[2] > expected[2]  # the ring keeps cameras above the ground
@@ -122,10 +122,10 @@ def light(report: Report, plan: Plan, maps: dict[str, NDArray[np.floating]], pai
 
 
 def squared_error(frame: Frame, maps: dict[str, NDArray[np.floating]], paint: Image, check: Image) -> tuple[float, int]:
-    """Sum of squared display-space differences between predicted and rendered colour, and how many, on the paint."""
+    """Sum of squared display-space differences between predicted and rendered color, and how many, on the paint."""
     assert frame.check_srgb is not None
     painted = paint >= 128
-    predicted = srgb_from_linear(recolour(maps["A"][painted][None], maps["B"][painted][None], frame.check_srgb)[0])
+    predicted = srgb_from_linear(recolor(maps["A"][painted][None], maps["B"][painted][None], frame.check_srgb)[0])
     difference = predicted.astype(np.float64) - check[painted] / 255
     return float((difference**2).sum()), difference.size
 

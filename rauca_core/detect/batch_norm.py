@@ -1,4 +1,4 @@
-"""Batch normalisation that is a scale and a shift, for networks that no longer learn.
+"""Batch normalization that is a scale and a shift, for networks that no longer learn.
 
 Beside saving time this goes around a fault of torch's CPU kernels (seen in 2.13, any type and size): with a batch of
 one, the backward pass of BatchNorm2d misreads a gradient whose channels come last in memory, as those of a feature map

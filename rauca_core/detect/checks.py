@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from ..contract import RaucaError
 
-# Rounding of resampling and of half precision; a batch in 0..255 or a normalised one lies far outside.
+# Rounding of resampling and of half precision; a batch in 0..255 or a normalized one lies far outside.
 RANGE_TOLERANCE = 1e-2
 
 
@@ -53,5 +53,5 @@ def _check_values(name: str, images: Tensor) -> None:
     if low < -RANGE_TOLERANCE or high > 1 + RANGE_TOLERANCE:
         raise RaucaError(
             f"{name}: images must be sRGB in [0, 1], found values from {low:.3g} to {high:.3g}; "
-            "adapters normalise themselves, pass neither 0..255 nor normalised images"
+            "adapters normalize themselves, pass neither 0..255 nor normalized images"
         )

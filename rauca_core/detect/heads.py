@@ -24,7 +24,7 @@ class Head(nn.Module):
 
     Args:
         anchors: (A, 2) width and height, pixels of the network's input or grid cells, see ``anchors_in_cells``.
-        scale_x_y: YOLOv4's stretch of the centre's sigmoid about 0.5.
+        scale_x_y: YOLOv4's stretch of the center's sigmoid about 0.5.
         anchors_in_cells: anchors (and box sizes) are counted in grid cells, as in YOLOv2.
         softmax: classes exclude each other, as in YOLOv2; otherwise each has a sigmoid of its own.
     """
@@ -49,12 +49,12 @@ class Head(nn.Module):
             indexing="ij",
         )
         offset = x[..., 0:2].sigmoid() * self.scale_x_y - 0.5 * (self.scale_x_y - 1)
-        centre = (offset + torch.stack([grid_x, grid_y], -1)) * stride
+        center = (offset + torch.stack([grid_x, grid_y], -1)) * stride
         anchors = self.anchors.to(x.dtype) * (stride if self.anchors_in_cells else 1.0)
         half = 0.5 * x[..., 2:4].clamp(max=MAX_LOG_SIZE).exp() * anchors[:, None, None, :]
         classes = x[..., 5:].softmax(-1) if self.softmax else x[..., 5:].sigmoid()
         return DensePredictions(
-            boxes=torch.cat([centre - half, centre + half], -1).reshape(batch, -1, 4),
+            boxes=torch.cat([center - half, center + half], -1).reshape(batch, -1, 4),
             objectness=x[..., 4].sigmoid().reshape(batch, -1),
             classes=classes.reshape(batch, -1, self.classes),
         )

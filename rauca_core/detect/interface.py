@@ -44,7 +44,7 @@ class Detections:
 
 
 class Detector(Protocol):
-    """A detector. Letterboxing, channel order and input normalisation are its own business.
+    """A detector. Letterboxing, channel order and input normalization are its own business.
 
     Attributes:
         name: as in tables, e.g. ``"yolov3-tiny"``.

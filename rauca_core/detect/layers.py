@@ -1,4 +1,4 @@
-"""Darknet's layers as modules; batch normalisation is folded into the convolution when the weights are read.
+"""Darknet's layers as modules; batch normalization is folded into the convolution when the weights are read.
 
 Each tells by ``shape`` what it would make of an image, and raises :class:`ValueError` where it would fail.
 """
@@ -117,7 +117,7 @@ class Shortcut(nn.Module):
 
 
 class Upsample(nn.Module):
-    """(B, C, H, W) -> (B, C, s*H, s*W), nearest neighbour."""
+    """(B, C, H, W) -> (B, C, s*H, s*W), nearest neighbor."""
 
     def __init__(self, stride: int) -> None:
         super().__init__()

@@ -17,7 +17,7 @@ class Letterbox:
     Attributes:
         height, width: of the image, pixels.
         size: of the square, pixels.
-        centred: in the middle of the square, its sides rounded; otherwise in the top left corner, rounded down, which
+        centered: in the middle of the square, its sides rounded; otherwise in the top left corner, rounded down, which
             is how YOLOX was trained.
         padding_srgb: the grey around.
     """
@@ -25,20 +25,20 @@ class Letterbox:
     height: int
     width: int
     size: int
-    centred: bool = True
+    centered: bool = True
     padding_srgb: float = PADDING_SRGB
 
     @property
     def inner(self) -> tuple[int, int]:
         """(height, width) of the image inside the square, pixels."""
         scale = self.size / max(self.height, self.width)
-        whole = round if self.centred else int
+        whole = round if self.centered else int
         return max(1, whole(self.height * scale)), max(1, whole(self.width * scale))
 
     @property
     def corner(self) -> tuple[int, int]:
         """(top, left) of the image inside the square, pixels."""
-        height, width = self.inner if self.centred else (self.size, self.size)
+        height, width = self.inner if self.centered else (self.size, self.size)
         return (self.size - height) // 2, (self.size - width) // 2
 
     def fit(self, images: Tensor) -> Tensor:

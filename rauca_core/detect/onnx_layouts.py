@@ -34,10 +34,10 @@ class Layout:
     decode: Callable[[Tensor], DensePredictions]
 
     def letterbox(self, height: int, width: int, size: int) -> Letterbox:
-        return Letterbox(height, width, size, centred=not self.yolox, padding_srgb=GREY)
+        return Letterbox(height, width, size, centered=not self.yolox, padding_srgb=GREY)
 
     def prepare(self, fitted: Tensor) -> Tensor:
-        """sRGB (B, 3, size, size) in [0, 1] to what the graph was trained on; neither family normalises further."""
+        """sRGB (B, 3, size, size) in [0, 1] to what the graph was trained on; neither family normalizes further."""
         return fitted.flip(1) * 255.0 if self.yolox else fitted
 
 
@@ -65,27 +65,27 @@ def find_layout(shape: tuple[int, ...], size: int, decoded: bool, family: GraphF
 
 
 def decode_yolox(output: Tensor, size: int, strides: tuple[int, ...]) -> DensePredictions:
-    """(B, cells, 5 + C): centre relative to its cell in cells, log of the size in cells, objectness, classes."""
+    """(B, cells, 5 + C): center relative to its cell in cells, log of the size in cells, objectness, classes."""
     places, scales = _grid(size, strides, output)
-    centre = (output[..., :2] + places) * scales
+    center = (output[..., :2] + places) * scales
     half = 0.5 * output[..., 2:4].clamp(max=MAX_LOG_SIZE).exp() * scales
-    return DensePredictions(torch.cat([centre - half, centre + half], -1), output[..., 4], output[..., 5:])
+    return DensePredictions(torch.cat([center - half, center + half], -1), output[..., 4], output[..., 5:])
 
 
 def decode_v5(output: Tensor) -> DensePredictions:
-    """(B, N, 5 + C): centre and size in pixels, objectness, classes."""
+    """(B, N, 5 + C): center and size in pixels, objectness, classes."""
     return DensePredictions(_corners(output[..., :2], output[..., 2:4]), output[..., 4], output[..., 5:])
 
 
 def decode_v8(output: Tensor) -> DensePredictions:
-    """(B, 4 + C, N): centre and size in pixels, classes; no objectness."""
+    """(B, 4 + C, N): center and size in pixels, classes; no objectness."""
     output = output.transpose(1, 2)
     boxes = _corners(output[..., :2], output[..., 2:4])
     return DensePredictions(boxes, torch.ones_like(output[..., 0]), output[..., 4:])
 
 
-def _corners(centre: Tensor, size: Tensor) -> Tensor:
-    return torch.cat([centre - 0.5 * size, centre + 0.5 * size], -1)
+def _corners(center: Tensor, size: Tensor) -> Tensor:
+    return torch.cat([center - 0.5 * size, center + 0.5 * size], -1)
 
 
 def _grid(size: int, strides: tuple[int, ...], like: Tensor) -> tuple[Tensor, Tensor]:

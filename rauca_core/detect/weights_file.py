@@ -22,7 +22,7 @@ BN_EPSILON = 1e-6
 
 
 def read_weights(path: Path, network: DarknetNetwork) -> str:
-    """Fill ``network`` from a weights file; batch normalisation is folded.
+    """Fill ``network`` from a weights file; batch normalization is folded.
 
     Returns:
         The file's sha256.

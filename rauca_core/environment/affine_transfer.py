@@ -1,13 +1,13 @@
-"""Colour transfer without training: light maps from the reference image's own statistics.
+"""Color transfer without training: light maps from the reference image's own statistics.
 
 The reference image shows paint of one known albedo r, so I = A * r + B per pixel and channel. Two assumptions over the
 paint of one frame split it:
 
-* what the darkest paint sends, the first percentile, reaches every pixel without touching the paint's colour: fog glow
+* what the darkest paint sends, the first percentile, reaches every pixel without touching the paint's color: fog glow
   and the coat's dim reflections. That is B.
 * nothing diffuse is brighter than the paint's 95th percentile: light beyond is a mirror image, and goes to B too.
 
-Then A = (min(I, bright) - dark) / r and B = I - A * r: a per-pixel affine colour transfer, which gives the reference
+Then A = (min(I, bright) - dark) / r and B = I - A * r: a per-pixel affine color transfer, which gives the reference
 back.
 """
 

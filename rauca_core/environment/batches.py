@@ -123,17 +123,17 @@ def crop(batch: Batch, side: int, rng: np.random.Generator) -> Batch:
     if side >= min(height, width):
         return batch
     rows, columns = torch.nonzero(batch.paint[int(rng.integers(len(batch.names))), 0], as_tuple=True)
-    centre = (height / 2, width / 2)
+    center = (height / 2, width / 2)
     if len(rows):
         pick = int(rng.integers(len(rows)))
-        centre = float(rows[pick]), float(columns[pick])
-    corner = [c - side / 2 + rng.uniform(-0.25, 0.25) * side for c in centre]
+        center = float(rows[pick]), float(columns[pick])
+    corner = [c - side / 2 + rng.uniform(-0.25, 0.25) * side for c in center]
     row, column = (int(np.clip(c, 0, n - side)) for c, n in zip(corner, (height, width), strict=True))
     return batch.window(row, column, side)
 
 
 def draw_albedos(rng: np.random.Generator, count: int, batch: int, height: int, width: int) -> Tensor:
-    """Linear albedos (count, batch, 3, H, W) to compare light in: half solid colours, half a colour per pixel.
+    """Linear albedos (count, batch, 3, H, W) to compare light in: half solid colors, half a color per pixel.
 
     sRGB values are uniform, a third of the solid ones corners of the cube, where light shows most.
     """

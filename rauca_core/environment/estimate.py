@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..contract import Dataset
-from ..contract.colour import linear_from_srgb
+from ..contract.color import linear_from_srgb
 from .exact import Light
 from .extractor import LightSplitter
 from .focus import split_light
@@ -41,7 +41,7 @@ def estimate_image(
     Args:
         image_srgb: (H, W, 3) 8-bit.
         paint: (H, W) coverage of the paint in [0, 1].
-        reference_srgb: 8-bit colour of the paint in the image.
+        reference_srgb: 8-bit color of the paint in the image.
     """
     pixels = torch.from_numpy(image_srgb.transpose(2, 0, 1).astype(np.float32) / 255)
     albedo = torch.from_numpy(linear_from_srgb(np.array(reference_srgb) / 255.0))

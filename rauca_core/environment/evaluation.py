@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..contract import Progress
-from ..contract.recolour import Colour
+from ..contract.recolor import Color
 from .extractor import LightSplitter
 from .frames import LightFrame, LightFrames
 from .methods import Render, exact_render, plain_render, splitter_render, transfer_render
@@ -17,13 +17,13 @@ ALL = "all"
 
 
 def compare(
-    folders: Sequence[Path], net: LightSplitter, colours: Sequence[Colour], progress: Callable[[Progress], None]
+    folders: Sequence[Path], net: LightSplitter, colors: Sequence[Color], progress: Callable[[Progress], None]
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Errors in solid colours.
+    """Errors in solid colors.
 
     Returns:
         Per weather and for ``all``, per method (none, transfer, ours): ``psnr_db, mse, mae, bce``, and ``ms`` per
-        image: from the image to its light maps, before any colour.
+        image: from the image to its light maps, before any color.
     """
     frames = LightFrames(folders)
     methods: dict[str, Callable[[int, LightFrame], Render]] = {
@@ -33,7 +33,7 @@ def compare(
     }
     errors: dict[tuple[str, str], Error] = {}
     seconds: dict[tuple[str, str], list[float]] = {}
-    paints = albedos(colours)
+    paints = albedos(colors)
     for index in range(len(frames)):
         frame = frames.get(index)
         truth = exact_render(frame)(paints)

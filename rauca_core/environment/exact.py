@@ -27,7 +27,7 @@ def require_light(dataset: Dataset) -> None:
     """Raise :class:`RaucaError` when a data set was made without light maps."""
     if not dataset.plan.light:
         raise RaucaError(
-            f"{dataset.folder}: made without light maps, to evaluate on; make a data set with light to optimise on"
+            f"{dataset.folder}: made without light maps, to evaluate on; make a data set with light to optimize on"
         )
 
 

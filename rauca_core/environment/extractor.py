@@ -1,7 +1,7 @@
 """Our environment feature extractor: how to split the light of one image into A and B.
 
 The reference image I is known, and so is the albedo r of its paint: A * r + B = I. All that is unknown is which share
-of the light came back through the paint's colour. The network predicts that share, B = (1 - share) * I and
+of the light came back through the paint's color. The network predicts that share, B = (1 - share) * I and
 A = share * I / r, per pixel and channel, in linear light. So
 
 * the reference paint is reproduced exactly, whatever the network says, in channels that are not clipped;
@@ -129,7 +129,7 @@ def _clipped(image_srgb: Tensor) -> Tensor:
 
 
 def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    """Convolution, group normalisation (frames are few per batch) and SiLU."""
+    """Convolution, group normalization (frames are few per batch) and SiLU."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, 3, stride, padding=1), nn.GroupNorm(4, outputs), nn.SiLU(inplace=True)
     )

@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, load_vehicle
-from ..contract.colour import linear_from_srgb
+from ..contract.color import linear_from_srgb
 from ..contract.seeding import named_rng
 from ..images import read_image
 from ..render import display
@@ -130,7 +130,7 @@ class LightFrames:
         return self._vehicles[number]
 
     def render_plain(self, index: int) -> PlainShading:
-        """Rasterise and shade the frame's view, anew at every call."""
+        """Rasterize and shade the frame's view, anew at every call."""
         return plain_shading(self.vehicle(index), self.camera(index))
 
     def plain(self, index: int) -> PlainShading:

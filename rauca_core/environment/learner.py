@@ -19,10 +19,10 @@ from .settings import TrainingSettings
 
 
 class Item(NamedTuple):
-    """One thing to infer on: a frame, and the number of a colour where inferences are not shared by colours."""
+    """One thing to infer on: a frame, and the number of a color where inferences are not shared by colors."""
 
     frame: int
-    colour: int = 0
+    color: int = 0
 
 
 Draw = Callable[[Item], np.random.Generator]
@@ -83,7 +83,7 @@ class SplitterLearner:
         if self._settings.augment:
             seen = augment(seen, rng)
         height, width = seen.image.shape[-2:]
-        return seen, draw_albedos(rng, self._settings.colours, 1, height, width)
+        return seen, draw_albedos(rng, self._settings.colors, 1, height, width)
 
     def render_of(self, index: int, frame: LightFrame) -> Render:
         return splitter_render(self.net, frame)

@@ -71,9 +71,9 @@ def light_loss(
     mask: Tensor,
     weighted: bool = True,
 ) -> Tensor:
-    """How far predicted light maps are from the exact ones, as seen on paints of given colours.
+    """How far predicted light maps are from the exact ones, as seen on paints of given colors.
 
-    One inference serves every colour: the maps are compared through what a detector would see, ``tone(A * x + B)``, for
+    One inference serves every color: the maps are compared through what a detector would see, ``tone(A * x + B)``, for
     each albedo x. Errors beyond a tenth of the display's range count linearly, as a mirrored sun is not worth a car.
 
     Args:

@@ -41,7 +41,7 @@ def exact_render(frame: LightFrame) -> AffineRender:
 
 
 def transfer_render(frame: LightFrame) -> AffineRender:
-    """Colour transfer without training; see `affine_transfer`."""
+    """Color transfer without training; see `affine_transfer`."""
     image = undisplay(frame.image.float() / 255)
     return AffineRender(*transfer_light(image, frame.paint.float() / 255, frame.reference))
 

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..contract.colour import linear_from_srgb
-from ..contract.recolour import Colour
+from ..contract.color import linear_from_srgb
+from ..contract.recolor import Color
 from .frames import LightFrame, LightFrames
 from .losses import EPSILON
 from .methods import AffineRender, Render, exact_render
@@ -73,20 +73,20 @@ def total(errors: Iterable[Error]) -> Error:
     return sum(errors, Error())
 
 
-def albedos(colours: Sequence[Colour]) -> Tensor:
-    """8-bit sRGB colours as linear albedo (C, 3, 1, 1)."""
-    return torch.from_numpy(linear_from_srgb(np.array(colours) / 255.0))[:, :, None, None]
+def albedos(colors: Sequence[Color]) -> Tensor:
+    """8-bit sRGB colors as linear albedo (C, 3, 1, 1)."""
+    return torch.from_numpy(linear_from_srgb(np.array(colors) / 255.0))[:, :, None, None]
 
 
 def measure(
     frames: LightFrames,
     indices: Sequence[int],
     render_of: Callable[[int, LightFrame], Render],
-    colours: Sequence[Colour],
+    colors: Sequence[Color],
 ) -> dict[str, Error]:
-    """Errors in solid colours against the exact maps, per weather; frames without paint count for nothing."""
+    """Errors in solid colors against the exact maps, per weather; frames without paint count for nothing."""
     found: dict[str, Error] = {}
-    paints = albedos(colours)
+    paints = albedos(colors)
     for index in indices:
         frame = frames.get(index)
         render, truth, paint = render_of(index, frame), exact_render(frame), frame.paint

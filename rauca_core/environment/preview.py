@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from ..contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
-from ..contract.recolour import Colour, recolour
+from ..contract.color import linear_from_srgb, srgb_from_linear, to_bytes
+from ..contract.recolor import Color, recolor
 from ..contract.seeding import named_rng
 from ..images import read_image
 from .estimate import estimate_image
@@ -18,22 +18,22 @@ from .extractor import LightSplitter
 
 Image = NDArray[np.uint8]
 
-COLOURS: tuple[Colour, ...] = ((255, 255, 255), (12, 12, 12), (200, 16, 16), (16, 60, 200))
+COLORS: tuple[Color, ...] = ((255, 255, 255), (12, 12, 12), (200, 16, 16), (16, 60, 200))
 LONGEST = 2048  # pixels; the network's memory grows with the area, 2 GB there
 GAP = 4  # pixels between pictures
 COLUMNS = 4
 
 
-def preview(image: Path, mask: Path, reference_srgb: Colour, extractor: LightSplitter) -> Image:
+def preview(image: Path, mask: Path, reference_srgb: Color, extractor: LightSplitter) -> Image:
     """Estimate the light of an image file and lay out the sheet.
 
     Args:
         image: any image.
         mask: grey, white where the paint is; of the image's size.
-        reference_srgb: 8-bit colour of the paint in the image.
+        reference_srgb: 8-bit color of the paint in the image.
 
     Returns:
-        (H, W, 3): the image, its mask, A and B; the vehicle in four colours; and in four patterns.
+        (H, W, 3): the image, its mask, A and B; the vehicle in four colors; and in four patterns.
 
     Raises:
         RaucaError: files that do not fit each other, an empty mask, an image too large.
@@ -42,7 +42,7 @@ def preview(image: Path, mask: Path, reference_srgb: Colour, extractor: LightSpl
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[..., None], 3, 2)
     if coverage.ndim == 3:
-        raise RaucaError(f"{mask}: is in colour; give a grey mask, white where the paint is")
+        raise RaucaError(f"{mask}: is in color; give a grey mask, white where the paint is")
     height, width = pixels.shape[:2]
     if coverage.shape != (height, width):
         raise RaucaError(
@@ -59,7 +59,7 @@ def preview(image: Path, mask: Path, reference_srgb: Colour, extractor: LightSpl
 
 def _sheet(image: Image, coverage: Image, light: Light) -> Image:
     shown = [image, np.repeat(coverage[..., None], 3, 2), _displayed(light.A), _displayed(light.B)]
-    shown += [_displayed(colour) for colour in recolour(light.A, light.B, np.array(COLOURS, np.float32))]
+    shown += [_displayed(color) for color in recolor(light.A, light.B, np.array(COLORS, np.float32))]
     shown += [_displayed(light.A * linear_from_srgb(p) + light.B) for p in _patterns(*coverage.shape)]
     rows = [_join(shown[i : i + COLUMNS], 1) for i in range(0, len(shown), COLUMNS)]
     return _join(rows, 0)

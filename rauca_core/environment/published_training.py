@@ -1,10 +1,10 @@
 """The published extractor's two training loops; what differs is how often they render and infer (paper, Fig. 4).
 
-*Base*: every colour of every frame is an item of its own: x_nr is rendered online, the network infers, both anew.
-*Final*: x_nr comes from a set rendered offline, once per camera and colour, that weathers and locations share; one
-inference of the network serves all colours of a frame.
+*Base*: every color of every frame is an item of its own: x_nr is rendered online, the network infers, both anew.
+*Final*: x_nr comes from a set rendered offline, once per camera and color, that weathers and locations share; one
+inference of the network serves all colors of a frame.
 
-The truth of both is the frame in the colour, from its exact light maps, masked like the reference image.
+The truth of both is the frame in the color, from its exact light maps, masked like the reference image.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from ..contract.recolour import TRAIN, Colour
+from ..contract.recolor import TRAIN, Color
 from ..render import display
 from .batches import Batch, collate
 from .frames import LightFrame, LightFrames
@@ -34,14 +34,14 @@ class _Published:
         net: PublishedEfe,
         frames: LightFrames,
         settings: TrainingSettings,
-        colours: Sequence[Colour] = TRAIN,
+        colors: Sequence[Color] = TRAIN,
     ) -> None:
         self.net = net
         self._frames = frames
         self._weighted = settings.weighted
         self._loss = weighted_bce if settings.loss == "bce" else weighted_mse
-        self._albedos = albedos(colours)
-        self._colours_srgb = display(self._albedos)
+        self._albedos = albedos(colors)
+        self._colors_srgb = display(self._albedos)
 
     def render_of(self, index: int, frame: LightFrame) -> Render:
         return published_render(self.net, frame, self._frames.plain(index))
@@ -51,7 +51,7 @@ class _Published:
         return collate([self._frames.get(item.frame) for item in items]).to(device)
 
     def _truth(self, batch: Batch, albedo: Tensor) -> Tensor:
-        """Masked frames in a colour per frame; albedo (B, 3, 1, 1)."""
+        """Masked frames in a color per frame; albedo (B, 3, 1, 1)."""
         return display(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
 
 
@@ -59,14 +59,14 @@ class BaseLearner(_Published):
     """The loop of the paper's base version."""
 
     def items(self, frames: Sequence[int]) -> list[Item]:
-        return [Item(i, colour) for i in frames for colour in range(len(self._albedos))]
+        return [Item(i, color) for i in frames for color in range(len(self._albedos))]
 
     def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
-        batch, colours = self._batch(items), [item.colour for item in items]
-        rendered = [self._frames.render_plain(i.frame).x_nr(self._colours_srgb[i.colour]) for i in items]
+        batch, colors = self._batch(items), [item.color for item in items]
+        rendered = [self._frames.render_plain(i.frame).x_nr(self._colors_srgb[i.color]) for i in items]
         A, B = net(batch.image * batch.vehicle)
         x_ren = fuse_published(torch.stack(rendered).to(A.device), A, B)
-        return self._loss(x_ren, self._truth(batch, self._albedos[colours]), batch.vehicle, self._weighted)
+        return self._loss(x_ren, self._truth(batch, self._albedos[colors]), batch.vehicle, self._weighted)
 
 
 class FinalLearner(_Published):
@@ -80,8 +80,8 @@ class FinalLearner(_Published):
         offline = [self._frames.plain(item.frame) for item in items]
         A, B = net(batch.image * batch.vehicle)
         losses = []
-        for albedo, colour in zip(self._albedos, self._colours_srgb, strict=True):
-            x_nr = torch.stack([plain.x_nr(colour) for plain in offline]).to(A.device)
+        for albedo, color in zip(self._albedos, self._colors_srgb, strict=True):
+            x_nr = torch.stack([plain.x_nr(color) for plain in offline]).to(A.device)
             truth = self._truth(batch, albedo[None])
             losses.append(self._loss(fuse_published(x_nr, A, B), truth, batch.vehicle, self._weighted))
         return torch.stack(losses).mean()

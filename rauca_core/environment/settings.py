@@ -18,13 +18,13 @@ class TrainingSettings(BaseModel):
             training loop.
         epochs: at most.
         batch: frames per step, over all processes.
-        lr: of the optimiser; Adam 0.01 as published, AdamW for ours.
+        lr: of the optimizer; Adam 0.01 as published, AdamW for ours.
         weight_decay: of AdamW.
         schedule: ``cosine`` down to 0 over ``epochs`` with a warm-up of 5 %, or ``constant``.
         clip: largest norm of the gradient; 0 leaves it alone.
         loss: of the published extractor: ``bce``, Eq. 5, or ``mse``, the published code's.
         weighted: W of Eq. 5; without it every frame counts by its vehicle's area.
-        colours: albedos that one inference of ours is compared in.
+        colors: albedos that one inference of ours is compared in.
         average: decay of the weights' running mean, which is what is tested and kept; 0 takes the weights themselves.
         size: frames are averaged down to, pixels; None leaves them as they are.
         crop: train on random squares of this side, pixels; 0 on whole frames.
@@ -51,7 +51,7 @@ class TrainingSettings(BaseModel):
     clip: float = Field(1.0, ge=0)
     loss: Literal["bce", "mse"] = "bce"
     weighted: bool = True
-    colours: int = Field(6, ge=1, le=64)
+    colors: int = Field(6, ge=1, le=64)
     average: float = Field(0.99, ge=0, lt=1)
     size: int | None = Field(None, ge=16)
     crop: int = Field(0, ge=0)

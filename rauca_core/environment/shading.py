@@ -1,8 +1,8 @@
 """The plain neural renderer's picture of the vehicle, x_nr: the published extractor's second input.
 
 Neural Renderer lights its mesh by itself: ambient 0.5 plus directional 0.5 from above, on sRGB values, with no shadows
-and no background. So ``x_nr = colour * (0.5 + 0.5 * max(n_z, 0))``, and everything else is left to the extractor. Faces
-that take no camouflage are shaded in their own colours. One camera's shading serves every colour, weather and place.
+and no background. So ``x_nr = color * (0.5 + 0.5 * max(n_z, 0))``, and everything else is left to the extractor. Faces
+that take no camouflage are shaded in their own colors. One camera's shading serves every color, weather and place.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Camera, Vehicle
-from ..contract.colour import srgb_from_linear
+from ..contract.color import srgb_from_linear
 from ..render import rasterize
 from ..render.raster.pattern import pattern
 from ..render.sampling.surface import find_surface
@@ -30,7 +30,7 @@ class PlainShading:
 
     Attributes:
         paint: (1, H, W) float32, shading of the paint times its coverage of the pixel.
-        rest: (3, H, W) float32 sRGB values, the other faces in their own colours, shaded, times coverage.
+        rest: (3, H, W) float32 sRGB values, the other faces in their own colors, shaded, times coverage.
         coverage: (1, H, W) float32 of the whole vehicle.
     """
 
@@ -38,24 +38,24 @@ class PlainShading:
     rest: Tensor
     coverage: Tensor
 
-    def x_nr(self, colour_srgb: Tensor) -> Tensor:
-        """The vehicle in paint of ``colour_srgb`` (..., 3, 1, 1) or (..., 3, H, W): x_nr (..., 3, H, W), sRGB values.
+    def x_nr(self, color_srgb: Tensor) -> Tensor:
+        """The vehicle in paint of ``color_srgb`` (..., 3, 1, 1) or (..., 3, H, W): x_nr (..., 3, H, W), sRGB values.
 
-        A texture is given per pixel, normalised by coverage, as the taps give it.
+        A texture is given per pixel, normalized by coverage, as the taps give it.
         """
-        return colour_srgb * self.paint.to(colour_srgb) + self.rest.to(colour_srgb)
+        return color_srgb * self.paint.to(color_srgb) + self.rest.to(color_srgb)
 
 
 def plain_shading(vehicle: Vehicle, camera_in_vehicle: Camera) -> PlainShading:
-    """Rasterise and shade one view; see the module for the light."""
+    """Rasterize and shade one view; see the module for the light."""
     raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, pattern=pattern(SUBSAMPLES, "grid"))
     surface = find_surface(raster, np.ones(len(vehicle.triangles), bool))
     upward = surface.interpolate(vehicle.normals[..., 2:])[:, 0]
     light = AMBIENT + DIRECTIONAL * np.maximum(upward, 0.0)
     painted = vehicle.paint_faces()[surface.faces]
-    colours = srgb_from_linear(np.array([m.base_color for m in vehicle.materials]))[vehicle.material[surface.faces]]
+    colors = srgb_from_linear(np.array([m.base_color for m in vehicle.materials]))[vehicle.material[surface.faces]]
     values = np.concatenate(
-        [(light * painted)[:, None], colours * (light * ~painted)[:, None], np.ones((len(light), 1))], 1
+        [(light * painted)[:, None], colors * (light * ~painted)[:, None], np.ones((len(light), 1))], 1
     )
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
     rows, columns = np.nonzero(surface.index >= 0)

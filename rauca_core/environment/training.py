@@ -20,11 +20,11 @@ from ..board import Board
 from ..checkpoint_files import POINTER
 from ..contract import RaucaError, StoppedError
 from ..contract.files import append_line
-from ..contract.recolour import TEST
+from ..contract.recolor import TEST
 from ..contract.seeding import named_rng
 from ..cpu import keep_large_blocks, threads
 from ..folder_lock import alone_in
-from ..optimisers import AdamW
+from ..optimizers import AdamW
 from ..stopping import StopRequest, stop_request
 from ..team import Team
 from .averaging import WeightAverage
@@ -144,7 +144,7 @@ class _Training:
         self.average = WeightAverage(self.net, job.settings.average)
         settings = job.settings
         # Without weight decay AdamW is Adam.
-        self.optimiser = AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
+        self.optimizer = AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
         self.identity = {
             **settings.identity(),
             **job.identity,
@@ -161,7 +161,7 @@ class _Training:
         folder = job.out / CHECKPOINTS
         if resume:
             state = load_state(folder, self.identity)
-            restore(self.net, self.optimiser, state.tensors, folder)
+            restore(self.net, self.optimizer, state.tensors, folder)
             self.average.restore(state.tensors)
             self.errors = state.errors
         board = Board(job.out / "tensorboard", len(self.errors)) if self.team.leads else None
@@ -204,9 +204,9 @@ class _Training:
         # A process that is left without an item takes one that counts for nothing: all must join in the mean.
         mine = self.team.share(items) or items[:1]
         weight = len(self.team.share(items)) * self.team.size / len(items)
-        for group in self.optimiser.param_groups:
+        for group in self.optimizer.param_groups:
             group["lr"] = settings.lr * self._schedule((epoch - 1) * self.steps + step)
-        self.optimiser.zero_grad()
+        self.optimizer.zero_grad()
         with self._precision():
             loss = self.job.learner.loss(self.wrapped, mine, draw)
         (loss * weight).backward()
@@ -216,7 +216,7 @@ class _Training:
                 f"epoch {epoch}, step {step + 1}: the loss or its gradient is not finite on frame "
                 f"{self._culprit(mine, draw)}; remove the frame, or lower the learning rate"
             )
-        self.optimiser.step()
+        self.optimizer.step()
         self.average.update((epoch - 1) * self.steps + step + 1)
         return float(loss.detach()) * weight
 
@@ -263,7 +263,7 @@ class _Training:
                 job.keep(epoch, found)
         # Before the checkpoint: a kill in between repeats the epoch and its line, and loses neither.
         append_line(job.out / LEDGER, _line(report, found))
-        tensors = state_tensors(self.net, self.optimiser) | self.average.tensors()
+        tensors = state_tensors(self.net, self.optimizer) | self.average.tensors()
         save_state(job.out / CHECKPOINTS, TrainingState(epoch, self.errors, self.identity, tensors))
         _record(board, report, found)
         on_epoch(report)

@@ -1,4 +1,4 @@
-"""Checkpoints of a training: network, optimiser and errors so far; a killed run goes on to the same bits."""
+"""Checkpoints of a training: network, optimizer and errors so far; a killed run goes on to the same bits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TrainingState:
     Attributes:
         errors: mean absolute test error S_0 ... S_epoch.
         identity: what the run depends on, as JSON.
-        tensors: the network's as ``net.*``, the optimiser's as ``optimiser.<parameter>.<name>``, and the weights' mean
+        tensors: the network's as ``net.*``, the optimizer's as ``optimizer.<parameter>.<name>``, and the weights' mean
             as ``average.*``.
     """
 
@@ -36,25 +36,25 @@ class TrainingState:
     tensors: dict[str, Tensor]
 
 
-def state_tensors(net: nn.Module, optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
+def state_tensors(net: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     """Everything that a step changes."""
     tensors = {f"net.{name}": value for name, value in net.state_dict().items()}
-    for number, entries in optimiser.state_dict()["state"].items():
-        tensors |= {f"optimiser.{number}.{name}": torch.as_tensor(value) for name, value in entries.items()}
+    for number, entries in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{number}.{name}": torch.as_tensor(value) for name, value in entries.items()}
     return tensors
 
 
-def restore(net: nn.Module, optimiser: torch.optim.Optimizer, tensors: dict[str, Tensor], where: Path) -> None:
+def restore(net: nn.Module, optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], where: Path) -> None:
     """Put saved tensors back; raises :class:`RaucaError` when they are another network's."""
     weights = {name[4:]: value for name, value in tensors.items() if name.startswith("net.")}
     state: dict[int, dict[str, Tensor]] = {}
     for name, value in tensors.items():
-        if name.startswith("optimiser."):
+        if name.startswith("optimizer."):
             _, number, entry = name.split(".", 2)
             state.setdefault(int(number), {})[entry] = value
     try:
         net.load_state_dict(weights)
-        optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+        optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
     except (RuntimeError, ValueError, KeyError) as error:
         raise RaucaError(f"{where}: a checkpoint of another network; {OTHER_RUN}") from error
 

@@ -1,4 +1,4 @@
-"""How far the neural renderer is from the renderer it stands in for: coverage and colour, frame by frame."""
+"""How far the neural renderer is from the renderer it stands in for: coverage and color, frame by frame."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def find_vehicles(names: Sequence[str]) -> list[VehicleChoice]:
         if not (folder / "vehicle.json").is_file():
             raise RaucaError(
                 f"--vehicle {name}: no vehicle folder; give one, such as the `vehicle` folder of the data set that the "
-                f"camouflage was optimised on, or one of {', '.join(shipped)}"
+                f"camouflage was optimized on, or one of {', '.join(shipped)}"
             )
         vehicles.append(read_vehicle_choice(folder))
     return vehicles
@@ -137,7 +137,7 @@ def match(
             known = ", ".join(f"{v.name} ({v.atlas_id})" for v in vehicles)
             raise RaucaError(
                 f"{contestant.path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, there are {known}; "
-                "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimised on"
+                "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimized on"
             )
         matched[by_atlas[record.atlas_id]].append(contestant)
     result = {vehicle: some for vehicle, some in matched.items() if some or everyone}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
-from .colours import Style, colour_rules, themed_colour
+from .colors import Style, color_rules, themed_color
 
 _SHAPES = {
     "o": '<circle cx="14" cy="6" r="3.6"/>',
@@ -22,7 +22,7 @@ _SHAPES = {
 
 def page(title: str, header: str, sections: Iterable[str], footer: str) -> str:
     """A whole document; no script, nothing loaded from elsewhere."""
-    css = Path(__file__).with_name("report.css").read_text(encoding="utf-8") + colour_rules()
+    css = Path(__file__).with_name("report.css").read_text(encoding="utf-8") + color_rules()
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -47,7 +47,7 @@ def image(data: bytes, kind: str, alt: str) -> str:
 
 
 def drawing(svg: str, alt: str) -> str:
-    """An ``<svg>`` element put into the page, so that it takes part in its colours."""
+    """An ``<svg>`` element put into the page, so that it takes part in its colors."""
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(alt, quote=True)}"', 1)
 
 
@@ -60,9 +60,9 @@ def figure(img: str, caption: str, more: str = "", kind: str = "") -> str:
 def swatch(style: Style) -> str:
     """A paint's line and mark, as plots draw them."""
     dash = {"--": ' stroke-dasharray="5 3"', ":": ' stroke-dasharray="1.5 2.5"'}.get(style.dashes, "")
-    colour = themed_colour(style.light)
+    color = themed_color(style.light)
     return (
-        f'<svg class="swatch" viewBox="0 0 28 12" aria-hidden="true" style="color:{colour}">'
+        f'<svg class="swatch" viewBox="0 0 28 12" aria-hidden="true" style="color:{color}">'
         f'<path d="M0 6H28" stroke="currentColor" stroke-width="2"{dash}/>'
         f'<g fill="currentColor">{_SHAPES[style.mark]}</g></svg>'
     )

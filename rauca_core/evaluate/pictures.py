@@ -17,7 +17,7 @@ from .detection_cache import Found
 
 TILE = 300  # pixels across a picture of the grid
 MAP = 512  # and a UV map
-TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#4cc2ff", "#ff6a3d", "#ffd84d"  # told apart with any colour vision
+TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#4cc2ff", "#ff6a3d", "#ffd84d"  # told apart with any color vision
 _CASING = "#00000090"  # keeps the thin true box visible on white cars
 
 
@@ -40,8 +40,8 @@ def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: 
         box = _in_window(found.boxes[i], window)
         if found.scores[i] >= threshold and (box[2:] > 0).all() and (box[:2] < TILE).all():
             right = overlaps[i] >= IOU_THRESHOLD
-            colour = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
-            labels.add(box, f"{found.names[i]} {found.scores[i]:.2f}", colour)
+            color = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
+            labels.add(box, f"{found.names[i]} {found.scores[i]:.2f}", color)
     labels.draw()
     return _jpeg(picture)
 
@@ -54,21 +54,21 @@ class _Labels:
         self._font = ImageFont.load_default(17)
         self._placed: list[tuple[int, int, int, int, str, str]] = []
 
-    def add(self, box: NDArray[np.float64], text: str, colour: str) -> None:
+    def add(self, box: NDArray[np.float64], text: str, color: str) -> None:
         """Outline the box; its label goes above it, below it, or to the next free height."""
         left, top, right, bottom = box.tolist()
-        self._pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=colour, width=2)
+        self._pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=color, width=2)
         _, _, width, height = (int(v) for v in self._font.getbbox(text))
         width, height = width + 6, height + 4
         x = int(min(max(left, 0), TILE - width))
         wanted = [top - height, bottom, top, *range(0, TILE - height, height)]
         heights = [int(min(max(y, 0), TILE - height)) for y in wanted]
         y = next((y for y in heights if self._free(x, y, width, height)), heights[0])
-        self._placed.append((x, y, x + width, y + height, text, colour))
+        self._placed.append((x, y, x + width, y + height, text, color))
 
     def draw(self) -> None:
-        for left, top, right, bottom, text, colour in reversed(self._placed):
-            self._pen.rectangle((left, top, right, bottom), fill=colour)
+        for left, top, right, bottom, text, color in reversed(self._placed):
+            self._pen.rectangle((left, top, right, bottom), fill=color)
             self._pen.text((left + 3, top + 1), text, fill="#101418", font=self._font)
 
     def _free(self, x: int, y: int, width: int, height: int) -> bool:
@@ -79,7 +79,7 @@ class _Labels:
 
 
 def _window(truth: NDArray[np.float64], width: int, height: int) -> tuple[float, float, float]:
-    """Left, top and side of a square inside the image, half as large again as the target and centred on it; pixels."""
+    """Left, top and side of a square inside the image, half as large again as the target and centered on it; pixels."""
     side = min(float(width), float(height), max(1.5 * (truth[2:] - truth[:2]).max(), 32.0))
     left = np.clip((truth[0] + truth[2] - side) / 2, 0, width - side)
     top = np.clip((truth[1] + truth[3] - side) / 2, 0, height - side)

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .colours import COLOURS, PALETTE, Style, themed_colour
+from .colors import COLORS, PALETTE, Style, themed_color
 from .tables.model import Block, Table
 
 INK, GRID = "#1c2128", "#dde1e6"
@@ -116,8 +116,8 @@ def history_svg(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
         figure = Figure(figsize=(4.6 * columns + 0.4, 2.6 * rows), layout="constrained")
         for index, (name, terms) in enumerate(histories.items(), start=1):
             axes = figure.add_subplot(rows, columns, index)
-            for (colour, _), (term, values) in zip(PALETTE * 3, terms.items(), strict=False):
-                axes.plot(np.arange(1, len(values) + 1), values, color=colour, lw=1.2, label=term)
+            for (color, _), (term, values) in zip(PALETTE * 3, terms.items(), strict=False):
+                axes.plot(np.arange(1, len(values) + 1), values, color=color, lw=1.2, label=term)
             axes.set(xlabel="step", title=name)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)
         return _svg(figure)
@@ -131,6 +131,6 @@ def _svg(figure: Figure) -> str:
 
 
 def themed(svg: str) -> str:
-    """The same picture in the page's colours, so that it follows the reader's choice of light or dark."""
-    named = {INK: "currentColor", GRID: "var(--line)", **{light: themed_colour(light) for light, _ in COLOURS}}
+    """The same picture in the page's colors, so that it follows the reader's choice of light or dark."""
+    named = {INK: "currentColor", GRID: "var(--line)", **{light: themed_color(light) for light, _ in COLORS}}
     return re.sub("|".join(named), lambda found: named[found[0]], svg)

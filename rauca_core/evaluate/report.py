@@ -10,7 +10,7 @@ from pathlib import Path
 from .. import __version__
 from ..contract.files import write_bytes
 from . import pages, sections
-from .colours import paint_styles
+from .colors import paint_styles
 from .data_section import anchors_of, data_section
 from .headline import headline, scope
 from .study import Study
@@ -24,7 +24,7 @@ class ReportNotes:
 
     Attributes:
         title: of the page.
-        histories: camouflage -> term -> one value per optimisation step.
+        histories: camouflage -> term -> one value per optimization step.
         settings: name -> value, as the reader should see them.
         commands: more commands behind the page's numbers than the study's own.
         timings_s: stage -> seconds.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from . import pages, plots
-from .colours import Style
+from .colors import Style
 from .defended import NO_DEFENCE
 from .grid import PICTURE_THRESHOLD, FramePicker
 from .maps import maps_of
@@ -46,7 +46,7 @@ def _reading(drawn: Sequence[Table], study: Study) -> str:
         f"Below each value: its 95 % interval, by bootstrap over {first.clusters}.",
     ]
     if any(column.white_box for column in columns):
-        notes.append("White-box: a camouflage was optimised against this detector (shaded where the two meet).")
+        notes.append("White-box: a camouflage was optimized against this detector (shaded where the two meet).")
     if any(column.own for column in columns):
         notes.append(
             "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
@@ -152,16 +152,16 @@ def maps(study: Study) -> list[str]:
 def training(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> list[str]:
     if not histories:
         return []
-    drawn = pages.drawing(plots.themed(plots.history_svg(histories)), "loss against optimisation step")
-    figure = pages.figure(drawn, "Each term of the loss against the optimisation step.", kind="history")
-    return [pages.section("Optimisation", figure)]
+    drawn = pages.drawing(plots.themed(plots.history_svg(histories)), "loss against optimization step")
+    figure = pages.figure(drawn, "Each term of the loss against the optimization step.", kind="history")
+    return [pages.section("Optimization", figure)]
 
 
 def limitations(study: Study, more: Sequence[str]) -> str:
     general = [
         "Rendered frames are not photographs: what holds here need not hold for a real vehicle, camera and paint.",
         "The intervals say how much the numbers would move with other draws of what the bootstrap draws; other towns, "
-        "other vehicles and other optimisation runs are not part of them.",
+        "other vehicles and other optimization runs are not part of them.",
         "Every image holds one target; a detection of its class anywhere else counts as a false positive.",
     ]
     fewest = min(len(entry.results.frames) for entry in study.entries)

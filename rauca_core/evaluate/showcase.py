@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..contract import RaucaError
 from ..contract.files import write_bytes
-from .colours import paint_styles
+from .colors import paint_styles
 from .defended import NO_DEFENCE
 from .grid import FramePicker
 from .maps import maps_of

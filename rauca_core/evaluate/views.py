@@ -26,7 +26,7 @@ RINGS = {
     "paper": Ring(_AZIMUTHS, (0.0, 22.5, 45.0, 67.5), (5.0, 10.0, 15.0, 20.0), **_JITTER),
 }
 RING = RINGS["street"]
-REACH_M = 3.5  # from a vehicle's centre to its corner; what reaches farther is seen from farther away
+REACH_M = 3.5  # from a vehicle's center to its corner; what reaches farther is seen from farther away
 
 
 @dataclass(frozen=True)

@@ -122,18 +122,18 @@ def _filled(sections: Points) -> tuple[Points, NDArray[np.int64]]:
 
 def _add_engine(parts: MeshParts, engine: dict[str, Any]) -> None:
     """A turbofan in its nacelle, on a short pylon."""
-    x, y, z = engine["centre"]
-    centre = (x, y, z)
+    x, y, z = engine["center"]
+    center = (x, y, z)
     pieces = {
         "paint/nacelle": [[0.19, -0.72], [0.25, -0.45], [0.305, -0.05], [0.33, 0.30], [0.322, 0.58], [0.300, 0.70]],
         "steel": [[0.300, 0.70], [0.285, 0.735], [0.268, 0.72], [0.255, 0.64]],
         "dark": [[0.255, 0.64], [0.255, 0.36], [0.08, 0.36]],
     }
     for material, outline in pieces.items():
-        parts.grid(turned_along_x(np.array(outline), 32, centre), material)
-    parts.grid(turned_along_x(np.array([[0.08, 0.36], [0.06, 0.46], [0.0, 0.52]]), 16, centre), "steel")
-    parts.grid(turned_along_x(np.array([[0.0, -1.0], [0.08, -0.82], [0.12, -0.60]]), 16, centre), "steel")
-    parts.grid(turned_along_x(np.array([[0.12, -0.60], [0.17, -0.60], [0.19, -0.72]]), 32, centre), "dark")
+        parts.grid(turned_along_x(np.array(outline), 32, center), material)
+    parts.grid(turned_along_x(np.array([[0.08, 0.36], [0.06, 0.46], [0.0, 0.52]]), 16, center), "steel")
+    parts.grid(turned_along_x(np.array([[0.0, -1.0], [0.08, -0.82], [0.12, -0.60]]), 16, center), "steel")
+    parts.grid(turned_along_x(np.array([[0.12, -0.60], [0.17, -0.60], [0.19, -0.72]]), 32, center), "dark")
     for blade in range(12):
         turn = 2 * np.pi * blade / 12
         out = np.array([0.0, np.cos(turn), np.sin(turn)])

@@ -27,7 +27,7 @@ def assemble(
 ) -> Vehicle:
     """Weld, place, shade and unwrap a vehicle; deterministic.
 
-    It is moved so that its bounding box is centred over the origin and stands on z = 0.
+    It is moved so that its bounding box is centered over the origin and stands on z = 0.
 
     Args:
         parts: faces named ``material`` or ``material/panel``; a painted panel is cut from all others in the UV atlas.

@@ -13,7 +13,7 @@ from .bake_fill import fill_gaps
 from .bake_fit import fit_texture
 from .bake_samples import samples
 
-ColourAt = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float32]]
+ColorAt = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float32]]
 MAX_PER_TEXEL = 8
 
 
@@ -24,7 +24,7 @@ class Carried:
     Attributes:
         linear: (N, N, 3) float32 linear, row 0 at the top; between the islands it continues them.
         read: (N, N) True on texels that the surface reads.
-        overlap: share of the sample points on the surface that two faces claim; both cannot have their colours there.
+        overlap: share of the sample points on the surface that two faces claim; both cannot have their colors there.
     """
 
     linear: NDArray[np.float32]
@@ -36,11 +36,11 @@ def carry(
     source_uvs: NDArray[np.floating],
     target_uvs: NDArray[np.floating],
     size: int,
-    colour_at: ColourAt,
+    color_at: ColorAt,
     source_size: int,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Carried:
-    """Carry the colours of a surface from one UV layout to another.
+    """Carry the colors of a surface from one UV layout to another.
 
     Every texel of the target is sampled about twice as densely as either layout has texels, each sample reads the
     source where the same point of the surface lies in it, and the texture is the one whose bilinear interpolation
@@ -49,27 +49,27 @@ def carry(
     Args:
         source_uvs, target_uvs: (F, 3, 2) of the same faces, u to the right, v up; the target's within [0, 1].
         size: the result is ``size`` x ``size`` texels.
-        colour_at: linear RGB (N, 3) at source UVs (N, 2) on faces (N,), which may differ in what they show.
+        color_at: linear RGB (N, 3) at source UVs (N, 2) on faces (N,), which may differ in what they show.
         source_size: texels of the source along one side.
         progress: called now and then with the finished share; may raise to give up.
     """
     n = samples_per_texel(source_uvs, target_uvs, source_size, size)
     side = size * n
     # One texel of margin around the grid, so that no sample lies in the outermost texel. Half floats keep 11 bits of
-    # a colour, more than the 8 that are written, and halve the largest array of all.
-    colours = np.zeros((side + 2 * n, side + 2 * n, 3), np.float16)
+    # a color, more than the 8 that are written, and halve the largest array of all.
+    colors = np.zeros((side + 2 * n, side + 2 * n, 3), np.float16)
     hits = np.zeros((side + 2 * n, side + 2 * n), np.uint32)  # more faces may be stacked than a byte counts
     expected = max(np.abs(signed_uv_area(target_uvs)).sum() * side**2, 1.0)
     done = 0
     for found in samples(source_uvs, target_uvs, side):
         place = found.row + n, found.column + n
-        colours[place] = colour_at(found.face, found.uv)
+        colors[place] = color_at(found.face, found.uv)
         # One flat index and no wider number: the only case that NumPy counts fast in.
         np.add.at(hits.reshape(-1), np.ravel_multi_index(place, hits.shape), np.uint32(1))
         done += len(found.face)
         progress(0.5 * min(done / expected, 1.0))
     hit = hits > 0
-    fit = fit_texture(colours, hit, n, lambda share: progress(0.5 + 0.4 * share))
+    fit = fit_texture(colors, hit, n, lambda share: progress(0.5 + 0.4 * share))
     inside = slice(1, -1), slice(1, -1)
     linear = fill_gaps(fit.linear[inside], fit.read[inside])
     progress(1.0)

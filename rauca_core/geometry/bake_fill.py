@@ -1,4 +1,4 @@
-"""Colours for the texels between islands: no reader, at no mip level, meets anything but paint."""
+"""Colors for the texels between islands: no reader, at no mip level, meets anything but paint."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def fill_gaps(linear: NDArray[np.float32], known: NDArray[np.bool_], dilation: i
 def _dilated(
     linear: NDArray[np.float32], known: NDArray[np.bool_], steps: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Each step gives the unknown neighbours of known texels the mean of these."""
+    """Each step gives the unknown neighbors of known texels the mean of these."""
     # A border of one unknown texel spares every step the question of what lies beyond.
-    colours, done = np.pad(linear, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
+    colors, done = np.pad(linear, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
     width = done.shape[1]
     ring = np.array([y * width + x for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x])
-    flat, flags = colours.reshape(-1, 3), done.reshape(-1)
+    flat, flags = colors.reshape(-1, 3), done.reshape(-1)
     inside = np.pad(np.ones_like(known), 1).reshape(-1)
     frontier = np.flatnonzero(flags)
     for _ in range(steps):
@@ -45,7 +45,7 @@ def _dilated(
         mean = (flat[around] * share[..., None]).sum(axis=1) / share.sum(axis=1, keepdims=True)
         flat[frontier] = mean
         flags[frontier] = True
-    return colours[1:-1, 1:-1], done[1:-1, 1:-1]
+    return colors[1:-1, 1:-1], done[1:-1, 1:-1]
 
 
 def _mip_filled(linear: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""The texture whose bilinear interpolation comes closest to given colours on the surface: linear least squares.
+"""The texture whose bilinear interpolation comes closest to given colors on the surface: linear least squares.
 
 An average over a texel's footprint is blurred a second time when it is read. The fit is not: on a camouflage with
 details as fine as its texels it gains 2 to 4 dB, and it gives the texels around a seam the values that its two sides
@@ -28,15 +28,15 @@ class Fit:
 
 
 def fit_texture(
-    colours: NDArray[np.float16], hit: NDArray[np.bool_], per_texel: int, progress: Callable[[float], None]
+    colors: NDArray[np.float16], hit: NDArray[np.bool_], per_texel: int, progress: Callable[[float], None]
 ) -> Fit:
     """Fit a texture to samples on a regular grid.
 
-    Minimises ``sum over samples of (bilinear(t) - c)^2 + hold * |t - average|^2`` by conjugate gradients, started from
-    the samples' average and clipped to [0, 1] at the end. float32: values are colours, sums run over a few dozen.
+    Minimizes ``sum over samples of (bilinear(t) - c)^2 + hold * |t - average|^2`` by conjugate gradients, started from
+    the samples' average and clipped to [0, 1] at the end. float32: values are colors, sums run over a few dozen.
 
     Args:
-        colours: (H * n, W * n, 3) linear, n = ``per_texel`` samples per texel and axis; read where ``hit``. A sample
+        colors: (H * n, W * n, 3) linear, n = ``per_texel`` samples per texel and axis; read where ``hit``. A sample
             may not lie in the outermost texels: half of what it reads would be missing.
         hit: (H * n, W * n) True on samples that lie on the surface.
         progress: called with the finished share in [0, 1]; may raise to give up.
@@ -47,7 +47,7 @@ def fit_texture(
     hold = np.float32(HOLD * per_texel**2)
     linear = np.empty((*weight.shape, 3), np.float32)
     for channel in range(3):
-        wanted = _gathered(colours[..., channel], hit, per_texel)
+        wanted = _gathered(colors[..., channel], hit, per_texel)
         start = np.where(read, wanted / np.maximum(weight, 1e-12), 0)
         progress((channel + 0.3) / 3)
         fitted = _solve(coupling, wanted + hold * start, start, hold)
@@ -74,7 +74,7 @@ def _phases(n: int) -> list[tuple[int, int, list[tuple[Offset, float]]]]:
 
 
 def _coupling(hit: NDArray[np.bool_], n: int) -> dict[Offset, Plane]:
-    """The normal matrix: ``coupling[d][t]`` couples the texels ``t`` and ``t + d``, neighbours or the same."""
+    """The normal matrix: ``coupling[d][t]`` couples the texels ``t`` and ``t + d``, neighbors or the same."""
     shape = hit.shape[0] // n, hit.shape[1] // n
     planes: dict[Offset, Plane] = {(y, x): np.zeros(shape, np.float32) for y in (-1, 0, 1) for x in (-1, 0, 1)}
     for i, j, taps in _phases(n):

@@ -22,9 +22,9 @@ class Samples:
 
 
 def samples(source_uvs: NDArray[np.floating], target_uvs: NDArray[np.floating], side: int) -> Iterator[Samples]:
-    """Visit the centres of a ``side`` x ``side`` grid over the target layout, row 0 at the top (v = 1).
+    """Visit the centers of a ``side`` x ``side`` grid over the target layout, row 0 at the top (v = 1).
 
-    A centre on the edge that two faces share belongs to one of them. Within a face the two layouts are affine to each
+    A center on the edge that two faces share belongs to one of them. Within a face the two layouts are affine to each
     other, so ``uv`` is exact. float64, for faces thinner than a texel.
 
     Args:
@@ -52,14 +52,14 @@ def _affine(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[N
     """Source UV at each face's first corner (F, 2), and its change (F, 2, 2) per step in the target."""
     d, s = (np.swapaxes(x[:, 1:] - x[:, :1], 1, 2) for x in (target, source))
     area = d[:, 0, 0] * d[:, 1, 1] - d[:, 0, 1] * d[:, 1, 0]
-    safe = np.where(np.abs(area) > 1e-30, area, 1.0)  # a face without area holds no centre
+    safe = np.where(np.abs(area) > 1e-30, area, 1.0)  # a face without area holds no center
     inverse = np.stack([d[:, 1, 1], -d[:, 0, 1], -d[:, 1, 0], d[:, 0, 0]], axis=1).reshape(-1, 2, 2)
     return source[:, 0], s @ (inverse / safe[:, None, None])
 
 
 def _spans(corners: NDArray[np.float64], side: int) -> tuple[NDArray[np.int64], ...]:
-    """(face, row, first column, number of columns) of every run of centres inside a face."""
-    low, high = (_centre(f(corners[..., 1], axis=1), side) for f in (np.min, np.max))
+    """(face, row, first column, number of columns) of every run of centers inside a face."""
+    low, high = (_center(f(corners[..., 1], axis=1), side) for f in (np.min, np.max))
     rows = high - low
     face = np.repeat(np.arange(len(corners)), rows)
     row = low[face] + np.arange(len(face)) - np.repeat(np.cumsum(rows) - rows, rows)
@@ -72,12 +72,12 @@ def _spans(corners: NDArray[np.float64], side: int) -> tuple[NDArray[np.int64], 
         x = p[:, 0] + (q[:, 0] - p[:, 0]) * ((row + 0.5 - p[:, 1]) / steep)
         left = np.where(turn * rise < 0, np.maximum(left, x), left)
         right = np.where(turn * rise > 0, np.minimum(right, x), right)
-    first = _centre(left, side)
-    count = np.maximum(_centre(right, side) - first, 0)
+    first = _center(left, side)
+    count = np.maximum(_center(right, side) - first, 0)
     keep = (count > 0) & (turn != 0)
     return face[keep], row[keep], first[keep], count[keep]
 
 
-def _centre(x: NDArray[np.float64], side: int) -> NDArray[np.int64]:
-    """The first centre at or after ``x``, within the grid."""
+def _center(x: NDArray[np.float64], side: int) -> NDArray[np.int64]:
+    """The first center at or after ``x``, within the grid."""
     return np.ceil(np.clip(x, 0, side) - 0.5).astype(np.int64)

@@ -44,7 +44,7 @@ def add_mast(parts: MeshParts, mast: dict[str, Any]) -> None:
 
 
 def add_seats(parts: MeshParts, seats: list[list[float]]) -> None:
-    """Padded boxes: centre and size of each; metres."""
+    """Padded boxes: center and size of each; metres."""
     for x, y, z, length, width, height in seats:
         add_box(parts, (x, y, z), (length, width, height), "seat", 0.04)
 

@@ -130,15 +130,15 @@ class Body:
         x = self.side_x()
         bottom_x, floor = x.copy(), np.full(len(x), np.nan)
         radius, hub = wheels["arch_radius"], wheels["radius"]
-        for centre in (wheels["front_x"], wheels["rear_x"]):
-            reach = np.abs(x - centre)
+        for center in (wheels["front_x"], wheels["rear_x"]):
+            reach = np.abs(x - center)
             fan, leg, free = radius + ARCH_FAN_M, radius + 2 * ARCH_FAN_M, radius + 6 * ARCH_FAN_M
-            sign = np.sign(x - centre)
+            sign = np.sign(x - center)
             low = np.interp(reach, [fan, leg, free], [radius, radius + 0.4 * ARCH_FAN_M, free])
-            bottom_x = np.where((reach > fan) & (reach < free), centre + sign * low, bottom_x)
+            bottom_x = np.where((reach > fan) & (reach < free), center + sign * low, bottom_x)
             over = reach <= fan
-            bottom_x = np.where(over, centre + (x - centre) * radius / fan, bottom_x)
-            rise = np.sqrt(np.clip(radius**2 - (bottom_x - centre) ** 2, 0, None))
+            bottom_x = np.where(over, center + (x - center) * radius / fan, bottom_x)
+            rise = np.sqrt(np.clip(radius**2 - (bottom_x - center) ** 2, 0, None))
             floor = np.where(over, hub + rise, floor)
             floor = np.where((reach > fan) & (reach < leg), hub + (reach - fan) / (leg - fan) * (0.2 - hub), floor)
         places, low_places = self.place_of_x(x), self.place_of_x(bottom_x)

@@ -17,7 +17,7 @@ RAIL_LIFT_M = 0.05
 def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
     """Add a left wheel: tyre, rim with five double spokes, brake disc."""
     radius, rim, width = wheels["radius"], wheels["rim_radius"], wheels["width"] / 2
-    centre = np.array([x, wheels["half_track"], radius])
+    center = np.array([x, wheels["half_track"], radius])
     wall = radius - rim
     tyre = np.array(
         [
@@ -34,7 +34,7 @@ def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
             [rim, width * 0.86],
         ]
     )
-    parts.grid(lathe(tyre, 48) + centre, "tyre", flip=True)
+    parts.grid(lathe(tyre, 48) + center, "tyre", flip=True)
     lip = np.array(
         [
             [rim + 0.004, width * 0.84],
@@ -45,19 +45,19 @@ def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
             [rim - 0.03, -width * 0.3],
         ]
     )
-    parts.grid(lathe(lip, 48) + centre, "rim", flip=True)
+    parts.grid(lathe(lip, 48) + center, "rim", flip=True)
     disc = np.array([[rim - 0.03, -width * 0.3], [0.16, -width * 0.28], [0.0, -width * 0.25]])
-    parts.grid(lathe(disc, 48) + centre, "dark", flip=True)
+    parts.grid(lathe(disc, 48) + center, "dark", flip=True)
     brake = np.array([[0.155, width * 0.0], [0.15, width * 0.05], [0.085, width * 0.05]])
-    parts.grid(lathe(brake, 32) + centre, "disc", flip=True)
+    parts.grid(lathe(brake, 32) + center, "disc", flip=True)
     hub = np.array([[0.075, 0.0], [0.072, width * 0.66], [0.045, width * 0.78], [0.0, width * 0.80]])
-    parts.grid(lathe(hub, 24) + centre, "rim", flip=True)
+    parts.grid(lathe(hub, 24) + center, "rim", flip=True)
     for k in range(5):
         for lean in (-1, 1):
-            _add_spoke(parts, centre, 2 * np.pi * k / 5 + np.pi / 2, lean, rim, width)
+            _add_spoke(parts, center, 2 * np.pi * k / 5 + np.pi / 2, lean, rim, width)
 
 
-def _add_spoke(parts: MeshParts, centre: Points, angle: float, lean: int, rim: float, width: float) -> None:
+def _add_spoke(parts: MeshParts, center: Points, angle: float, lean: int, rim: float, width: float) -> None:
     """One blade of a double spoke, from the hub to the rim's lip."""
     along = np.linspace(0.055, rim - 0.012, 5)
     t = (along - along[0]) / (along[-1] - along[0])
@@ -81,12 +81,12 @@ def _add_spoke(parts: MeshParts, centre: Points, angle: float, lean: int, rim: f
     )
     radial, across, out = section[..., 0], section[..., 1], section[..., 2]
     c, s = np.cos(angle), np.sin(angle)
-    points = np.stack([radial * c - across * s, out, radial * s + across * c], axis=-1) + centre
+    points = np.stack([radial * c - across * s, out, radial * s + across * c], axis=-1) + center
     parts.grid(points, "rim", flip=True)
 
 
-def add_mirror(parts: MeshParts, centre: list[float]) -> None:
-    """The left mirror: a rounded housing around ``centre`` on a stalk, its glass to the rear."""
+def add_mirror(parts: MeshParts, center: list[float]) -> None:
+    """The left mirror: a rounded housing around ``center`` on a stalk, its glass to the rear."""
     around = np.linspace(0, 2 * np.pi, 25)
     around[-1] = 0.0
     depth = np.array([-0.055, -0.060, -0.045, -0.010, 0.030, 0.055, 0.066])
@@ -96,11 +96,11 @@ def add_mirror(parts: MeshParts, centre: list[float]) -> None:
     z = np.sign(sine) * np.abs(sine) ** 0.7 * 0.066
     points = np.stack(
         [np.broadcast_to(depth[:, None], (7, 25)), scale[:, None] * y, scale[:, None] * z], axis=-1
-    ) + np.array(centre)
+    ) + np.array(center)
     names = np.full((6, 24), "mirror", dtype="U32")
     names[0] = "glass"
     parts.grid(points, names, flip=True)
-    x, y, z = centre
+    x, y, z = center
     add_box(parts, (x + 0.01, y - 0.10, z - 0.05), (0.06, 0.12, 0.03), "trim", 0.008)
 
 

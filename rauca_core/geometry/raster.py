@@ -1,4 +1,4 @@
-"""Which texels a triangle of the UV atlas covers: vectorised, without a window or a GPU."""
+"""Which texels a triangle of the UV atlas covers: vectorized, without a window or a GPU."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def covered(uvs: NDArray[np.floating], size: int, conservative: bool) -> tuple[N
     Args:
         uvs: (F, 3, 2) per corner, v up.
         size: the atlas is square, texels.
-        conservative: every texel whose square the triangle touches; else those whose centre lies strictly inside.
+        conservative: every texel whose square the triangle touches; else those whose center lies strictly inside.
 
     Returns:
         Flat texel indices (row * size + column, row 0 at the top) and the face of each, both (N,).
@@ -62,6 +62,6 @@ def _inside(
         dx, dy = sign * (q - p).T
         extent = np.abs(dx) + np.abs(dy)
         edge = dx[face] * (y - p[face, 1]) - dy[face] * (x - p[face, 0])
-        # The strict test keeps a margin: a centre on an edge two faces share belongs to neither, not to both.
+        # The strict test keeps a margin: a center on an edge two faces share belongs to neither, not to both.
         result &= edge >= -(half * extent)[face] if half else edge > (1e-7 * extent)[face]
     return result

@@ -22,13 +22,13 @@ class AtlasReport:
 
     Attributes:
         charts: connected pieces of the atlas.
-        overlap: texels whose centre lies inside more than one face, as a fraction of those inside any.
+        overlap: texels whose center lies inside more than one face, as a fraction of those inside any.
         density_spread: (charts,) area-weighted coefficient of variation, over the faces of one chart, of the texel
             density ``sqrt(uv area / surface area)``; 0 keeps every distance ratio of areas exactly.
         density_of_charts: coefficient of variation of the charts' mean densities, weighted by area.
         padding_texels: least number of untouched texels between two charts, up to ``PADDING_SEARCH``.
         border_texels: least number of untouched texels between a chart and the border of the atlas.
-        utilisation: fraction of the atlas's texels whose centre lies inside a face.
+        utilisation: fraction of the atlas's texels whose center lies inside a face.
         out_of_range: corners outside [0, 1].
         degenerate: faces of no UV area, or mirrored against the majority of their chart.
     """

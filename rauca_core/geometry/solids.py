@@ -25,7 +25,7 @@ def lathe(profile: Points, segments: int) -> Points:
 
 
 def add_box(
-    parts: MeshParts, centre: tuple[float, ...], size: tuple[float, ...], material: str, bevel: float = 0.0
+    parts: MeshParts, center: tuple[float, ...], size: tuple[float, ...], material: str, bevel: float = 0.0
 ) -> None:
     """Add a box, its four long edges seen along x chamfered by ``bevel``; metres."""
     half = np.array(size) / 2
@@ -48,16 +48,16 @@ def add_box(
     points = np.empty((len(x), len(ring), 3))
     points[..., 0] = x[:, None]
     points[..., 1:] = ring * scale[:, None, None]
-    parts.grid(points + np.array(centre), material, flip=True)
+    parts.grid(points + np.array(center), material, flip=True)
 
 
-def turned_along_x(profile: Points, segments: int, centre: tuple[float, float, float]) -> Points:
-    """Turn a profile (N, 2) of (radius, x) around the x axis through ``centre``: (segments + 1, N, 3) grid.
+def turned_along_x(profile: Points, segments: int, center: tuple[float, float, float]) -> Points:
+    """Turn a profile (N, 2) of (radius, x) around the x axis through ``center``: (segments + 1, N, 3) grid.
 
     The grid faces outwards where the profile runs forward (+x) on the outside.
     """
     across, along, up = np.moveaxis(lathe(profile, segments), -1, 0)
-    return np.stack([along, across, up], axis=-1) + np.array(centre)
+    return np.stack([along, across, up], axis=-1) + np.array(center)
 
 
 def add_tube(parts: MeshParts, path: Points, radius: float, material: str, sides: int = 6) -> None:

@@ -5,7 +5,7 @@ from .canvas import Canvas
 from .composite import composite, display, saturate, undisplay
 from .facet_texture import bake_facets, cell_positions
 from .pyramid import Pyramid
-from .raster.rasterise import Raster, rasterize
+from .raster.rasterize import Raster, rasterize
 from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
 from .taps import Taps, build_taps, tap_format

@@ -32,7 +32,7 @@ class TapRecipe(Protocol):
         ...
 
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
-        """The colours that the taps read, with their mip levels."""
+        """The colors that the taps read, with their mip levels."""
         ...
 
     def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
@@ -105,7 +105,7 @@ class TapCache:
     threads, vehicles and settings may share the folder. The most recently used taps stay in memory.
 
     Attributes:
-        pyramid: of the colours that the taps read.
+        pyramid: of the colors that the taps read.
     """
 
     def __init__(self, folder: Path, vehicle: Vehicle, settings: TapRecipe, memory_bytes: int = 2**30) -> None:
@@ -137,7 +137,7 @@ class TapCache:
     ) -> None:
         """Put the taps of all different cameras on disk; those in place are read, verified and left.
 
-        Meant for a thread beside the optimiser: the kernels leave Python's lock alone.
+        Meant for a thread beside the optimizer: the kernels leave Python's lock alone.
 
         Args:
             on_view: called with views done and views in all.

@@ -45,7 +45,7 @@ class Canvas:
         self.ticket = _Ticket.apply(texels_linear, self._sums)
 
     def see(self, operators: Sequence[SparseOperator]) -> Tensor:
-        """Colours (sum of rows, 3), linear, of several views, stacked."""
+        """Colors (sum of rows, 3), linear, of several views, stacked."""
         if self._tensor is not None:
             return apply_many(operators, self._tensor)
         pixels: Tensor = _See.apply(self.ticket, tuple(operators), self._levels, self._sums)

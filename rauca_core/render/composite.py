@@ -22,7 +22,7 @@ def composite(
 ) -> Tensor:
     """Light the paint: ``A * x + B``, per pixel and channel, linear.
 
-    A already holds the paint's coverage, so x must be the *coverage-normalised* texture; the plain average would darken
+    A already holds the paint's coverage, so x must be the *coverage-normalized* texture; the plain average would darken
     edges twice. ``alpha`` says where x_bar exists: where it is 0, x is the reference paint's albedo, which gives back
     the reference image.
 

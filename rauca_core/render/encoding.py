@@ -1,9 +1,9 @@
 """A view's taps in few bytes: what a file of the tap cache holds.
 
-Places are small steps: pixels ascend, the texels of a row ascend, and neighbouring rows begin at neighbouring texels.
+Places are small steps: pixels ascend, the texels of a row ascend, and neighboring rows begin at neighboring texels.
 Each step is an unsigned LEB128 number of mostly one or two bytes, decoded faster than an inflater could. Weights and
 coverage are 16-bit fractions of 65535; those of a row keep its sum, 65535 where nothing black is read, so a constant
-texture keeps its colour exactly.
+texture keeps its color exactly.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def from_fractions(fractions: NDArray[np.uint16]) -> NDArray[np.float32]:
 
 
 @njit(cache=True, nogil=True)
-def quantise_rows(indptr: Any, values: Any) -> Any:
+def quantize_rows(indptr: Any, values: Any) -> Any:
     """Round rows to uint16 that sum to what the row does: rounding errors are carried along the row, none is lost."""
     result = np.empty(values.shape[0], np.uint16)
     for row in range(indptr.shape[0] - 1):

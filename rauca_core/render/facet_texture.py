@@ -1,4 +1,4 @@
-"""The facet texture tensor T_fc as the texture itself, the way DAS and FCA optimise it.
+"""The facet texture tensor T_fc as the texture itself, the way DAS and FCA optimize it.
 
 A view reads the cells of the faces it sees, as Neural Renderer does; there is no UV map in between. To deploy such a
 texture it is baked: every texel of the atlas reads the cells of the face under it.
@@ -19,7 +19,7 @@ from .merge import filter_fragments
 from .onto_atlas import read_on_atlas
 from .pyramid import Pyramid
 from .raster.pattern import pattern
-from .raster.rasterise import rasterize
+from .raster.rasterize import rasterize
 from .sampling.facets import cell_points, check_texture_size, facet_fragments
 from .sampling.sampler import TEXTURE_SIZE
 from .sampling.surface import Array, Surface, find_surface
@@ -86,7 +86,7 @@ def bake_facets(vehicle: Vehicle, atlas: Pyramid, cells: Pyramid, texture_size: 
 def cell_positions(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> NDArray[np.float32]:
     """Where on the body each cell lies, metres: (paint faces * ts^3, 3), in the vehicle's frame.
 
-    The cell (0, 0, 0), which stands for no point, is put at the face's centre.
+    The cell (0, 0, 0), which stands for no point, is put at the face's center.
     """
     points = cell_points(texture_size)
     points[points.sum(1) == 0] = 1 / 3

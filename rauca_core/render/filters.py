@@ -1,4 +1,4 @@
-"""Pixel filters: how a renderer weighs the light that falls around a pixel's centre."""
+"""Pixel filters: how a renderer weighs the light that falls around a pixel's center."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours in compiled kernels: red, green and blue as one vector, loaded, scaled and added by one instruction each.
+"""Colors in compiled kernels: red, green and blue as one vector, loaded, scaled and added by one instruction each.
 
 Written per channel, the loops over taps were bound by the processor, not by memory: one vector for three numbers makes
 them a third faster. Rows of four numbers of which the last is spare (see `canvas`) never straddle a cache line, which
@@ -17,18 +17,18 @@ from numba.extending import intrinsic, models, register_model
 CHANNELS = 3
 
 
-class Colour(types.Type):
+class Color(types.Type):
     """Three numbers of one floating-point type."""
 
     def __init__(self, dtype: Any) -> None:
         self.dtype = dtype
-        super().__init__(name=f"Colour({dtype})")
+        super().__init__(name=f"Color({dtype})")
 
 
-@register_model(Colour)
-class _ColourModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, colour: Colour) -> None:
-        super().__init__(manager, colour, _vector(colour.dtype))
+@register_model(Color)
+class _ColorModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, color: Color) -> None:
+        super().__init__(manager, color, _vector(color.dtype))
 
 
 def _vector(dtype: Any) -> Any:
@@ -52,8 +52,8 @@ def _convert(builder: Any, vector: Any, before: Any, after: Any) -> Any:
 
 @intrinsic  # numba passes the first argument of each itself
 def _black(_context: Any) -> Any:
-    """Zeros, float64: where many colours are summed up."""
-    return Colour(types.float64)(), lambda *_: ir.Constant(_vector(types.float64), [0.0] * CHANNELS)
+    """Zeros, float64: where many colors are summed up."""
+    return Color(types.float64)(), lambda *_: ir.Constant(_vector(types.float64), [0.0] * CHANNELS)
 
 
 @intrinsic
@@ -66,42 +66,42 @@ def _load(_context: Any, array: Any, row: Any) -> Any:
         pointer = builder.inttoptr(address, ir.PointerType(_vector(array_type.dtype)))
         return builder.load(pointer, align=array_type.dtype.bitwidth // 8)
 
-    return Colour(array.dtype)(array, row), generate
+    return Color(array.dtype)(array, row), generate
 
 
 @intrinsic
-def _store(_context: Any, array: Any, row: Any, colour: Any) -> Any:
-    """``array[row, :3] = colour``, rounded to the array's type. ``row`` must lie inside."""
+def _store(_context: Any, array: Any, row: Any, color: Any) -> Any:
+    """``array[row, :3] = color``, rounded to the array's type. ``row`` must lie inside."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array_type, row_type, colour_type = signature.args
+        array_type, row_type, color_type = signature.args
         address = row_address(context, builder, array_type, arguments[0], row_type, arguments[1])
         pointer = builder.inttoptr(address, ir.PointerType(_vector(array_type.dtype)))
-        value = _convert(builder, arguments[2], colour_type.dtype, array_type.dtype)
+        value = _convert(builder, arguments[2], color_type.dtype, array_type.dtype)
         builder.store(value, pointer, align=array_type.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
-    return types.void(array, row, colour), generate
+    return types.void(array, row, color), generate
 
 
 @intrinsic
-def _add(_context: Any, total: Any, weight: Any, colour: Any) -> Any:
-    """``total + weight * colour``: the product in the colour's type, the sum in the total's."""
+def _add(_context: Any, total: Any, weight: Any, color: Any) -> Any:
+    """``total + weight * color``: the product in the color's type, the sum in the total's."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        total_type, weight_type, colour_type = signature.args
-        scalar = context.cast(builder, arguments[1], weight_type, colour_type.dtype)
-        weights: Any = ir.Constant(_vector(colour_type.dtype), ir.Undefined)
+        total_type, weight_type, color_type = signature.args
+        scalar = context.cast(builder, arguments[1], weight_type, color_type.dtype)
+        weights: Any = ir.Constant(_vector(color_type.dtype), ir.Undefined)
         for lane in range(CHANNELS):
             weights = builder.insert_element(weights, scalar, ir.Constant(ir.IntType(32), lane))
         product = builder.fmul(weights, arguments[2])
-        return builder.fadd(arguments[0], _convert(builder, product, colour_type.dtype, total_type.dtype))
+        return builder.fadd(arguments[0], _convert(builder, product, color_type.dtype, total_type.dtype))
 
-    return total(total, weight, colour), generate
+    return total(total, weight, color), generate
 
 
 @intrinsic
-def _is_black(_context: Any, colour: Any) -> Any:
+def _is_black(_context: Any, color: Any) -> Any:
     """Whether all three are zero; NaN is not."""
 
     def generate(_context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -110,7 +110,7 @@ def _is_black(_context: Any, colour: Any) -> Any:
         lanes = [builder.extract_element(equal, ir.Constant(ir.IntType(32), lane)) for lane in range(CHANNELS)]
         return builder.and_(builder.and_(lanes[0], lanes[1]), lanes[2])
 
-    return types.boolean(colour), generate
+    return types.boolean(color), generate
 
 
 add: Any = _add

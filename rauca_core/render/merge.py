@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..contract import Camera
 from .kernels import njit
-from .raster.rasterise import Raster
+from .raster.rasterize import Raster
 from .sampling.fragments import Fragments
 from .thin import Thinning, thin_row
 
@@ -152,10 +152,10 @@ def _read_pixel(
 
 
 def fill_fringe(rows: Rows, camera: Camera, threshold: float, count: int, thinning: Thinning) -> Rows:
-    """Give pixels of little or no coverage the texture of their painted neighbours.
+    """Give pixels of little or no coverage the texture of their painted neighbors.
 
     A pixel of alpha below ``threshold`` within two pixels of a painted one reads the mean of the rows in its 5x5
-    neighbourhood, weighted by ``alpha / (1 + distance^2)``, thinned. Other rows are copied. Alpha is 0 on pixels that
+    neighborhood, weighted by ``alpha / (1 + distance^2)``, thinned. Other rows are copied. Alpha is 0 on pixels that
     had none.
     """
     return Rows(*_fill(tuple(rows), (camera.width, camera.height), threshold, count, thinning))

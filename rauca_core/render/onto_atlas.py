@@ -17,7 +17,7 @@ from .product import from_triplets
 from .pyramid import Pyramid
 from .raster.atlas import rasterize_atlas
 from .raster.pattern import pattern
-from .raster.rasterise import Raster
+from .raster.rasterize import Raster
 from .sampling.fragments import Fragments
 from .sampling.surface import Array, Surface, find_surface
 from .sparse import SparseOperator
@@ -27,18 +27,18 @@ BAND = 128  # rows of the atlas read at once
 Look = Callable[[Surface], tuple[NDArray[np.int32], Array]]
 
 
-def read_on_atlas(vehicle: Vehicle, atlas: Pyramid, colours: Pyramid, look: Look) -> SparseOperator:
-    """From a list of colours to the paintable texels of the UV atlas.
+def read_on_atlas(vehicle: Vehicle, atlas: Pyramid, colors: Pyramid, look: Look) -> SparseOperator:
+    """From a list of colors to the paintable texels of the UV atlas.
 
     A texel is the mean over its subsamples on paint, the same that decide its coverage.
 
     Args:
         atlas: the vehicle's pyramid.
-        colours: the list that ``look`` reads, with its levels.
+        colors: the list that ``look`` reads, with its levels.
         look: from surface samples to places in that list (N, K) and weights (N, K), each row summing to 1.
 
     Returns:
-        Operator from ``colours.count`` to the ``len(atlas.texels)`` texels of ``atlas``; every row sums to 1.
+        Operator from ``colors.count`` to the ``len(atlas.texels)`` texels of ``atlas``; every row sums to 1.
 
     Raises:
         RaucaError: an atlas of another vehicle.
@@ -48,19 +48,19 @@ def read_on_atlas(vehicle: Vehicle, atlas: Pyramid, colours: Pyramid, look: Look
     rule = pattern(SUBSAMPLES)
     table, _ = filter_table("box", rule)
     texels_as_pixels = Camera(np.eye(3), np.eye(3), np.zeros(3), atlas.size, atlas.size)
-    thinning = Thinning.of(colours.tree, 0.0)
+    thinning = Thinning.of(colors.tree, 0.0)
     parts = []
     for raster in _bands(rasterize_atlas(uvs, atlas.size, SUBSAMPLES), BAND * rule.rows):
         surface = find_surface(raster, paint)
         places, weights = look(surface)
-        solid = np.ones(len(places), np.float32)  # paint that the mask halves has its full colour
+        solid = np.ones(len(places), np.float32)  # paint that the mask halves has its full color
         found = Fragments(surface.index, places, weights.astype(np.float32), solid)
-        read = merge_pixels(found, raster, texels_as_pixels, table, colours.count, thinning)
+        read = merge_pixels(found, raster, texels_as_pixels, table, colors.count, thinning)
         parts.append(_paintable_rows(read, atlas))
     if not parts or not np.array_equal(np.concatenate([part[0] for part in parts]), atlas.texels):
         raise RaucaError("texture: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")
     rows, columns, values = (np.concatenate([part[k] for part in parts]) for k in (1, 2, 3))
-    return from_triplets(rows, columns, values, (len(atlas.texels), colours.count))
+    return from_triplets(rows, columns, values, (len(atlas.texels), colors.count))
 
 
 def _bands(raster: Raster, rows: int) -> Iterator[Raster]:

@@ -1,6 +1,6 @@
 """Asking for memory before it is needed.
 
-Taps read texels all over a list of tens of megabytes, and a step of the optimiser between two reads has emptied the
+Taps read texels all over a list of tens of megabytes, and a step of the optimizer between two reads has emptied the
 caches: a gather then waits for memory at every tap. The addresses are known long before, so the kernels ask AHEAD.
 Where the caches are cold, as they are in a run, this is 2.5 times as fast; where they are warm, a quarter slower.
 """

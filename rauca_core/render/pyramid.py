@@ -110,25 +110,25 @@ class Pyramid:
         return uv_map.reshape(3, -1).index_select(1, index).T.contiguous()
 
     def to_map(self, texels: Tensor) -> Tensor:
-        """A UV map (3, size, size) from texels (P, 3), unpaintable texels filled from their paintable neighbours.
+        """A UV map (3, size, size) from texels (P, 3), unpaintable texels filled from their paintable neighbors.
 
-        Whoever filters the map without knowing its coverage (Cycles, a game engine) then meets no foreign colour. Give
+        Whoever filters the map without knowing its coverage (Cycles, a game engine) then meets no foreign color. Give
         linear texels: the filling averages light.
         """
         levels = self(texels.detach().cpu())
-        colour = np.zeros((self.sizes[-1], self.sizes[-1], 3), np.float32)
+        color = np.zeros((self.sizes[-1], self.sizes[-1], 3), np.float32)
         for slot in reversed(self.slots):
-            scale = len(slot) // len(colour)
-            colour = colour.repeat(scale, 0).repeat(scale, 1)
+            scale = len(slot) // len(color)
+            color = color.repeat(scale, 0).repeat(scale, 1)
             inside = slot >= 0
-            colour[inside] = levels[torch.from_numpy(slot[inside].astype(np.int64))].numpy()
-        _dilate(colour, np.where(self.slots[0] >= 0, 0, -1).astype(np.int8))
-        return torch.from_numpy(np.ascontiguousarray(colour.transpose(2, 0, 1)))
+            color[inside] = levels[torch.from_numpy(slot[inside].astype(np.int64))].numpy()
+        _dilate(color, np.where(self.slots[0] >= 0, 0, -1).astype(np.int8))
+        return torch.from_numpy(np.ascontiguousarray(color.transpose(2, 0, 1)))
 
 
 @njit(cache=True, nogil=True)
-def _dilate(colour: Any, since: Any) -> None:
-    """Grow known colours outwards in place, one texel per round, by the mean of known neighbours.
+def _dilate(color: Any, since: Any) -> None:
+    """Grow known colors outwards in place, one texel per round, by the mean of known neighbors.
 
     ``since``: the round in which a texel became known, 0 at first; -1 until then.
     """
@@ -142,12 +142,12 @@ def _dilate(colour: Any, since: Any) -> None:
                 for row in range(max(0, y - 1), min(height, y + 2)):
                     for column in range(max(0, x - 1), min(width, x + 2)):
                         if 0 <= since[row, column] < turn:
-                            red += colour[row, column, 0]
-                            green += colour[row, column, 1]
-                            blue += colour[row, column, 2]
+                            red += color[row, column, 0]
+                            green += color[row, column, 1]
+                            blue += color[row, column, 2]
                             number += 1.0
                 if number > 0.0:
-                    colour[y, x, 0], colour[y, x, 1], colour[y, x, 2] = red / number, green / number, blue / number
+                    color[y, x, 0], color[y, x, 1], color[y, x, 2] = red / number, green / number, blue / number
                     since[y, x] = turn
 
 

@@ -20,7 +20,7 @@ Ints = NDArray[np.int32]
 
 
 class SparseOperator:
-    """A (rows, columns) matrix in compressed rows, applied to colours (columns, 3).
+    """A (rows, columns) matrix in compressed rows, applied to colors (columns, 3).
 
     On the CPU, single-threaded numba kernels gather forward and scatter backward: the order of every sum is fixed, so
     results repeat to the bit. On other devices torch multiplies by the matrix and by its transpose, both built once.

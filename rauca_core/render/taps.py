@@ -16,13 +16,13 @@ from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
-from .encoding import decode, encode, from_fractions, quantise_rows, to_fractions
+from .encoding import decode, encode, from_fractions, quantize_rows, to_fractions
 from .filters import filter_table
 from .merge import Rows, filter_fragments
 from .product import compose
 from .pyramid import Pyramid
 from .raster.pattern import pattern as subsample_pattern
-from .raster.rasterise import rasterize
+from .raster.rasterize import rasterize
 from .sampling.sampler import Sampler, look_up
 from .sparse import SparseOperator
 from .thin import Thinning
@@ -36,11 +36,11 @@ THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 d
 class Taps:
     """What one camera sees of the paint.
 
-    ``rows(pyramid_texels)`` is the *coverage-normalised* texture x_bar of each listed pixel: its rows sum to 1.
+    ``rows(pyramid_texels)`` is the *coverage-normalized* texture x_bar of each listed pixel: its rows sum to 1.
     ``alpha * x_bar`` is the premultiplied paint layer, whose rows sum to alpha.
 
     Pixels of alpha below 1 / samples^2, down to 0 and up to two pixels off the paint, carry the texture of their
-    painted neighbours (see `merge.fill_fringe`): the frame's light maps may show paint there that our samples missed.
+    painted neighbors (see `merge.fill_fringe`): the frame's light maps may show paint there that our samples missed.
 
     Attributes:
         width, height: of the image, pixels.
@@ -69,11 +69,11 @@ class Taps:
         image[self.pixels] = self.alpha
         return image.reshape(self.height, self.width)
 
-    def to_image(self, colours: Tensor, background: Tensor) -> Tensor:
-        """Colours (R, 3) of the listed pixels put over a background (3, height, width)."""
+    def to_image(self, colors: Tensor, background: Tensor) -> Tensor:
+        """Colors (R, 3) of the listed pixels put over a background (3, height, width)."""
         flat = background.reshape(3, -1)
-        index = torch.from_numpy(self.pixels.astype(np.int64)).to(colours.device)
-        return flat.index_copy(1, index, colours.T).reshape(3, self.height, self.width)
+        index = torch.from_numpy(self.pixels.astype(np.int64)).to(colors.device)
+        return flat.index_copy(1, index, colors.T).reshape(3, self.height, self.width)
 
     def save(self, path: Path, key: str = "") -> None:
         """Write one .safetensors file, atomically. ``key`` names what the taps were built from."""
@@ -190,6 +190,6 @@ def usual_thinning(samples: int) -> float:
 
 def round_taps(rows: Rows, camera: Camera, texels: int) -> Taps:
     """Taps with weights and coverage rounded as in a file, so that those from the cache are the same to the bit."""
-    weights = from_fractions(quantise_rows(rows.indptr, rows.values))
+    weights = from_fractions(quantize_rows(rows.indptr, rows.values))
     operator = SparseOperator(rows.indptr, rows.columns, weights, texels)
     return Taps(camera.width, camera.height, rows.pixels, from_fractions(to_fractions(rows.alpha)), operator)

@@ -2,7 +2,7 @@
 
 A pixel that spans many texels reads most of them with nearly equal weights. Where siblings of the mip pyramid carry
 nearly the weights that their parent would give them, one tap on the parent replaces them; a tap too small to matter
-hands its weight to a sibling, or is dropped and the row normalised. Each step may add, per tap that it saves, a squared
+hands its weight to a sibling, or is dropped and the row normalized. Each step may add, per tap that it saves, a squared
 weight error of about ``price``: for texels of variance v the expected squared error of a pixel is v times their sum.
 """
 
@@ -137,7 +137,7 @@ def _sum_families(listed: Any, weights: Any, count: int, level: int, how: Any) -
 
 @njit(cache=True, nogil=True)
 def _drop_small(listed: Any, weights: Any, count: int, worth: float) -> int:
-    """Drop taps whose squared weight is not worth them, never the largest; normalise the rest."""
+    """Drop taps whose squared weight is not worth them, never the largest; normalize the rest."""
     largest = np.argmax(weights[:count])
     kept, total = 0, 0.0
     for k in range(count):

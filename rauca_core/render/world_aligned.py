@@ -1,8 +1,8 @@
 """World-aligned (triplanar) textures: one square pattern, repeated, projected along the vehicle's three axes.
 
-DTA and ACTIVE optimise such a pattern instead of a UV map: it needs no atlas and fits any vehicle, and is deployed as
+DTA and ACTIVE optimize such a pattern instead of a UV map: it needs no atlas and fits any vehicle, and is deployed as
 a game engine's world-aligned material. A point p of the surface reads the pattern three times, at (y, z), (x, z) and
-(x, y) in tiles, and blends the three by |n_x|, |n_y|, |n_z| to a power, normalised. Coordinates are the vehicle's own,
+(x, y) in tiles, and blends the three by |n_x|, |n_y|, |n_z| to a power, normalized. Coordinates are the vehicle's own,
 so the pattern moves with it. No projection knows which side it falls on: the pattern is mirrored on opposite sides.
 
 Not here: the networks by which the two methods approximate this projection, where ours is exact.
@@ -19,7 +19,7 @@ from .merge import filter_fragments
 from .onto_atlas import read_on_atlas
 from .pyramid import Pyramid
 from .raster.pattern import pattern
-from .raster.rasterise import Raster, rasterize
+from .raster.rasterize import Raster, rasterize
 from .sampling.fragments import Fragments
 from .sampling.mip_lookup import read_level
 from .sampling.surface import Array, Surface, find_surface, mask_at
@@ -128,7 +128,7 @@ def surface_normals(vehicle: Vehicle, surface: Surface) -> Array:
 
 
 def blend_weights(normals: Array, sharpness: float) -> Array:
-    """|n|^sharpness, normalised to sum 1: shares (N, 3) of the projections along x, y and z; thirds where n is 0."""
+    """|n|^sharpness, normalized to sum 1: shares (N, 3) of the projections along x, y and z; thirds where n is 0."""
     size = np.abs(normals)
     largest = size.max(1, keepdims=True)
     # Relative to the largest component, so that no power underflows for all three.

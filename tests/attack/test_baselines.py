@@ -35,7 +35,7 @@ def test_random_paint_is_uniform_per_cell(box_vehicle: Vehicle, tmp_path: Path) 
         random_camouflage(tmp_path / "d.json", box_vehicle, size=256, cell=0)
 
 
-def test_plain_paint_is_one_colour(box_vehicle: Vehicle, tmp_path: Path) -> None:
+def test_plain_paint_is_one_color(box_vehicle: Vehicle, tmp_path: Path) -> None:
     plain_camouflage(tmp_path / "grey.json", box_vehicle, (12, 140, 255))
     camouflage, image = load_camouflage(tmp_path / "grey.json")
     assert (read_image(image) == (12, 140, 255)).all()

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import make_settings, optimise
+from rauca_core.attack import make_settings, optimize
 from rauca_core.attack.checkpoint import load_checkpoint
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
 from rauca_core.team import ALONE, Team
 
@@ -31,10 +31,10 @@ def _asked_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(dataset: Dataset, detector: Any, out: Path, team: Team, **chosen: Any) -> np.ndarray:
-    """What was optimised after two steps and two more of a resumed run."""
+    """What was optimized after two steps and two more of a resumed run."""
     small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0}
     for steps in (2, 4):
-        optimise(dataset, [detector], make_settings(steps=steps, **small, **chosen), out, resume=steps == 4, team=team)
+        optimize(dataset, [detector], make_settings(steps=steps, **small, **chosen), out, resume=steps == 4, team=team)
     return load_checkpoint(out / CHECKPOINTS).tensors["parameter"].numpy()
 
 

@@ -10,24 +10,24 @@ import torch
 from rauca_core.attack import make_settings
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset
-from rauca_core.contract.colour import linear_from_srgb, srgb_from_linear
+from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
 from rauca_core.environment import load_exact
 from rauca_core.render import Canvas
 
 SETTINGS = make_settings(map_size=64, samples=2)
 
 
-def test_one_colour_is_the_light_maps_own_image(dataset: Dataset) -> None:
+def test_one_color_is_the_light_maps_own_image(dataset: Dataset) -> None:
     store = FrameStore(dataset, SETTINGS)
     batch = [store.ready(i) for i in range(len(store))]
-    colour = torch.tensor([0.7, 0.2, 0.4])
-    images = render_batch(batch, Canvas(store.pyramid, colour.expand(len(store.pyramid.texels), 3)))
+    color = torch.tensor([0.7, 0.2, 0.4])
+    images = render_batch(batch, Canvas(store.pyramid, color.expand(len(store.pyramid.texels), 3)))
     reference = linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255)
     for image, frame, box in zip(images, store.frames, boxes_of(batch), strict=True):
         light = load_exact(dataset, frame.id)
         tapped = np.zeros(64 * 64, bool)
         tapped[batch[store.frames.index(frame)].taps.pixels] = True
-        albedo = np.where(tapped.reshape(64, 64, 1), colour.numpy(), reference)
+        albedo = np.where(tapped.reshape(64, 64, 1), color.numpy(), reference)
         assert np.allclose(
             image.permute(1, 2, 0).numpy(), srgb_from_linear(light.A * albedo + light.B), atol=0.5 / 255 + 1e-5
         )

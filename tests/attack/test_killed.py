@@ -11,7 +11,7 @@ import torch
 
 from rauca_core.attack import read_history
 from rauca_core.attack.checkpoint import load_checkpoint
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import TEMPORARY_PREFIX
@@ -25,14 +25,14 @@ KILLED = """
 import json, os, shutil, signal, sys, torch
 from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
-from rauca_core.attack import make_settings, optimise
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack import make_settings, optimize
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)
 data, out, chosen = Dataset(Path(sys.argv[1])), Path(sys.argv[2]), make_settings(**json.loads(sys.argv[3]))
-optimise(data, [SmallDetector()], chosen, out / "whole")  # first, so that children find their kernels loaded
+optimize(data, [SmallDetector()], chosen, out / "whole")  # first, so that children find their kernels loaded
 shutil.rmtree(data.folder / "taps")
 out = out / "killed"
 
@@ -53,7 +53,7 @@ for moment in [*json.loads(sys.argv[4]), None]:
     if child == 0:
         if moment is not None:
             die_at(*moment)
-        optimise(data, [SmallDetector()], chosen, out, resume=(out / CHECKPOINTS / POINTER).is_file())
+        optimize(data, [SmallDetector()], chosen, out, resume=(out / CHECKPOINTS / POINTER).is_file())
         os._exit(0)
     _, status = os.waitpid(child, 0)
     assert status == (0 if moment is None else signal.SIGKILL), (moment, status)

@@ -21,20 +21,20 @@ from rauca_core.render import Canvas, display
 SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
 
 
-def in_colour(dataset: Dataset, light: str, colour: tuple[float, float, float]) -> tuple[FrameStore, torch.Tensor]:
+def in_color(dataset: Dataset, light: str, color: tuple[float, float, float]) -> tuple[FrameStore, torch.Tensor]:
     store = FrameStore(dataset, make_settings(light=light, **SMALL))
-    texels = torch.tensor(colour).expand(len(store.pyramid.texels), 3)
+    texels = torch.tensor(color).expand(len(store.pyramid.texels), 3)
     return store, render_batch([store.ready(0)], Canvas(store.pyramid, texels))[0]
 
 
 @pytest.mark.parametrize(("light", "method"), [("transfer", transfer_render), ("none", plain_render)])
 def test_estimates_are_those_of_the_comparison(dataset: Dataset, light: str, method: Any) -> None:
-    """The optimiser sees, on the paint, what the comparison of environments measures."""
-    colour = (0.7, 0.2, 0.05)
-    store, found = in_colour(dataset, light, colour)
+    """The optimizer sees, on the paint, what the comparison of environments measures."""
+    color = (0.7, 0.2, 0.05)
+    store, found = in_color(dataset, light, color)
     frames = LightFrames([dataset.folder])
     extra = (frames.plain(0),) if light == "none" else ()
-    wanted = method(frames.get(0), *extra)(torch.tensor(colour)[None, :, None, None])[0]
+    wanted = method(frames.get(0), *extra)(torch.tensor(color)[None, :, None, None])[0]
     solid = frames.get(0).paint[0] == 255
     solid &= torch.nn.functional.avg_pool2d(solid.float()[None], 3, 1, 1)[0] > 0.99  # rasters differ on edges
     assert solid.sum() > 50
@@ -44,7 +44,7 @@ def test_estimates_are_those_of_the_comparison(dataset: Dataset, light: str, met
 
 def test_the_extractor_gives_the_reference_back(dataset: Dataset) -> None:
     reference = np.array(dataset.plan.reference_srgb) / 255.0
-    _, found = in_colour(dataset, "ours", tuple(np.where(True, ((reference + 0.055) / 1.055) ** 2.4, 0)))
+    _, found = in_color(dataset, "ours", tuple(np.where(True, ((reference + 0.055) / 1.055) ** 2.4, 0)))
     image = read_image(dataset.frame_folder(dataset.frames()[0].id) / "image.png") / 255.0
     assert np.abs(found.permute(1, 2, 0).numpy() - image).mean() < 0.01
 
@@ -59,7 +59,7 @@ def weights(tmp_path: Path) -> Path:
 
 
 def test_the_published_extractor_lights_as_in_the_comparison(dataset: Dataset, weights: Path) -> None:
-    """A colour per pixel, and edges, too: all that the texture reaches is on one raster here."""
+    """A color per pixel, and edges, too: all that the texture reaches is on one raster here."""
     frames = LightFrames([dataset.folder])
     frame, plain, net = frames.get(0), frames.plain(0), load_published(weights)
     light = published_light(net, frame.image.permute(1, 2, 0).numpy(), frame.vehicle.float() / 255, plain)
@@ -96,7 +96,7 @@ def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weight
 
 
 @pytest.mark.parametrize("sampler", ["area", "bilinear", "trilinear", "tensor-traversal", "uv-traversal"])
-def test_every_sampler_of_the_literature_can_be_optimised_through(dataset: Dataset, sampler: str) -> None:
+def test_every_sampler_of_the_literature_can_be_optimized_through(dataset: Dataset, sampler: str) -> None:
     store = FrameStore(dataset, make_settings(sampler=sampler, **SMALL))
     texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
     render_batch([store.ready(0)], Canvas(store.pyramid, texels)).sum().backward()

@@ -1,4 +1,4 @@
-"""Each rival method: lowers its own objective, ends as a UV map that looks like what was optimised, and resumes."""
+"""Each rival method: lowers its own objective, ends as a UV map that looks like what was optimized, and resumes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 import torch
 
 from benchmarks.stability.detectors import SmallDetector
-from rauca_core.attack import OptimiserSettings, make_settings, objectives, optimise, read_history
+from rauca_core.attack import OptimizerSettings, make_settings, objectives, optimize, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.attack.methods import METHODS, method_named, settings_of
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
 from rauca_core.contract import (
@@ -49,7 +49,7 @@ def detector() -> AttentiveDetector:
     return AttentiveDetector()
 
 
-def settings(method: str, **chosen: Any) -> OptimiserSettings:
+def settings(method: str, **chosen: Any) -> OptimizerSettings:
     return make_settings(**settings_of(method, **(SMALL | chosen)))
 
 
@@ -60,7 +60,7 @@ def test_every_method_lowers_its_own_loss(
     monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
     seen = []
     chosen = settings(method, steps=30, batch=6, roa=False, shift=0.0)
-    path = optimise(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    path = optimize(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[-1].loss < seen[0].loss
     if method != "das":  # its seed picture is a strong pull; what it is worth is measured below
         assert seen[-1].attack < seen[0].attack
@@ -76,14 +76,14 @@ def test_every_method_lowers_its_own_loss(
 def test_attention_falls_when_nothing_else_counts(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings("das", steps=25, batch=6, beta=0.0, gamma=0.0, lr=0.1)
-    optimise(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    optimize(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[0].attack > 0
     assert seen[-1].attack < 0.9 * seen[0].attack
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
-    optimise(dataset, [detector], settings(method), tmp_path / "whole")
+    optimize(dataset, [detector], settings(method), tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -93,8 +93,8 @@ def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, t
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimise(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
-    optimise(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
+        optimize(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
+    optimize(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
     one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
     assert torch.equal(one, two)
     pictures = [(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")]
@@ -102,7 +102,7 @@ def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, t
 
 
 @pytest.mark.parametrize("method", ["active", "dta", "fca", "das"])
-def test_uv_map_shows_what_was_optimised(
+def test_uv_map_shows_what_was_optimized(
     dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle, detector: Any, tmp_path: Path, method: str
 ) -> None:
     """Views of the medium and of the UV map that it ends as, in the same light, differ by texel filtering only."""
@@ -113,25 +113,25 @@ def test_uv_map_shows_what_was_optimised(
     store, on_map = run.store, FrameStore(data, make_settings(map_size=512, samples=4))
     indices = range(len(store))
     with torch.no_grad():
-        optimised = render_batch(
+        optimized = render_batch(
             [store.ready(i) for i in indices],
-            Canvas(store.medium.taps.pyramid, undisplay(run.texture.colours())),
+            Canvas(store.medium.taps.pyramid, undisplay(run.texture.colors())),
         )
         deployed = render_batch(
             [on_map.ready(i) for i in indices], Canvas(on_map.pyramid, undisplay(run.texture.texels()))
         )
     run.close()
     painted = np.stack([on_map.ready(i).taps.coverage() > 0.99 for i in indices])
-    difference = (optimised - deployed).abs().amax(1).numpy()[painted]
+    difference = (optimized - deployed).abs().amax(1).numpy()[painted]
     spread = deployed.permute(0, 2, 3, 1).numpy()[painted].std()
     assert spread > 0.02
     assert np.mean(difference) < 0.1 * spread
     assert np.quantile(difference, 0.99) < spread
 
 
-def test_shifted_pattern_reads_neighbouring_texels(dataset: Dataset, detector: Any) -> None:
+def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, detector: Any) -> None:
     run = Run(dataset, Panel([detector], "car"), settings("active", pattern_side=8, shift=0.5))
-    at_rest = run.texture.colours().detach().reshape(8, 8, 3)
+    at_rest = run.texture.colors().detach().reshape(8, 8, 3)
     moves = set()
     for step in range(12):
         run.step = step
@@ -146,10 +146,10 @@ def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, dete
     run = Run(dataset, Panel([detector], "car"), settings("das"))
     with torch.no_grad():
         run.texture.parameter.add_(3.0)
-        colours = run.texture.colours().reshape(8, -1, 3)
+        colors = run.texture.colors().reshape(8, -1, 3)
     run.close()
     grey = torch.full((3,), 140 / 255)
-    kept = torch.isclose(colours, grey).all(-1).all(-1)
+    kept = torch.isclose(colors, grey).all(-1).all(-1)
     assert kept.tolist() == [False, False, True, True] * 2  # the box's long sides are its doors
 
 
@@ -176,7 +176,7 @@ def test_hard_frames_leave_every_method_finite(dataset: Dataset, detector: Any, 
 
     for name, sees in (("seeing", certain), ("certain", dense)):
         detector.dense = sees
-        optimise(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
+        optimize(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
         texels = load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"]
         assert torch.isfinite(texels).all()
         assert all(
@@ -189,11 +189,11 @@ def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, detector
     with pytest.raises(RaucaError, match=r"no 'fcb'; choose one of das, fca, dta, active, rauca-base, rauca-final"):
         method_named("fcb")
     with pytest.raises(RaucaError, match="panels are painted on facets"):
-        optimise(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
+        optimize(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
     with pytest.raises(RaucaError, match="smooth: pattern needs paint: pattern"):
-        optimise(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
+        optimize(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
     with pytest.raises(RaucaError, match="prior: seed needs cover: panels"):
-        optimise(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
+        optimize(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
     with pytest.raises(RaucaError, match="attention cannot be read"):
-        optimise(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
+        optimize(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
     assert settings("fca", lr=0.5, name="mine").name == "mine"

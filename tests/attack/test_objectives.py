@@ -204,21 +204,21 @@ def test_priors_on_hard_pictures_are_finite() -> None:
         assert all(g is None or torch.isfinite(g).all() for g in gradients)
 
 
-def test_dominant_colours_are_found() -> None:
+def test_dominant_colors_are_found() -> None:
     rng = np.random.default_rng(0)
     wanted = np.array([[0.1, 0.1, 0.1], [0.2, 0.8, 0.3], [0.9, 0.9, 1.0]])
     points = np.repeat(wanted, (50, 200, 100), 0) + rng.normal(0, 0.01, (350, 3))
     found = cluster(points, 3, np.random.default_rng(1))
     assert np.allclose(found[np.argsort(found.sum(1))], wanted, atol=0.01)
-    assert np.isfinite(cluster(np.full((5, 3), 0.5), 3, rng)).all()  # fewer colours than asked for
+    assert np.isfinite(cluster(np.full((5, 3), 0.5), 3, rng)).all()  # fewer colors than asked for
 
 
 def test_seed_picture_smiles() -> None:
     y, x = np.mgrid[1:-1:41j, -1:1:41j]
-    colours, lines = smile(np.stack([x.ravel(), y.ravel()], 1), (140, 140, 140))
-    colours, lines = colours.reshape(41, 41, 3), lines.reshape(41, 41)
-    assert np.allclose(colours[0, 0], 140 / 255)
-    assert (colours == colours[:, ::-1]).mean() > 0.99  # but for rounding on its lines
+    colors, lines = smile(np.stack([x.ravel(), y.ravel()], 1), (140, 140, 140))
+    colors, lines = colors.reshape(41, 41, 3), lines.reshape(41, 41)
+    assert np.allclose(colors[0, 0], 140 / 255)
+    assert (colors == colors[:, ::-1]).mean() > 0.99  # but for rounding on its lines
     assert lines[20, 20] == 0
     assert lines[30:, 20].any()
     assert lines[10:16, :20].any()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from rauca_core.attack import make_settings, optimise
+from rauca_core.attack import make_settings, optimize
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
@@ -28,9 +28,9 @@ def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_fact
     sedan = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     dataset = dataset_factory(tmp_path / "data", sedan, 256, (60.0, 300.0))
     chosen = make_settings(steps=14, batch=4, map_size=256, samples=2, start="plain", roa=False, checkpoint_every=20)
-    path = optimise(dataset, [yolo], chosen, tmp_path / "out")
+    path = optimize(dataset, [yolo], chosen, tmp_path / "out")
 
-    # Judge the PNG as anyone would load it, not the texels the optimiser held.
+    # Judge the PNG as anyone would load it, not the texels the optimizer held.
     store = FrameStore(dataset, chosen)
     batch = [store.ready(i) for i in range(len(store))]
 

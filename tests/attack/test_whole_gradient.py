@@ -18,7 +18,7 @@ from rauca_core.attack.run import Run
 from rauca_core.attack.stopwatch import Stopwatch
 from rauca_core.contract import Dataset
 
-REACH = 1e-7  # short: absolute differences of neighbours have kinks
+REACH = 1e-7  # short: absolute differences of neighbors have kinks
 STILL = 1e-15  # a learning rate that leaves the paint where it is
 SMALL: dict[str, Any] = {"batch": 2, "map_size": 32, "samples": 2, "memory_mb": 64, "start": "plain"}
 # Attention is left out: its channels' weights are constants of it, as published, so it has no true gradient.

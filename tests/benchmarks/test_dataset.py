@@ -18,7 +18,7 @@ from benchmarks.dataset.naive import naive_samples
 from benchmarks.dataset.results import MAPS, SINGLE, Entry, Results
 from benchmarks.dataset.settings import FULL, KINDS, QUICK, Settings
 from benchmarks.dataset.targets import judge
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 
 TINY = Settings(
     size=48,

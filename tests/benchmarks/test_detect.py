@@ -74,11 +74,11 @@ def test_differences() -> None:
     assert ordered_difference(rows, np.full_like(rows, np.nan)) == float("inf")
     assert unordered_difference(rows, rows[::-1]) == 0
     assert unordered_difference(rows, rows[:4]) == float("inf")
-    moved, relabelled = rows[::-1].copy(), rows.copy()
+    moved, relabeled = rows[::-1].copy(), rows.copy()
     moved[0, 4] += 0.5
-    relabelled[4, 5] = 0
+    relabeled[4, 5] = 0
     assert unordered_difference(rows, moved) > 0.1
-    assert unordered_difference(rows, relabelled) == float("inf")
+    assert unordered_difference(rows, relabeled) == float("inf")
 
 
 def test_an_adapter_that_differs_is_named() -> None:

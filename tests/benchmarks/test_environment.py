@@ -123,7 +123,7 @@ def replace_clear(results: Results) -> Results:
     return results
 
 
-def test_every_face_tested_finds_what_our_rasteriser_finds(frames):
+def test_every_face_tested_finds_what_our_rasterizer_finds(frames):
     vehicle, camera = frames.vehicle(0), frames.camera(0)
     ours = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
     expected = ours.whole(camera.width, camera.height)

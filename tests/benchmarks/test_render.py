@@ -39,8 +39,8 @@ TINY = Settings(
     cameras=2,
     camera_size=64,
     mask_samples=64,
-    colour_samples=16,
-    colour_views=1,
+    color_samples=16,
+    color_views=1,
 )
 
 
@@ -117,7 +117,7 @@ def test_two_ways_to_see_give_one_reference(results: Results) -> None:
     assert results.reference_check_db["sedan"] > 45
 
 
-def test_both_rasterisers_name_the_same_faces(results: Results) -> None:
+def test_both_rasterizers_name_the_same_faces(results: Results) -> None:
     assert all(row.same_face > 0.99 for row in results.raster)
 
 

@@ -26,13 +26,13 @@ def test_hard_case(check: Check, dtype: torch.dtype) -> None:
     assert found.holds is not False, f"{check.expected}: {found.happened}"
 
 
-def test_every_part_and_every_case_of_the_optimiser_is_listed_once() -> None:
+def test_every_part_and_every_case_of_the_optimizer_is_listed_once() -> None:
     listed = catalogue(1)
     assert list(dict.fromkeys(c.part for c in listed)) == [
-        "rasteriser", "renderer", "environment", "losses", "optimiser",
+        "rasterizer", "renderer", "environment", "losses", "optimizer",
     ]  # fmt: skip
     assert len({(c.part, c.name) for c in listed}) == len(listed)
-    assert sum(c.part == "optimiser" for c in listed) == len(CASES)
+    assert sum(c.part == "optimizer" for c in listed) == len(CASES)
     assert all(torch.float32 not in c.pointless for c in listed)
 
 

@@ -32,7 +32,7 @@ def a_box(material: str = "body paint") -> bpy.types.Object:
 
 
 def noise(size: int = 64) -> np.ndarray:
-    """A camouflage's texels (size, size, 3), every one another colour."""
+    """A camouflage's texels (size, size, 3), every one another color."""
     return np.random.default_rng(5).integers(0, 256, (size, size, 3)).astype(np.uint8)
 
 

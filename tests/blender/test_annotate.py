@@ -22,10 +22,10 @@ def add_cube(session, bpy_module, location, size, **properties):
 
 def beside(session, sideways_m, towards_camera):
     """A point off the line from the vehicle to the camera of view 0; 0 is at the vehicle, 1 at the camera."""
-    centre = session.place.pose(0)[:3, 3] + [0, 0, 0.75]
+    center = session.place.pose(0)[:3, 3] + [0, 0, 0.75]
     eye = session.viewpoint(0, 0).camera.position
     right = session.viewpoint(0, 0).camera.R[0]
-    return centre + (eye - centre) * towards_camera + right * sideways_m
+    return center + (eye - center) * towards_camera + right * sideways_m
 
 
 def test_ids_are_whole_and_agree_with_coverage(session):
@@ -120,11 +120,11 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
 
     from blender_addon.scene.frame import Sight, render_frame
     from rauca_core.contract import PlannedFrame, load_frame, load_passes
-    from rauca_core.contract.colour import srgb_from_linear
-    from rauca_core.contract.recolour import TEST, recolour
+    from rauca_core.contract.color import srgb_from_linear
+    from rauca_core.contract.recolor import TEST, recolor
     from rauca_core.images import read_image
 
-    session.plan = replace(session.plan, recolour_share=1.0)
+    session.plan = replace(session.plan, recolor_share=1.0)
     task = PlannedFrame(*session.plan.frame_ids()[0])
     sight = Sight(session.annotations(0, [0])[0])
     render_frame(session, tmp_path, task, sight)
@@ -132,8 +132,8 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
     frame, maps = load_frame(folder), load_passes(folder)
     assert frame.check_srgb in TEST
     painted = sight.annotation.paint == 255
-    predicted = srgb_from_linear(recolour(maps["A"], maps["B"], frame.check_srgb))[painted]
+    predicted = srgb_from_linear(recolor(maps["A"], maps["B"], frame.check_srgb))[painted]
     real = read_image(folder / "check.png")[painted] / 255
     assert -10 * np.log10(np.mean((predicted - real) ** 2)) > 34
     reference = read_image(folder / "image.png")[painted] / 255
-    assert np.mean((reference - real) ** 2) > 20 * np.mean((predicted - real) ** 2)  # it is another colour
+    assert np.mean((reference - real) ** 2) > 20 * np.mean((predicted - real) ** 2)  # it is another color

@@ -16,10 +16,10 @@ from PIL import Image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.background.curve import COLOUR, MARGIN, curve
+from blender_addon.background.curve import COLOR, MARGIN, curve
 from blender_addon.background.endings import IN_THE_WINDOW, ending
 from blender_addon.background.job import Job, Told
-from blender_addon.background.optimise_task import earlier
+from blender_addon.background.optimize_task import earlier
 from blender_addon.background.thumbnail import SIDE, thumbnail
 from rauca_core.contract import Progress, RaucaError, parse_progress
 from rauca_core.contract.files import png_bytes
@@ -230,7 +230,7 @@ def test_the_curve_goes_where_the_values_go():
     assert abs(tops[0] - MARGIN) <= 2
     assert abs(tops[-1] - (len(falling) - 1 - MARGIN)) <= 2
     assert (np.diff(tops) >= 0).all()
-    assert np.allclose(falling[ink][:, :3], COLOUR, atol=0.02)
+    assert np.allclose(falling[ink][:, :3], COLOR, atol=0.02)
     assert (falling[..., :3] <= falling[..., 3:] + 1e-6).all()  # premultiplied, or its faint area shines
     assert not falling[:, :MARGIN].any()
     assert not falling[:, -MARGIN:].any()

@@ -14,7 +14,7 @@ def test_blender_projects_as_opencv_does(bpy_module, width, height):
     scene = bpy_module.data.scenes.new("camera test")
     base = Camera.look_at(np.array([6.0, -4.0, 2.5]), np.array([0.3, 0.1, 0.7]), 55.0, width, height, 5.0)
     K = base.K.copy()
-    K[0, 2] += 11.0  # an off-centre principal point
+    K[0, 2] += 11.0  # an off-center principal point
     K[1, 2] -= 7.0
     camera = Camera(K, base.R, base.t, width, height)
     place(scene, camera)

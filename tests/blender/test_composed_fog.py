@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 
 CLEAR, FOG = Weather("clear", 45.0), Weather("fog", 45.0, 60.0, 50.0)
 GREY = np.full(3, 0.26, np.float32)

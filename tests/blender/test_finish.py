@@ -1,4 +1,4 @@
-"""Paint finishes: each stays affine in its colour, dry and wet, and they reflect as their names promise."""
+"""Paint finishes: each stays affine in its color, dry and wet, and they reflect as their names promise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from rauca_core.contract import Camera, Quality, RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 from rauca_core.images import read_image
 
 RED = (0.5, 0.1, 0.05)
@@ -42,23 +42,23 @@ class Studio:
         eye = Camera.look_at(np.array([7.0, 1.0, 3.0]), np.array([0.0, 0.0, 1.5]), 30.0, 64, 64)
         camera.place(self.scene, eye)
 
-    def render(self, colour: tuple[float, float, float]) -> np.ndarray:
+    def render(self, color: tuple[float, float, float]) -> np.ndarray:
         """(N, 3) linear pixels well inside the sphere."""
         from blender_addon.scene.render import render_linear
 
-        self.vehicle.paint.set_colour(colour)
+        self.vehicle.paint.set_color(color)
         pixels = render_linear(self.scene, Quality(samples=64, denoise=False), 1)
         return pixels[..., :3][pixels[..., 3] == 1]
 
 
 @pytest.mark.parametrize("wetness", [0.0, 1.0])
 @pytest.mark.parametrize("finish", ["car_paint", "sticker"])
-def test_a_white_and_a_black_render_predict_a_colour_they_never_saw(bpy_module, finish, wetness):
+def test_a_white_and_a_black_render_predict_a_color_they_never_saw(bpy_module, finish, wetness):
     from blender_addon.scene.wetness import set_wetness
 
     studio = Studio(bpy_module, finish)
     set_wetness(wetness, 0.0)
-    white, black, red = (studio.render(colour) for colour in ((0.8,) * 3, (0.0,) * 3, RED))
+    white, black, red = (studio.render(color) for color in ((0.8,) * 3, (0.0,) * 3, RED))
     predicted = black + (white - black) / np.float32(0.8) * np.float32(RED)
     error = srgb_from_linear(predicted) - srgb_from_linear(red)
     assert len(red) > 500

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather
-from rauca_core.contract.colour import srgb_from_linear, to_bytes
+from rauca_core.contract.color import srgb_from_linear, to_bytes
 
 
 def psnr(a, b):
@@ -52,16 +52,16 @@ def test_the_scene_is_as_before_after_annotation(session, bpy_module):
 
 
 @pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 60), Weather("night", -30)])
-def test_light_maps_predict_a_colour_they_never_saw(session, weather):
+def test_light_maps_predict_a_color_they_never_saw(session, weather):
     from blender_addon.scene.light_maps import light_maps
 
     session.set_weather(weather)
     painted = session.annotations(0, [0])[0].paint > 0
-    colour = np.array([0.5, 0.1, 0.25], np.float32)
+    color = np.array([0.5, 0.1, 0.25], np.float32)
     A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
-    session.vehicle.paint.set_colour((0.5, 0.1, 0.25))
+    session.vehicle.paint.set_color((0.5, 0.1, 0.25))
     rendered = srgb_from_linear(session.render(0, 0, weather))
-    predicted = srgb_from_linear(A * colour + B)
+    predicted = srgb_from_linear(A * color + B)
     assert np.isfinite(A).all()
     assert A[~painted].max() == 0
     assert psnr(rendered[painted], predicted[painted]) > 34

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Plan, Quality, Ring, Weather
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES
 
 SEEDS, LOCATIONS = (1, 2), 6

@@ -13,7 +13,7 @@ from rauca_core.contract.files import write_json
 
 JITTERY = Ring((0.0, 90.0, 200.0), (10.0, 85.0), (6.0, 9.0), 12.0, 8.0, 0.1, 0.2, 5.0, 70.0)
 POSE = np.array([[0.0, -1, 0, 3], [1, 0, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
-CENTRE = np.array([0.1, 0.0, 0.7])
+CENTER = np.array([0.1, 0.0, 0.7])
 
 
 @pytest.fixture
@@ -38,12 +38,12 @@ def a_plan(**changes: object) -> Plan:
 def lines(shots, chosen: int = 0):
     from blender_addon.scene.ring_lines import ring_lines
 
-    return ring_lines(shots, 1, chosen, POSE, CENTRE)
+    return ring_lines(shots, 1, chosen, POSE, CENTER)
 
 
 def polar(points):
     """Azimuth, elevation (degrees) and distance (metres) of world points, seen from the vehicle's middle."""
-    local = (np.asarray(points, float) - POSE[:3, 3]) @ POSE[:3, :3] - CENTRE
+    local = (np.asarray(points, float) - POSE[:3, 3]) @ POSE[:3, :3] - CENTER
     distance = np.linalg.norm(local, axis=-1)
     azimuth = np.degrees(np.arctan2(local[..., 1], local[..., 0]))
     return azimuth, np.degrees(np.arcsin(local[..., 2] / distance)), distance
@@ -57,7 +57,7 @@ def test_cameras_are_drawn_where_the_job_puts_them(bpy_module):
     views = [view for view in range(len(plan.ring)) if view != 4]
     drawn = lines(plan, chosen=4).cameras.reshape(len(views), 11, 2, 3)
     for view, frustum in zip(views, drawn, strict=True):
-        camera = viewpoint(plan, 1, view, POSE, CENTRE).camera
+        camera = viewpoint(plan, 1, view, POSE, CENTER).camera
         np.testing.assert_allclose(frustum[:4, 0], np.tile(camera.position, (4, 1)), atol=1e-5)
         seen = (camera.K @ (camera.R @ frustum[:4, 1].astype(float).T + camera.t[:, None])).T
         corners = np.array([[0, 0], [320, 0], [320, 320], [0, 320]])
@@ -69,7 +69,7 @@ def test_the_chosen_view_looks_at_the_vehicle(bpy_module):
     assert drawn.shape == (12, 2, 3)
     eye, target = drawn[-1]
     assert np.linalg.norm(eye - target) == pytest.approx(7.0, abs=1e-4)
-    np.testing.assert_allclose(target, POSE[:3, :3] @ CENTRE + POSE[:3, 3], atol=1e-5)
+    np.testing.assert_allclose(target, POSE[:3, :3] @ CENTER + POSE[:3, 3], atol=1e-5)
 
 
 def test_circles_lie_at_every_height_and_distance(bpy_module):
@@ -90,7 +90,7 @@ def test_every_camera_is_inside_the_range_that_is_drawn_for_it(bpy_module):
     assert (elevation.min(), elevation.max()) == pytest.approx((12.0, 28.0), abs=1e-3)
     assert (distance.min(), distance.max()) == pytest.approx((6.3, 7.7), abs=1e-4)
     for seed in range(20):
-        view = viewpoint(a_plan(ring=ring, seed=seed), 1, 0, POSE, CENTRE)
+        view = viewpoint(a_plan(ring=ring, seed=seed), 1, 0, POSE, CENTER)
         assert azimuth.min() <= view.azimuth_deg <= azimuth.max()
         assert elevation.min() <= view.elevation_deg <= elevation.max()
         assert distance.min() <= view.distance_m <= distance.max()
@@ -192,7 +192,7 @@ def test_the_anchor_is_the_jobs_vehicle(addon):
     job = SceneVehicle(addon.data.scenes.new("job"), chosen.chosen(addon.context))
     found = anchor(addon.context)
     assert found.found
-    np.testing.assert_allclose(found.centre, job.centre, atol=1e-5)
+    np.testing.assert_allclose(found.center, job.center, atol=1e-5)
     np.testing.assert_allclose(found.vehicle_to_world, np.array(thing.matrix_world), atol=1e-6)
 
 
@@ -212,7 +212,7 @@ def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
     found = find_anchor([cube], request)
     np.testing.assert_allclose(found.vehicle_to_world @ to_vehicle, np.eye(4), atol=1e-5)
     middle = (soup.positions.min(axis=0) + soup.positions.max(axis=0)) / 2
-    np.testing.assert_allclose(found.centre, middle, atol=1e-5)
+    np.testing.assert_allclose(found.center, middle, atol=1e-5)
 
 
 @pytest.mark.parametrize("paint", ["SHIPPED", "MATERIAL", "FACES"])
@@ -228,7 +228,7 @@ def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the
     addon.context.scene.collection.objects.link(rig)
     rig.parent, rig.location, thing.rotation_euler.z = thing, (-12.0, 0.0, 4.0), math.radians(90)
     addon.context.view_layer.update()
-    where, middle = np.array(thing.matrix_world), anchor(addon.context).centre
+    where, middle = np.array(thing.matrix_world), anchor(addon.context).center
     if paint == "MATERIAL":
         chosen.material = next(m for m in thing.data.materials if "paint" in m.name)
     elif paint == "FACES":
@@ -238,7 +238,7 @@ def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the
         where = np.linalg.inv(chosen.reading(addon.context).to_vehicle)
     found = anchor(addon.context)
     np.testing.assert_allclose(found.vehicle_to_world, where, atol=1e-5)
-    np.testing.assert_allclose(found.centre, middle, atol=1e-2)
+    np.testing.assert_allclose(found.center, middle, atol=1e-2)
     assert middle[2] < 1.0
 
 

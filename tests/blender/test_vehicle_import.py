@@ -342,7 +342,7 @@ def test_bad_paint(tmp_path, box_obj):
     with_mask(np.zeros((64, 64)), "is black")
     with_mask(np.full((64, 128), 255), "must be square")
     with_mask(np.full((32, 32), 255), "at least 64x64")
-    with_mask(np.full((64, 64, 3), (255, 0, 0)), "has colours")
+    with_mask(np.full((64, 64, 3), (255, 0, 0)), "has colors")
     corner = np.zeros((64, 64))
     corner[0, 0] = 255
     with_mask(corner, "white nowhere on the vehicle's UVs")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather, rain
-from rauca_core.contract.colour import srgb_from_linear
+from rauca_core.contract.color import srgb_from_linear
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 FROM_ABOVE = Camera.look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3), 60, 16, 16)
@@ -34,10 +34,10 @@ class Yard:
 
         material = self.bpy.data.materials.new("surface")
         tree = nodes.fresh_tree(material)
-        colour, roughness = (*albedo, 1.0), 0.8
+        color, roughness = (*albedo, 1.0), 0.8
         if porosity is not None:
-            colour, roughness = wetness.wet(tree, colour, roughness, porosity)
-        shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=colour, Roughness=roughness)
+            color, roughness = wetness.wet(tree, color, roughness, porosity)
+        shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=roughness)
         nodes.output(tree, Surface=shader.outputs[0])
         return material
 
@@ -59,9 +59,9 @@ class Yard:
 
     def look(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
         """(H, W) luminance."""
-        return self.colour(weather, camera, quality, seed) @ LUMINANCE
+        return self.color(weather, camera, quality, seed) @ LUMINANCE
 
-    def colour(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
+    def color(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
         from blender_addon.scene import camera as placing
         from blender_addon.scene import render
 
@@ -110,10 +110,10 @@ def test_clouds_soften_shadows(yard):
 def test_equal_keys_are_equal_renders(yard):
     few = Quality(4, denoise=False)
     night = Weather("a", -90, 60, 50, cloudiness=30)
-    first = yard.colour(night, quality=few)
-    assert np.array_equal(yard.colour(Weather("b", -30, 200, 50, cloudiness=30), quality=few), first)
-    yard.colour(Weather("c", 30, 60, 50, fog_falloff=3.0), quality=few)  # another fog in between
-    assert np.array_equal(yard.colour(night, quality=few), first)
+    first = yard.color(night, quality=few)
+    assert np.array_equal(yard.color(Weather("b", -30, 200, 50, cloudiness=30), quality=few), first)
+    yard.color(Weather("c", 30, 60, 50, fog_falloff=3.0), quality=few)  # another fog in between
+    assert np.array_equal(yard.color(night, quality=few), first)
 
 
 def test_fog_lies_low_where_it_falls_off(yard):
@@ -137,11 +137,11 @@ def test_fog_lies_low_where_it_falls_off(yard):
 @pytest.mark.parametrize("porosity", [0.0, 1.0])
 def test_dry_is_bit_for_bit_what_it_was(bpy_module, porosity):
     weather = Weather("w", 30)
-    plain = Yard(bpy_module, (0.2, 0.1, 0.05)).colour(weather)
+    plain = Yard(bpy_module, (0.2, 0.1, 0.05)).color(weather)
     yard = Yard(bpy_module, (0.2, 0.1, 0.05), porosity)
-    assert np.array_equal(yard.colour(weather), plain)
-    yard.colour(Weather("w", 30, wetness=80, precipitation_deposits=50))
-    assert np.array_equal(yard.colour(weather), plain)
+    assert np.array_equal(yard.color(weather), plain)
+    yard.color(Weather("w", 30, wetness=80, precipitation_deposits=50))
+    assert np.array_equal(yard.color(weather), plain)
 
 
 def test_wet_ground_is_darker_and_glossier(bpy_module):
@@ -167,8 +167,8 @@ def test_puddles_cover_more_the_more_water_lies(bpy_module):
     assert 0.6 < dark[2] < 0.98
 
 
-def test_wet_paint_is_glossier_and_keeps_its_colour(bpy_module):
-    """Porosity 0: what the colour adds is the same wet and dry, up to the water's own reflection."""
+def test_wet_paint_is_glossier_and_keeps_its_color(bpy_module):
+    """Porosity 0: what the color adds is the same wet and dry, up to the water's own reflection."""
     rise = {}
     for wetness in (0, 90):
         weather = Weather("w", 40, 0, cloudiness=100, wetness=wetness)
@@ -224,7 +224,7 @@ def test_headlamps_throw_light_ahead(yard, box_vehicle):
     assert yard.look(Weather("w", -30), ahead).mean() == pytest.approx(back, rel=0.1)
 
 
-def test_light_maps_with_rain_predict_a_colour_rendered_in_rain(session):
+def test_light_maps_with_rain_predict_a_color_rendered_in_rain(session):
     from blender_addon.scene.light_maps import light_maps
     from blender_addon.scene.rain import rain_before
 
@@ -232,13 +232,13 @@ def test_light_maps_with_rain_predict_a_colour_rendered_in_rain(session):
     session.set_weather(weather)
     annotation = session.annotations(0, [0])[0]
     painted = annotation.paint > 0
-    colour = np.array([0.5, 0.1, 0.25], np.float32)
+    color = np.array([0.5, 0.1, 0.25], np.float32)
     A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
     drops = rain_before(session, 0, 0, weather, annotation.distance)
     again = rain_before(session, 0, 0, weather, annotation.distance)
     assert np.array_equal(drops.alpha, again.alpha)
-    session.vehicle.paint.set_colour((0.5, 0.1, 0.25))
+    session.vehicle.paint.set_color((0.5, 0.1, 0.25))
     rendered = srgb_from_linear(rain.over(session.render(0, 0, weather), drops))
-    predicted = srgb_from_linear(rain.over_gain(A, drops) * colour + rain.over(B, drops))
+    predicted = srgb_from_linear(rain.over_gain(A, drops) * color + rain.over(B, drops))
     error = np.mean((rendered[painted] - predicted[painted]) ** 2)
     assert -10 * np.log10(error) > 34

@@ -1,4 +1,4 @@
-"""Labels, other vehicles, checksums and recolouring: what the contract says of a frame beyond its camera."""
+"""Labels, other vehicles, checksums and recoloring: what the contract says of a frame beyond its camera."""
 
 import json
 from dataclasses import replace
@@ -8,9 +8,9 @@ import pytest
 
 from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, load_passes, save_frame
 from rauca_core.contract.checksums import file_digest, read_sums
-from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.color import linear_from_srgb
 from rauca_core.contract.instances import Instance, find_instances, mask_box
-from rauca_core.contract.recolour import TEST, TRAIN, check_colour, find_colours, hex_name, recolour
+from rauca_core.contract.recolor import TEST, TRAIN, check_color, find_colors, hex_name, recolor
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
 from rauca_core.images import read_image
 
@@ -28,14 +28,14 @@ def a_frame(**changes: object) -> Frame:
 
 def some_passes() -> FramePasses:
     rng = np.random.default_rng(0)
-    grey, colour = rng.random((SIZE, SIZE), np.float32), rng.random((3, SIZE, SIZE, 3), np.float32)
+    grey, color = rng.random((SIZE, SIZE), np.float32), rng.random((3, SIZE, SIZE, 3), np.float32)
     semantic = rng.integers(0, len(CLASSES), (SIZE, SIZE), np.uint8)
     instances = np.zeros((SIZE, SIZE), np.uint8)
     instances[:6, :4] = 7
-    return FramePasses(colour[0], grey, grey, grey * 10, colour[1], colour[2], semantic, instances, colour[0])
+    return FramePasses(color[0], grey, grey, grey * 10, color[1], color[2], semantic, instances, color[0])
 
 
-def test_classes_have_a_colour_each():
+def test_classes_have_a_color_each():
     assert PALETTE.shape == (len(CLASSES), 3)
     assert len({tuple(c) for c in PALETTE.tolist()}) == len(CLASSES)
     assert set(VEHICLE_CLASSES) <= set(CLASSES)
@@ -64,7 +64,7 @@ def test_coverage_stands_in_for_labels(tmp_path):
     passes = replace(some_passes(), semantic=None, instances=None)
     semantic, instances = passes.labels()
     assert (semantic[passes.paint >= 0.5] == CLASS_IDS["paint"]).all()
-    assert (semantic[passes.vehicle < 0.5] == CLASS_IDS["unlabelled"]).all()
+    assert (semantic[passes.vehicle < 0.5] == CLASS_IDS["unlabeled"]).all()
     assert np.array_equal(instances == 255, passes.vehicle >= 0.5)
 
 
@@ -77,7 +77,7 @@ def test_every_file_of_a_frame_has_its_checksum(tmp_path):
         read_sums(tmp_path / "f")
 
 
-def test_a_check_needs_its_colour_and_its_render(tmp_path):
+def test_a_check_needs_its_color_and_its_render(tmp_path):
     with pytest.raises(ValueError, match="both"):
         save_frame(tmp_path / "f", a_frame(check_srgb=(1, 2, 3)), replace(some_passes(), check_linear=None))
     assert not list(tmp_path.iterdir())
@@ -105,39 +105,39 @@ def test_instances_come_from_their_pixels():
     assert mask_box(ids == 255) is None
 
 
-def test_recolouring_is_the_affine_model_for_every_colour_at_once():
+def test_recoloring_is_the_affine_model_for_every_color_at_once():
     rng = np.random.default_rng(1)
     A, B = rng.random((2, 5, 6, 3)).astype(np.float32)
-    colours = np.array(TRAIN)
-    images = recolour(A, B, colours)
+    colors = np.array(TRAIN)
+    images = recolor(A, B, colors)
     assert images.shape == (9, 5, 6, 3)
     assert np.array_equal(images[0], B)  # black adds nothing
     assert np.allclose(images[7], A + B)
     albedo = linear_from_srgb(np.array([255, 136, 0]) / 255)
-    assert np.allclose(recolour(A, B, (255, 136, 0)), A * albedo + B)
+    assert np.allclose(recolor(A, B, (255, 136, 0)), A * albedo + B)
     half = {"A": A.astype(np.float16), "B": B.astype(np.float16)}
-    assert recolour(**half, colours_srgb=(9, 9, 9)).dtype == np.float32
+    assert recolor(**half, colors_srgb=(9, 9, 9)).dtype == np.float32
 
 
-def test_colour_sets_are_apart():
+def test_color_sets_are_apart():
     assert (len(TRAIN), len(TEST), len(set(TEST))) == (9, 32, 32)
     distance = np.abs(np.array(TEST)[:, None] - np.array(TRAIN)).max(axis=-1)
     assert distance.min() >= 48
-    assert find_colours("train") == TRAIN
-    assert find_colours("ff8800, #0a0b0c,ff8800") == ((255, 136, 0), (10, 11, 12))
+    assert find_colors("train") == TRAIN
+    assert find_colors("ff8800, #0a0b0c,ff8800") == ((255, 136, 0), (10, 11, 12))
     assert hex_name((255, 136, 0)) == "ff8800"
-    with pytest.raises(RaucaError, match="colours 'red'"):
-        find_colours("red")
+    with pytest.raises(RaucaError, match="colors 'red'"):
+        find_colors("red")
 
 
 def test_the_checked_share_is_kept_and_named_by_frame():
     ids = [f"L00-V{i:03d}-day" for i in range(2000)]
-    chosen = [check_colour(3, 0.1, frame_id) for frame_id in ids]
+    chosen = [check_color(3, 0.1, frame_id) for frame_id in ids]
     assert sum(c is not None for c in chosen) == pytest.approx(200, abs=45)
     assert {c for c in chosen if c} <= set(TEST)
-    assert chosen == [check_colour(3, 0.1, frame_id) for frame_id in ids]
-    assert not any(check_colour(3, 0.0, frame_id) for frame_id in ids)
-    assert all(check_colour(3, 1.0, frame_id) for frame_id in ids)
+    assert chosen == [check_color(3, 0.1, frame_id) for frame_id in ids]
+    assert not any(check_color(3, 0.0, frame_id) for frame_id in ids)
+    assert all(check_color(3, 1.0, frame_id) for frame_id in ids)
 
 
 def test_light_maps_do_not_change_with_labels(tmp_path):

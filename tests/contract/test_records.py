@@ -28,7 +28,7 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.colour import linear_from_srgb, srgb_from_linear
+from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.progress import Progress, parse_progress
 from rauca_core.contract.seeding import named_rng, named_seed
@@ -58,8 +58,8 @@ def a_frame(frame_id: str = "L00-V000-day") -> Frame:
 
 def some_passes() -> FramePasses:
     rng = np.random.default_rng(0)
-    grey, colour = rng.random((32, 32), np.float32), rng.random((3, 32, 32, 3), np.float32)
-    return FramePasses(colour[0], grey, grey, grey * 10, colour[1], colour[2] * 1e6)
+    grey, color = rng.random((32, 32), np.float32), rng.random((3, 32, 32, 3), np.float32)
+    return FramePasses(color[0], grey, grey, grey * 10, color[1], color[2] * 1e6)
 
 
 def test_vehicle_round_trip(tmp_path, box_vehicle):

@@ -26,9 +26,9 @@ from rauca_core.contract import (
     save_frame,
     seal_dataset,
 )
-from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.color import linear_from_srgb
 from rauca_core.contract.instances import find_instances, mask_box
-from rauca_core.contract.recolour import check_colour, recolour
+from rauca_core.contract.recolor import check_color, recolor
 from rauca_core.contract.semantics import CLASS_IDS
 from rauca_core.render import rasterize
 
@@ -42,14 +42,14 @@ def a_plan(vehicle: Vehicle) -> Plan:
     ring = Ring((30.0, 200.0), (15.0,), (7.0,), jitter_azimuth_deg=8, jitter_distance=0.1, jitter_roll_deg=3)
     return Plan(
         "mini", "box", vehicle.atlas_id, SIZE, Quality(1), True, (Weather("day", 45.0), Weather("dusk", 5.0)), ring,
-        1, GREY, 0.5, 0, "none", recolour_share=0.6,
+        1, GREY, 0.5, 0, "none", recolor_share=0.6,
     )  # fmt: skip
 
 
 def render(vehicle: Vehicle, plan: Plan, planned: PlannedFrame) -> tuple[Frame, FramePasses]:
     """A frame as the real ones are: Lambert light on the box, sky above grass, a truck at the left of view 0."""
-    centre = ((vehicle.positions.min(axis=0) + vehicle.positions.max(axis=0)) / 2).astype(np.float64)
-    seen_by = viewpoint(plan, planned.location, planned.view, POSE, centre)
+    center = ((vehicle.positions.min(axis=0) + vehicle.positions.max(axis=0)) / 2).astype(np.float64)
+    seen_by = viewpoint(plan, planned.location, planned.view, POSE, center)
     faces = rasterize(vehicle.positions, vehicle.triangles, seen_by.camera.relative_to(POSE)).whole(SIZE, SIZE)
     seen = faces >= 0
     paint = seen & vehicle.paint_faces()[faces]
@@ -63,14 +63,14 @@ def render(vehicle: Vehicle, plan: Plan, planned: PlannedFrame) -> tuple[Frame, 
         distance[18:30, :5] = 15.0
     A[paint], B[seen], instances[seen], distance[seen] = light[faces[paint], None], 0.02, 255, 7.0
     semantic[seen] = np.where(paint[seen], CLASS_IDS["paint"], CLASS_IDS["vehicle_part"])
-    checked = check_colour(plan.seed, plan.recolour_share, planned.id)
+    checked = check_color(plan.seed, plan.recolor_share, planned.id)
     frame = Frame(
         planned.id, planned.location, planned.view, seen_by.camera, POSE, planned.weather, seen_by.azimuth_deg,
         seen_by.elevation_deg, seen_by.distance_m, mask_box(seen), 1.0, 1, find_instances(instances, {TRUCK: "truck"}),
         checked,
     )  # fmt: skip
     noise = np.random.default_rng(planned.view).normal(0, 0.002, B.shape)
-    real = None if checked is None else recolour(A, B, checked) + noise.astype(np.float32)
+    real = None if checked is None else recolor(A, B, checked) + noise.astype(np.float32)
     image = A * linear_from_srgb(np.array(GREY) / 255) + B
     coverage = (seen.astype(np.float32), paint.astype(np.float32))
     return frame, FramePasses(image, *coverage, distance, A, B, semantic, instances, real)

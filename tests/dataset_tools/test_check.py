@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Dataset, LedgerEntry, RaucaError, append_entry, load_frame, load_passes, save_frame
-from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.color import linear_from_srgb
 from rauca_core.contract.frame import FramePasses
 from rauca_core.dataset_tools import CheckResult, check_dataset
 from rauca_core.images import read_image
@@ -200,7 +200,7 @@ def test_another_vehicle_of_the_same_class_is_found(mini):
     assert text.endswith("make the data set again in another folder")
 
 
-def test_a_colour_that_the_light_maps_do_not_predict_fails_its_weather(mini):
+def test_a_color_that_the_light_maps_do_not_predict_fails_its_weather(mini):
     frame = next(f for f in mini.frames() if f.check_srgb is not None)
     passes = stored(mini, frame.id)
     passes.check_linear = passes.check_linear + np.float32(0.2)

@@ -1,4 +1,4 @@
-"""`rauca dataset check|view|export|recolour` as typed."""
+"""`rauca dataset check|view|export|recolor` as typed."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def test_check_accepts_an_unfinished_set_only_when_told(mini):
     assert rauca("check", mini.folder, "--unfinished").exit_code == 0
 
 
-def test_view_export_and_recolour_write_what_they_say(mini, tmp_path):
+def test_view_export_and_recolor_write_what_they_say(mini, tmp_path):
     assert rauca("view", mini.folder, "--out", tmp_path / "view").exit_code == 0
     assert (tmp_path / "view" / "index.html").is_file()
     assert rauca("export", mini.folder, "--format", "yolo", "--out", tmp_path / "yolo").exit_code == 0
     assert len(list((tmp_path / "yolo" / "labels").iterdir())) == 4
-    assert rauca("recolour", mini.folder, "--colours", "ff0000,00ff00", "--out", tmp_path / "red").exit_code == 0
+    assert rauca("recolor", mini.folder, "--colors", "ff0000,00ff00", "--out", tmp_path / "red").exit_code == 0
     assert sorted(p.name for p in (tmp_path / "red").iterdir()) == ["00ff00", "ff0000"]
 
 
@@ -58,7 +58,7 @@ def test_view_export_and_recolour_write_what_they_say(mini, tmp_path):
     ("arguments", "message"),
     [
         (["check"], "not a data set"),
-        (["recolour", "--colours", "red", "--out", "x"], "colours 'red': give train, test, or"),
+        (["recolor", "--colors", "red", "--out", "x"], "colors 'red': give train, test, or"),
         (["export", "--format", "voc", "--out", "x"], "format 'voc' is unknown"),
     ],
 )

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError, load_passes
-from rauca_core.contract.colour import srgb_from_linear, to_bytes
-from rauca_core.contract.recolour import TEST, recolour
-from rauca_core.dataset_tools import export_dataset, recolour_dataset, recolouring
+from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract.recolor import TEST, recolor
+from rauca_core.dataset_tools import export_dataset, recolor_dataset, recoloring
 from rauca_core.dataset_tools.rle import encode_mask
 from rauca_core.dataset_tools.stored_frame import StoredFrame
 from rauca_core.images import read_image
@@ -97,42 +97,42 @@ def test_exports_that_cannot_be_are_refused(mini, tmp_path):
     assert not (tmp_path / "x").exists()
 
 
-def test_recoloured_files_are_the_affine_images_and_are_kept(mini, tmp_path):
-    colours = TEST[:3]
-    assert recolour_dataset(mini.folder, colours, tmp_path / "out") == 12
+def test_recolored_files_are_the_affine_images_and_are_kept(mini, tmp_path):
+    colors = TEST[:3]
+    assert recolor_dataset(mini.folder, colors, tmp_path / "out") == 12
     frame = mini.frames()[1]
     maps = load_passes(mini.frame_folder(frame.id))
-    for colour in colours:
-        path = tmp_path / "out" / bytes(colour).hex() / f"{frame.id}.png"
-        assert np.array_equal(read_image(path), to_bytes(srgb_from_linear(recolour(maps["A"], maps["B"], colour))))
+    for color in colors:
+        path = tmp_path / "out" / bytes(color).hex() / f"{frame.id}.png"
+        assert np.array_equal(read_image(path), to_bytes(srgb_from_linear(recolor(maps["A"], maps["B"], color))))
     path.unlink()
     moves = []
-    assert recolour_dataset(mini.folder, colours, tmp_path / "out", moves.append) == 1
+    assert recolor_dataset(mini.folder, colors, tmp_path / "out", moves.append) == 1
     assert moves[-1].done == moves[-1].total == 12
 
 
-def test_recoloured_files_of_another_data_set_are_written_anew(mini, tmp_path):
-    colours, out = TEST[:2], tmp_path / "out"
+def test_recolored_files_of_another_data_set_are_written_anew(mini, tmp_path):
+    colors, out = TEST[:2], tmp_path / "out"
     last, *frames = reversed(mini.frames())
     shutil.move(mini.frame_folder(last.id), tmp_path / "aside")
-    assert recolour_dataset(mini.folder, colours, out) == 6
+    assert recolor_dataset(mini.folder, colors, out) == 6
     shutil.move(tmp_path / "aside", mini.frame_folder(last.id))
-    assert recolour_dataset(mini.folder, colours, out) == 2  # a data set that has grown keeps what there was
+    assert recolor_dataset(mini.folder, colors, out) == 2  # a data set that has grown keeps what there was
 
     folder = mini.frame_folder(frames[0].id)
     sums = (folder / "SHA256SUMS").read_text()
     (folder / "SHA256SUMS").write_text(re.sub(r"[0-9a-f]{8}(?=[0-9a-f]{56}  passes.npz)", "0" * 8, sums))
     shutil.rmtree(mini.frame_folder(last.id))
-    assert recolour_dataset(mini.folder, colours, out) == 2
+    assert recolor_dataset(mini.folder, colors, out) == 2
     assert sorted(path.stem for path in out.glob("*/*.png")) == sorted(2 * [frame.id for frame in frames])
-    for note in out.glob("*/recolour.json"):
+    for note in out.glob("*/recolor.json"):
         note.write_bytes(DEEP)  # whose images these are, no file tells
-    assert recolour_dataset(mini.folder, colours, out) == 6
+    assert recolor_dataset(mini.folder, colors, out) == 6
 
 
 def test_room_is_asked_for_what_is_missing_alone(mini, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(recolouring, "require_space", lambda folder, needed: asked.append(needed))
+    monkeypatch.setattr(recoloring, "require_space", lambda folder, needed: asked.append(needed))
     for _ in range(2):
-        recolour_dataset(mini.folder, TEST[:2], tmp_path / "out")
+        recolor_dataset(mini.folder, TEST[:2], tmp_path / "out")
     assert asked == [3 * mini.plan.size**2 * 8, 0]

@@ -54,7 +54,7 @@ def test_each_tile_of_the_contact_sheet_is_its_frame(mini, tmp_path):
     assert len(list((tmp_path / "out" / "overlays").iterdir())) == 1
 
 
-def test_boxes_are_drawn_where_they_are_and_classes_in_their_colours(mini):
+def test_boxes_are_drawn_where_they_are_and_classes_in_their_colors(mini):
     stored = next(s for s in StoredFrame.all_of(mini) if s.frame.instances)
     side = 4 * stored.frame.camera.width
     targets = list(targets_of(stored, "car"))

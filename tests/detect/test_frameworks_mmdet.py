@@ -69,7 +69,7 @@ def written(path: Path, steps: list[dict[str, Any]] | None = None, **model: Any)
     return path
 
 
-def test_images_are_scaled_normalised_and_padded_as_described(tmp_path: Path) -> None:
+def test_images_are_scaled_normalized_and_padded_as_described(tmp_path: Path) -> None:
     described, preparation = read_config(written(tmp_path / "config.json"))
     assert "init_cfg" not in described["backbone"]  # it would be downloaded
     images = torch.full((1, 3, 30, 70), 0.5)

@@ -44,7 +44,7 @@ def class_layers(model: Any) -> list[nn.Module]:
 
 @torch.no_grad()
 def sharpen(model: Any) -> None:
-    """Centre and scale the last layer's random logits, so that they decide between categories."""
+    """Center and scale the last layer's random logits, so that they decide between categories."""
     seen: dict[nn.Module, list[Tensor]] = {layer: [] for layer in class_layers(model)}
     hooks = [
         layer.register_forward_hook(lambda *call: seen[call[0]].append(call[2].transpose(0, 1).flatten(1)))

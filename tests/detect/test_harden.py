@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from benchmarks.stability.drawn import make_dataset
-from rauca_core.attack import make_settings, optimise, random_camouflage
+from rauca_core.attack import make_settings, optimize, random_camouflage
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_vehicle, save_camouflage
@@ -64,7 +64,7 @@ def attack(data: Dataset):
             steps=2, batch=1, map_size=MAP, samples=SAMPLES, seed=number, name=f"round-{number}", checkpoint_every=1
         )
         done, started = folder / "camouflage.json", (folder / "checkpoints" / POINTER).is_file()
-        return done if done.is_file() else optimise(data, [detector], settings, folder, resume=started)
+        return done if done.is_file() else optimize(data, [detector], settings, folder, resume=started)
 
     return run
 
@@ -79,7 +79,7 @@ def sights(data: Dataset, noise: Path, tmp_path: Path, share: float, varied: boo
     return CamouflagedSights(frames, ("car",), SIZE, [noise], tmp_path / "taps", share, RECIPE, varied)
 
 
-def test_composed_frames_are_those_of_the_optimiser(data: Dataset, noise: Path, tmp_path: Path) -> None:
+def test_composed_frames_are_those_of_the_optimizer(data: Dataset, noise: Path, tmp_path: Path) -> None:
     worn = sights(data, noise, tmp_path, share=1.0)
     store = FrameStore(data, make_settings(map_size=MAP, samples=SAMPLES, tap_folder=tmp_path / "taps"))
     texels = read_texels(noise.with_suffix(".png"), store.pyramid)
@@ -102,11 +102,11 @@ def test_a_share_wears_camouflage_and_the_rest_is_as_before(data: Dataset, noise
         off_paint = half.frames.get(number % 6).A.amax(0) == 0
         as_it_is = half.frames.get(number % 6).B.float()
         assert torch.equal(painted[:, off_paint], as_it_is[:, off_paint])
-        changed += len(painted[:, ~off_paint].flatten(1).unique(dim=1).T) > 40  # noise has many colours
+        changed += len(painted[:, ~off_paint].flatten(1).unique(dim=1).T) > 40  # noise has many colors
     assert 4 <= changed <= 20
 
 
-def test_varied_colours_stay_albedos(data: Dataset, noise: Path) -> None:
+def test_varied_colors_stay_albedos(data: Dataset, noise: Path) -> None:
     texels = torch.rand(50, 3)
     drawn = [vary(texels, named_rng("vary", k)) for k in range(40)]
     assert all(((one >= 0) & (one <= 1)).all() and one.shape == (50, 3) for one in drawn)

@@ -42,7 +42,7 @@ def test_suppress_is_greedy(count: int, seed: int, threshold: float) -> None:
 
 
 def test_suppress_settles_long_chains() -> None:
-    """Each box overlaps only its neighbours, so every second one survives: the slowest case for the rounds."""
+    """Each box overlaps only its neighbors, so every second one survives: the slowest case for the rounds."""
     left = torch.arange(50.0)[:, None] * 5
     boxes = torch.cat([left, torch.zeros(50, 1), left + 10, torch.full((50, 1), 10.0)], 1)
     assert suppress(boxes, 0.3).nonzero()[:, 0].tolist() == list(range(0, 50, 2))

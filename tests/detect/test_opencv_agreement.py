@@ -18,7 +18,7 @@ TOLERANCE = 1e-4  # 4e-6 was measured
 
 
 def cv2_predictions(cfg: Path, weights: Path, image: NDArray[np.float32], folder: Path) -> NDArray[np.float32]:
-    """(N, 5 + classes) rows: centre x, y, width, height over the image's size, objectness, objectness * P(class)."""
+    """(N, 5 + classes) rows: center x, y, width, height over the image's size, objectness, objectness * P(class)."""
     # OpenCV zeroes scores below a threshold that the cfg may set; without this most of the comparison would be 0 = 0
     text = cfg.read_text().replace("[yolo]", "[yolo]\nthresh=1e-12").replace("[region]", "[region]\nthresh=1e-12")
     lowered = folder / "lowered.cfg"

@@ -35,7 +35,7 @@ from rauca_core.detect.training.fit import Fit, fit
 from rauca_core.detect.training.loop import Job, train
 from rauca_core.detect.training.measure import Findings, Judged, measure
 from rauca_core.detect.training.networks import build_network
-from rauca_core.detect.training.paint import draw_colour, draw_paint
+from rauca_core.detect.training.paint import draw_color, draw_paint
 from rauca_core.detect.training.settings import make_detector_settings
 from rauca_core.detect.training.sights import Sights
 from rauca_core.environment.frames import LightFrames
@@ -114,7 +114,7 @@ def test_boxes_stay_on_their_pixels(folder, number, monkeypatch):
     sight = shown.draw([number % 4] * (4 if number == 5 else 1), named_rng("boxes", number))
     assert sight.image.shape == (3, 160, 160)
     assert len(sight.truth.boxes) == (4 if number == 5 else 1)
-    bright = sight.image.amin(0) > 0.4  # paint is a third of the light: no colour can hide the block, the truck is red
+    bright = sight.image.amin(0) > 0.4  # paint is a third of the light: no color can hide the block, the truck is red
     for left, top, right, bottom in sight.truth.boxes.tolist():
         around = torch.zeros_like(bright)
         around[max(0, int(top) - 8) : int(bottom) + 8, max(0, int(left) - 8) : int(right) + 8] = True
@@ -126,9 +126,9 @@ def test_boxes_stay_on_their_pixels(folder, number, monkeypatch):
 def test_paint_is_plain():
     for number in range(40):
         rng = named_rng("paint", number)
-        colour = draw_colour(rng)
-        assert colour.shape == (3,)
-        assert ((colour >= 0) & (colour <= 1)).all()
+        color = draw_color(rng)
+        assert color.shape == (3,)
+        assert ((color >= 0) & (color <= 1)).all()
         paint = draw_paint(rng, (20.0, 60.0), 64)
         assert len(paint[:, :, 0].T.unique(dim=0)) <= 2  # one tone, or two
         assert paint.shape in ((3, 1, 1), (3, 64, 1))

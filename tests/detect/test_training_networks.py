@@ -16,7 +16,7 @@ from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import detections
 from rauca_core.detect.training.assignment import assign
-from rauca_core.detect.training.criterion import centred, corners, generalised_iou, layer_losses, match
+from rauca_core.detect.training.criterion import centered, corners, generalized_iou, layer_losses, match
 from rauca_core.detect.training.network import Truth
 from rauca_core.detect.training.networks import build_network
 
@@ -75,7 +75,7 @@ def test_of_more_objects_than_queries_the_largest_are_learnt(transformer):
     losses = network.losses(picture(), [crowd])
     network.eval()
     assert all(torch.isfinite(loss) for loss in losses.values())
-    goals = Truth(centred(crowd.boxes) / SIZE, crowd.labels)
+    goals = Truth(centered(crowd.boxes) / SIZE, crowd.labels)
     ((queries, objects),) = match(torch.zeros(1, 60, 2), torch.rand(1, 60, 4), [goals])
     assert len(queries.unique()) == 60
     assert set(objects.tolist()) == set(side.topk(60).indices.tolist())
@@ -153,10 +153,10 @@ def test_losses_are_those_of_transformers():
         torch.testing.assert_close(ours[mine], weight * reference[name])
 
 
-def test_generalised_overlap_is_torchvisions():
+def test_generalized_overlap_is_torchvisions():
     ops = import_torchvision().ops
     a, b = (corners(torch.rand(9, 4, generator=torch.Generator().manual_seed(k)) + 0.1) for k in (0, 1))
-    torch.testing.assert_close(generalised_iou(a[:, None], b[None]), ops.generalized_box_iou(a, b))
+    torch.testing.assert_close(generalized_iou(a[:, None], b[None]), ops.generalized_box_iou(a, b))
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -31,7 +31,7 @@ def loaded(name: str) -> Any:
 
 @cache
 def drawn(vehicle: str, azimuth: float = 40.0) -> tuple[Tensor, Tensor]:
-    """A vehicle by our own rasteriser on a plain road under a plain sky: image (1, 3, S, S) and its box (1, 4)."""
+    """A vehicle by our own rasterizer on a plain road under a plain sky: image (1, 3, S, S) and its box (1, 4)."""
     angle = np.radians(azimuth)
     eye = np.array([6.5 * np.cos(angle), 6.5 * np.sin(angle), 2.0])
     shading = plain_shading(

@@ -27,7 +27,7 @@ from rauca_core.attack import make_settings
 from rauca_core.contract import find_preset
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.dataset import FINISHES
-from rauca_core.contract.recolour import find_colours
+from rauca_core.contract.recolor import find_colors
 from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
 from rauca_core.evaluate.ablations import experiment_named
@@ -98,7 +98,7 @@ RAUCA = [(line, arguments) for line in LINES if (arguments := rauca_arguments(li
 
 def test_pages_have_commands() -> None:
     assert len(RAUCA) > 100
-    assert {line.page for line in LINES} >= {"README.md", "quick-start.md", "optimiser.md", "evaluation.md"}
+    assert {line.page for line in LINES} >= {"README.md", "quick-start.md", "optimizer.md", "evaluation.md"}
 
 
 @pytest.mark.parametrize(("line", "arguments"), RAUCA, ids=[str(line) for line, _ in RAUCA])
@@ -184,7 +184,7 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("dataset make", "finish"): lambda name: FINISHES.index(name),
     ("dataset make", "vehicle"): _check_vehicle,
     ("dataset export", "form"): lambda name: name == "X" or FORMATS.index(name),
-    ("dataset recolour", "colours"): find_colours,
+    ("dataset recolor", "colors"): find_colors,
     ("demo", "vehicle"): _check_vehicle,
     ("bench vehicle", "vehicle"): _check_vehicle,
     ("bench render", "vehicle"): _check_vehicle,
@@ -199,7 +199,7 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("harden", "detector"): _check_detectors,
     ("detectors train", "name"): _check_detectors,
     ("weights fetch", "names"): _each(_check_detectors),
-    ("efe preview", "reference"): find_colours,
+    ("efe preview", "reference"): find_colors,
 }
 
 

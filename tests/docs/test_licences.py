@@ -14,7 +14,7 @@ from pipelines.licences import (
     declared,
     is_installed,
     licence_of,
-    recognise,
+    recognize,
     shipped,
     write_page,
 )
@@ -69,10 +69,10 @@ def test_every_shipped_weight_is_listed() -> None:
 
 
 def test_spellings() -> None:
-    assert recognise("The MIT License (MIT)") == "MIT"
-    assert recognise("License :: OSI Approved :: Apache Software License") == "Apache-2.0"
-    assert recognise("FreeBSD") == "BSD-2-Clause"
-    assert recognise("all rights reserved") == ""
+    assert recognize("The MIT License (MIT)") == "MIT"
+    assert recognize("License :: OSI Approved :: Apache Software License") == "Apache-2.0"
+    assert recognize("FreeBSD") == "BSD-2-Clause"
+    assert recognize("all rights reserved") == ""
 
 
 def test_a_page_without_marks_is_left_alone(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from rauca_core.contract import (
     claim_folder,
     save_frame,
 )
-from rauca_core.contract.colour import linear_from_srgb
+from rauca_core.contract.color import linear_from_srgb
 from rauca_core.render import rasterize
 
 torch.set_num_threads(1)

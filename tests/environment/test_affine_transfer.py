@@ -10,7 +10,7 @@ SIZE = 20
 
 @pytest.fixture
 def frame():
-    """Fog glow 0.1, diffuse light from 0.3 to 1, one mirrored sun; paint of a colour."""
+    """Fog glow 0.1, diffuse light from 0.3 to 1, one mirrored sun; paint of a color."""
     paint = torch.zeros(1, SIZE, SIZE)
     paint[:, 4:16, 4:16] = 1.0
     albedo = torch.tensor([0.5, 0.2, 0.05])

@@ -116,7 +116,7 @@ class TestPreview:
     def test_files_that_do_not_fit(self, files, weights, tmp_path):
         net, _ = load_extractor(weights)
         image = files[0]
-        with pytest.raises(RaucaError, match="in colour"):
+        with pytest.raises(RaucaError, match="in color"):
             preview(image, image, GREY, net)
         small = tmp_path / "small.png"
         small.write_bytes(png_bytes(np.zeros((8, 8), np.uint8)))

@@ -24,8 +24,8 @@ def test_upright_faces_get_half_the_light_and_the_roof_all_of_it(box_vehicle, ca
     assert torch.allclose(plain.paint[sides], torch.tensor(0.5))
     roof = full & (plain.paint == 0)
     assert roof.sum() > 50
-    colour = 12.92 * 0.02 if 0.02 <= 0.0031308 else 1.055 * 0.02 ** (1 / 2.4) - 0.055
-    assert torch.allclose(plain.rest[:, roof[0]], torch.tensor(colour, dtype=torch.float32), atol=1e-5)
+    color = 12.92 * 0.02 if 0.02 <= 0.0031308 else 1.055 * 0.02 ** (1 / 2.4) - 0.055
+    assert torch.allclose(plain.rest[:, roof[0]], torch.tensor(color, dtype=torch.float32), atol=1e-5)
 
 
 def test_coverage_is_the_taps(box_vehicle, camera):
@@ -34,10 +34,10 @@ def test_coverage_is_the_taps(box_vehicle, camera):
     assert np.abs(taps.coverage() - 2 * plain.paint[0].numpy()).mean() < 2e-2  # the mask's gutters, the sides' 0.5
 
 
-def test_colours_and_textures(box_vehicle, camera):
+def test_colors_and_textures(box_vehicle, camera):
     plain = plain_shading(box_vehicle, camera)
-    colours = torch.rand(4, 3, 1, 1)
-    images = plain.x_nr(colours)
+    colors = torch.rand(4, 3, 1, 1)
+    images = plain.x_nr(colors)
     assert images.shape == (4, 3, SIZE, SIZE)
-    assert torch.equal(images, plain.x_nr(colours.expand(4, 3, SIZE, SIZE)))
+    assert torch.equal(images, plain.x_nr(colors.expand(4, 3, SIZE, SIZE)))
     assert (images[:, (plain.coverage == 0).expand(3, -1, -1)] == 0).all()

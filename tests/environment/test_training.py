@@ -25,7 +25,7 @@ from rauca_core.environment.training import Job, Outcome, train
 from rauca_core.environment.training_state import load_state
 from rauca_core.team import team
 
-COLOURS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
+COLORS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
 TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}
 
 
@@ -37,7 +37,7 @@ def job(folder: Path, out: Path, **chosen) -> Job:
         learner = SplitterLearner(LightSplitter((8, 8), 4), frames, settings)
     else:
         kind = BaseLearner if settings.method == "published-base" else FinalLearner
-        learner = kind(PublishedEfe((4, 6)), frames, settings, COLOURS)
+        learner = kind(PublishedEfe((4, 6)), frames, settings, COLORS)
     return Job(learner, frames, *frames.split("location"), settings, out)
 
 
@@ -61,10 +61,10 @@ def test_every_loop_learns(dataset, tmp_path, method):
     assert list((tmp_path / "run" / "tensorboard").iterdir())
 
 
-def test_the_base_loop_infers_once_per_colour(dataset, tmp_path):
+def test_the_base_loop_infers_once_per_color(dataset, tmp_path):
     base, final = (job(dataset.folder, tmp_path, method=f"published-{kind}") for kind in ("base", "final"))
-    assert len(base.learner.items(base.train)) == len(COLOURS) * len(final.learner.items(final.train))
-    # One item of each colour has, together, the loss of the shared inference: the loops differ in cost alone.
+    assert len(base.learner.items(base.train)) == len(COLORS) * len(final.learner.items(final.train))
+    # One item of each color has, together, the loss of the shared inference: the loops differ in cost alone.
     index, net = base.train[0], final.learner.net.eval()
     items = base.learner.items([index])
     apart = torch.stack([base.learner.loss(net, [item], None) for item in items]).mean()

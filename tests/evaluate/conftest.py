@@ -27,7 +27,7 @@ from rauca_core.contract import (
     save_camouflage,
     save_frame,
 )
-from rauca_core.contract.colour import srgb_from_linear, to_bytes
+from rauca_core.contract.color import srgb_from_linear, to_bytes
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detector, load_detector
 from tests.published import published_weights
@@ -160,13 +160,13 @@ def draw_car(
     image *= rng.uniform(0.93, 1.07, (n // over, n // over, 1)).repeat(over, 0).repeat(over, 1)
     mask = np.zeros((n, n), np.uint8)
     cv2.fillPoly(mask, [points(BODY)], 255)
-    colour = np.array(paint, np.float32)
+    color = np.array(paint, np.float32)
     cells = rng.random((24, 24, 3)).astype(np.float32) ** 2
-    noise = cv2.resize(cells, (n, n), interpolation=cv2.INTER_NEAREST) if np.isnan(colour).any() else colour
+    noise = cv2.resize(cells, (n, n), interpolation=cv2.INTER_NEAREST) if np.isnan(color).any() else color
     shade = np.interp(np.arange(n), [ground * over - 0.34 * scale, ground * over - 0.07 * scale], [1.25, 0.55])
     shadow = np.zeros((n, n), np.float32)
-    centre = (int(left * over + scale / 2), int(ground * over))
-    cv2.ellipse(shadow, centre, (int(0.55 * scale), int(0.035 * scale)), 0, 0, 360, 1.0, -1)
+    center = (int(left * over + scale / 2), int(ground * over))
+    cv2.ellipse(shadow, center, (int(0.55 * scale), int(0.035 * scale)), 0, 0, 360, 1.0, -1)
     image *= 1 - 0.85 * cv2.GaussianBlur(shadow, (0, 0), 0.01 * scale)[..., None]
     image = np.where(mask[..., None] > 0, noise * shade[:, None, None], image).astype(np.float32)
     for window in WINDOWS:

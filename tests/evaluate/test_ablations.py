@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.ablate import Ablation, Repeat, _optimise, own_settings, settings_of_repeat
+from pipelines.ablate import Ablation, Repeat, _optimize, own_settings, settings_of_repeat
 from pipelines.ablate_workspace import Workspace
 from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
@@ -68,7 +68,7 @@ def asked(tmp_path: Path) -> Ablation:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_variant_is_an_optimisation_of_its_own(asked: Ablation, name: str) -> None:
+def test_every_variant_is_an_optimization_of_its_own(asked: Ablation, name: str) -> None:
     experiment = experiment_named(name)
     own = [own_settings(asked, variant) for variant in experiment.variants]
     assert all(own[i] != own[j] for i in range(len(own)) for j in range(i))
@@ -89,7 +89,7 @@ def test_a_run_is_kept_by_how_long_its_extractor_was_trained(asked: Ablation, mo
         variant = next(v for v in experiment_named("environment").variants if v.settings.get("light", "exact") == light)
         for epochs in (DEFAULT.extractor_epochs, QUICK.extractor_epochs):
             sizes = replace(DEFAULT, extractor_epochs=epochs)
-            _optimise(replace(asked, sizes=sizes), Repeat(variant, 0, "x"))
+            _optimize(replace(asked, sizes=sizes), Repeat(variant, 0, "x"))
     assert [len(set(keys[:2])), len(set(keys[2:]))] == [2, 1]
 
 
@@ -187,7 +187,7 @@ def test_seeds_are_averaged_and_drawn(scores: tuple[Scores, Entry]) -> None:
     found, _ = scores
     both = found.ap("both", ["d1"], ["seen"])
     assert both.ap == pytest.approx(found.ap("all", ["d1"], ["seen"]).ap / 2)
-    assert (both.low, both.high) == (0.0, 1.0)  # the luck of one optimisation of two
+    assert (both.low, both.high) == (0.0, 1.0)  # the luck of one optimization of two
 
 
 def test_verdicts_follow_the_interval_of_the_gap(scores: tuple[Scores, Entry]) -> None:

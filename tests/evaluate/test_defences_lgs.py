@@ -68,7 +68,7 @@ def test_lgs_darkens_noise_and_little_else() -> None:
     assert float(ratio[..., :25, :].mean()) == pytest.approx(1)
 
 
-def test_lgs_sees_noise_of_colour_alone() -> None:
+def test_lgs_sees_noise_of_color_alone() -> None:
     red = torch.rand(1, 1, 60, 60, generator=torch.Generator().manual_seed(0))
     images = torch.cat([red, 1 - red, torch.full_like(red, 0.5)], dim=1)  # the same grey everywhere, as a mean
     assert float(LocalGradientsSmoothing()(images).mean()) < 0.3 * float(images.mean())

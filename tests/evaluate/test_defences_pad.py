@@ -57,7 +57,7 @@ def test_mutual_information_is_the_mean_over_touching_windows() -> None:
 
     for row, column in ((0, 0), (4, 4), (5, 9), (8, 10), (1, 6)):
         corners = [(row, column), (row, column + 1), (row + 1, column), (row + 1, column + 1)]
-        # Half a pixel from the edge: 1/8 of the way to the next centre along each axis.
+        # Half a pixel from the edge: 1/8 of the way to the next center along each axis.
         weights = (49 / 64, 7 / 64, 7 / 64, 1 / 64)
         expected = sum(weight * at(*corner) for weight, corner in zip(weights, corners, strict=True))
         assert heat[4 * row, 4 * column] == pytest.approx(expected, abs=0.02)  # remap rounds positions to 1/32

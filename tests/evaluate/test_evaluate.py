@@ -144,7 +144,7 @@ def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Pa
         ({"version": 3}, "reads up to 2; update rauca"),
         ({"table": {}}, "table and detectors do not fit"),
         ({"images": {}}, "images and frames do not fit"),
-        ({"settings": written["settings"] | {"colour": 1}}, "settings: unknown field colour"),
+        ({"settings": written["settings"] | {"color": 1}}, "settings: unknown field color"),
         ({"surplus": 1}, "unknown field surplus"),
     ]:
         path.write_text(json.dumps(written | change))

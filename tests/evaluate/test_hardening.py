@@ -24,15 +24,15 @@ SIZE = 64
 RED, BLUE, GREEN = (220, 20, 20), (20, 20, 220), (20, 220, 20)
 
 
-class FindsColours:
-    """A detector that takes what has one of its colours for a car."""
+class FindsColors:
+    """A detector that takes what has one of its colors for a car."""
 
     class_names = ("car",)
 
-    def __init__(self, name: str, *colours: tuple[int, int, int]) -> None:
-        self.name, self.colours, self.fingerprint = name, colours, f"f00d{len(colours)}"
+    def __init__(self, name: str, *colors: tuple[int, int, int]) -> None:
+        self.name, self.colors, self.fingerprint = name, colors, f"f00d{len(colors)}"
 
-    def to(self, device: torch.device | str) -> FindsColours:
+    def to(self, device: torch.device | str) -> FindsColors:
         return self
 
     def dense(self, images: Tensor) -> DensePredictions:
@@ -42,7 +42,7 @@ class FindsColours:
         return [self._detect(image) for image in images]
 
     def _detect(self, image: Tensor) -> Detections:
-        known = [(image - torch.tensor(c)[:, None, None] / 255).abs().amax(0) < 0.02 for c in self.colours]
+        known = [(image - torch.tensor(c)[:, None, None] / 255).abs().amax(0) < 0.02 for c in self.colors]
         rows, columns = torch.stack(known).any(0).nonzero().unbind(1)
         if not len(rows):
             return Detections(torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, dtype=torch.int64))
@@ -57,16 +57,16 @@ def entry(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
     paint(dataset, tmp_path / "normal", [RED] * 12)
     paint(dataset, tmp_path / "noise", [RED, BLUE, GREEN, BLUE] * 3)
     paints = {name: tmp_path / name for name in ("normal", "noise")}
-    detectors = [FindsColours("before", RED), FindsColours("after", RED, BLUE)]
+    detectors = [FindsColors("before", RED), FindsColors("after", RED, BLUE)]
     results = evaluate(dataset, paints, detectors, tmp_path / "study", resamples=200)
     return Entry("seen", "none", "box", "car", results, tmp_path / "study")
 
 
-def paint(dataset: Dataset, folder: Path, colours: list[tuple[int, int, int]]) -> None:
-    for frame, colour in zip(dataset.frames(), colours, strict=True):
+def paint(dataset: Dataset, folder: Path, colors: list[tuple[int, int, int]]) -> None:
+    for frame, color in zip(dataset.frames(), colors, strict=True):
         pixels = np.zeros((SIZE, SIZE, 3), np.uint8)
         left, top, right, bottom = (int(v) for v in frame.box_xyxy)
-        pixels[top:bottom, left:right] = colour
+        pixels[top:bottom, left:right] = color
         write_bytes(folder / f"{frame.id}.png", png_bytes(pixels))
 
 

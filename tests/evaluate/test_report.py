@@ -325,4 +325,4 @@ def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
     for path in written[3:]:
         drawing = path.read_text()
         ElementTree.fromstring(drawing)
-        assert "var(" not in drawing  # a file has no page to take its colours from
+        assert "var(" not in drawing  # a file has no page to take its colors from

@@ -84,7 +84,7 @@ def study_at(
     paints: tuple[str, ...] = PAINTS,
     detectors: tuple[str, ...] = DETECTORS,
 ) -> Study:
-    """Written to disk and read again; the last paint was optimised against the first detector and another."""
+    """Written to disk and read again; the last paint was optimized against the first detector and another."""
     camouflage = folder / "camouflage.json"
     made = Camouflage("c", "sedan", "0" * 16, 8, "rauca", {"detector": f"{detectors[0]}+unknown"})
     save_camouflage(camouflage, made, png_bytes(np.zeros((8, 8, 3), np.uint8)))

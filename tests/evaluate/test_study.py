@@ -85,7 +85,7 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
         ({"entries": []}, "entries must be at least one"),
         ({"entries": [first, first]}, "each of its own vehicle, weathers and defence"),
         ({"entries": [first | {"results": "gone.json"}]}, "gone.json: not found"),
-        ({"entries": [first | {"colour": 1}]}, r"entries\[0\]: unknown field colour"),
+        ({"entries": [first | {"color": 1}]}, r"entries\[0\]: unknown field color"),
         ({"entries": [first | {"camouflages": {"rauca": 3}}]}, "rauca must be text"),
     ]:
         path.write_text(json.dumps(written | change))

@@ -78,7 +78,7 @@ def _lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def _optimised(out: Path) -> Content:
+def _optimized(out: Path) -> Content:
     history = [(line["step"], line["loss"], line["score"]) for line in _lines(out / "history.jsonl")]
     return files(out, "camouflage.*", "checkpoints/*") | {"history": history}
 
@@ -125,7 +125,7 @@ OPTIMIZE = Job(
     "optimize",
     "--steps 24 --batch 1 --map-size 32 --samples 2 --threads 1",
     _pictured,
-    _optimised,
+    _optimized,
     detector="--detector",
     resumes=True,
 )

@@ -12,7 +12,7 @@ from rauca_core.geometry import atlas_report, chart_mask, covered, unwrap
 
 
 def brute_force(uv: np.ndarray, size: int, conservative: bool) -> set[int]:
-    """Texels of one triangle by testing 33 x 33 points of every texel, or its centre alone."""
+    """Texels of one triangle by testing 33 x 33 points of every texel, or its center alone."""
     a, b, c = uv
     offsets = np.linspace(0, 1, 33) if conservative else np.array([0.5])
     found = set()
@@ -28,8 +28,8 @@ def brute_force(uv: np.ndarray, size: int, conservative: bool) -> set[int]:
 @pytest.mark.parametrize("seed", range(5))
 def test_coverage_agrees_with_brute_force(seed):
     uv = np.random.default_rng(seed).random((3, 2))
-    centres, _ = covered(uv[None], 16, conservative=False)
-    assert set(centres.tolist()) == brute_force(uv, 16, False)
+    centers, _ = covered(uv[None], 16, conservative=False)
+    assert set(centers.tolist()) == brute_force(uv, 16, False)
     touched, _ = covered(uv[None], 16, conservative=True)
     sampled = brute_force(uv, 16, True)
     assert sampled <= set(touched.tolist())  # nothing missed; slivers between the sample points may come on top

@@ -26,7 +26,7 @@ def noise(size: int, seed: int = 0) -> np.ndarray:
 
 
 def on_surface(picture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    """Colours at the same 5000 points of the faces, whatever the layout."""
+    """Colors at the same 5000 points of the faces, whatever the layout."""
     rng = np.random.default_rng(1)
     face, (a, b) = rng.integers(0, len(uvs), 5000), rng.random((2, 5000))
     a, b = np.where(a + b > 1, (1 - a, 1 - b), (a, b))
@@ -94,7 +94,7 @@ def test_faces_on_top_of_each_other_are_told():
 
 
 @pytest.mark.parametrize("count", [256, 257])
-def test_many_faces_on_top_of_each_other_are_told_and_keep_their_colour(count):
+def test_many_faces_on_top_of_each_other_are_told_and_keep_their_color(count):
     stacked = np.repeat(placed(0.8)[:1], count, axis=0)
     result = carry(stacked, stacked, 16, lambda face, uv: np.full((len(uv), 3), 0.75, np.float32), 16)
     assert result.overlap == 1.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from .blender import Blender
 
-PANELS = ("vehicle", "weather", "cameras", "dataset", "optimise", "camouflage", "bake")
+PANELS = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "bake")
 FIRST_HEADER, HEADER_PITCH = 16, 28  # pixels below the tab's top, and from one closed panel to the next
 LOOK_EVERY = 8  # pixels: less than half a button's height
 ANSWER_S = 40.0  # seconds after which a button is pressed again

@@ -112,7 +112,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
         assert cv2.imread(str(image)).std() > 5  # a picture, not a grey field
 
 
-def test_step_5_optimises(desk: Sidebar, figures: dict[str, str]) -> None:
+def test_step_5_optimizes(desk: Sidebar, figures: dict[str, str]) -> None:
     python = os.environ.get("RAUCA_PYTHON")
     if not python:
         pytest.skip("no Python with torch for this Blender (set RAUCA_PYTHON)")
@@ -122,19 +122,19 @@ def test_step_5_optimises(desk: Sidebar, figures: dict[str, str]) -> None:
     checked = "preferences = own('preferences').preferences(bpy.context)\nvalue = preferences.verdict"
     desk.press("rauca.check_python(", lambda: blender.ask(checked), PATIENCE_S)
     assert blender.ask("value = own('preferences').preferences(bpy.context).ready"), blender.ask(checked)
-    desk.enter("folder", str(blender.scratch / "optimised"))
+    desk.enter("folder", str(blender.scratch / "optimized"))
     desk.enter("steps", STEPS)
-    desk.unfold("rauca.optimise(", "batch")
+    desk.unfold("rauca.optimize(", "batch")
     desk.enter("batch", 2)
     blender.shoot("5-more")
-    assert blender.settings("optimise.batch") == 2
+    assert blender.settings("optimize.batch") == 2
     blender.shoot("5-ready")
-    desk.press("rauca.optimise(", lambda: begun(blender, "optimise"))
-    figures["optimising"] = measured(desk, "optimise", "5-optimising")
-    blender.shoot("5-optimised")
-    made, _ = load_camouflage(blender.outside / "optimised" / "camouflage.json")
+    desk.press("rauca.optimize(", lambda: begun(blender, "optimize"))
+    figures["optimizing"] = measured(desk, "optimize", "5-optimizing")
+    blender.shoot("5-optimized")
+    made, _ = load_camouflage(blender.outside / "optimized" / "camouflage.json")
     assert made.atlas_id == read_plan(blender.outside / "dataset").atlas_id
-    assert blender.settings("camouflage.file") == str(blender.scratch / "optimised" / "camouflage.json")
+    assert blender.settings("camouflage.file") == str(blender.scratch / "optimized" / "camouflage.json")
 
 
 def test_step_6_applies_the_camouflage(desk: Sidebar) -> None:
@@ -217,7 +217,7 @@ def test_the_window_stays_awake() -> None:
         assert name == "bake" or percentile(gaps.busy, 99) < DEAF_S, f"{name}: {gaps}"
 
 
-ORDER = ("vehicle", "weather", "cameras", "dataset", "optimise", "camouflage", "bake")
+ORDER = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "bake")
 MEASURED: dict[str, Gaps] = {}
 PATCHES_BGR = ((150, 200, 215), (60, 120, 90), (45, 75, 125), (30, 40, 35))  # sand, green, brown, black
 SEEN = slice(480, 560), slice(400, 700)  # rows and columns of the screen: the vehicle's side after step 6 framed it
@@ -304,7 +304,7 @@ def measured(desk: Sidebar, job: str, picture: str) -> str:
 
 
 def a_camouflage(folder: Path) -> Path:
-    """Patches of four colours that fit the sedan, written beside the scratch folder's other files."""
+    """Patches of four colors that fit the sedan, written beside the scratch folder's other files."""
     plan = read_plan(folder / "dataset")
     noise = np.random.default_rng(0).standard_normal((512, 512, len(PATCHES_BGR)))
     texels = np.array(PATCHES_BGR, np.uint8)[cv2.GaussianBlur(noise, (0, 0), 12).argmax(axis=2)]

@@ -25,7 +25,7 @@ from rauca_core.contract import (
     load_passes,
     load_vehicle,
     load_weathers,
-    parse_optimise_progress,
+    parse_optimize_progress,
     parse_progress,
     planned_frames,
     read_ledger,
@@ -94,8 +94,8 @@ def _plan(folder: Path) -> None:
 def _frame(folder: Path) -> None:
     camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, 8, 8)
     frame = Frame(FRAME, 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 8.0, 8.0), 1.0, 3)
-    grey, colour = np.full((8, 8), 0.5, np.float32), np.full((8, 8, 3), 0.5, np.float32)
-    save_frame(folder / FRAME, frame, FramePasses(colour, grey, grey, grey, colour, colour))
+    grey, color = np.full((8, 8), 0.5, np.float32), np.full((8, 8, 3), 0.5, np.float32)
+    save_frame(folder / FRAME, frame, FramePasses(color, grey, grey, grey, color, color))
 
 
 def _read_frame(folder: Path) -> None:
@@ -194,7 +194,7 @@ def _progress(folder: Path) -> None:
 def _read_progress(folder: Path) -> None:
     for line in read_limited(folder / "lines", 2**20).decode(errors="replace").splitlines():
         parse_progress(line)
-        parse_optimise_progress(line)
+        parse_optimize_progress(line)
 
 
 TARGETS = (

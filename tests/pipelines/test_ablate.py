@@ -1,4 +1,4 @@
-"""``rauca ablate`` at thumbnail size: real Blender, real detector, real optimiser; and what it keeps when it stops."""
+"""``rauca ablate`` at thumbnail size: real Blender, real detector, real optimizer; and what it keeps when it stops."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipelines.ablate import Ablation, Repeat, _optimise, run_ablation
+from pipelines.ablate import Ablation, Repeat, _optimize, run_ablation
 from pipelines.ablate_clock import Clock
 from pipelines.ablate_workspace import Workspace, alone, linked_part, pour
 from pipelines.cli import app
@@ -102,11 +102,11 @@ def test_weights_of_ones_own_are_attacked(tmp_path: Path, monkeypatch: pytest.Mo
     def look(asked: Ablation) -> Path:
         monkeypatch.setattr(asked.workspace, "training", lambda *_: tmp_path)
         monkeypatch.setattr(asked.workspace, "run", lambda name, key, work: (seen.append(key), work(tmp_path, False)))
-        _optimise(asked, Repeat(asked.variants[0], 0, "x"))
+        _optimize(asked, Repeat(asked.variants[0], 0, "x"))
         return tmp_path
 
     monkeypatch.setattr("pipelines.ablate.run_ablation", look)
-    monkeypatch.setattr("pipelines.optimize_camouflage.optimise", lambda data, loaded, *_: seen.append(loaded))
+    monkeypatch.setattr("pipelines.optimize_camouflage.optimize", lambda data, loaded, *_: seen.append(loaded))
     monkeypatch.setattr("pipelines.optimize_camouflage.Dataset", Path)
     ablate("beta", "--quick", "--out", tmp_path / "out", "--attack", typed)
     key, (attacked,) = seen

@@ -27,7 +27,7 @@ SMALL = DemoScale(
 
 
 def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
-    done, colour = [], ["red"]
+    done, color = [], ["red"]
 
     def stands_for(name, product=None):
         def work(*given, **_):
@@ -35,7 +35,7 @@ def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
             path = product(*given) if product else tmp_path / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text("{}")
-            path.with_suffix(".png").write_text(colour[0])
+            path.with_suffix(".png").write_text(color[0])
 
         monkeypatch.setattr(demo, name, work)
 
@@ -58,7 +58,7 @@ def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
     assert len(run()) == 11
     assert run() == []
     (tmp_path / "rauca" / "camouflage.json").unlink()
-    colour[0] = "blue"
+    color[0] = "blue"
     assert run() == ["optimize_camouflage", "render_camouflages", "measure", "compare_renderers"]
 
 
@@ -89,7 +89,7 @@ def test_a_boat_is_hidden_and_measured_as_a_boat(tmp_path, box_vehicle, monkeypa
         if job == "make_dataset":
             make_dataset(Path(arguments[arguments.index("--out") + 1]), boat, 64, (40.0,))
 
-    def optimised(dataset, detectors, settings, out, resume):
+    def optimized(dataset, detectors, settings, out, resume):
         seen["hidden"] = settings.target
         random_camouflage(out / "camouflage.json", load_vehicle(dataset / "vehicle", read_image), 64)
 
@@ -97,7 +97,7 @@ def test_a_boat_is_hidden_and_measured_as_a_boat(tmp_path, box_vehicle, monkeypa
         seen["measured"] = settings.category
 
     monkeypatch.setattr("pipelines.demo.run_blender", drawn)
-    monkeypatch.setattr("pipelines.demo.optimize_camouflage", optimised)
+    monkeypatch.setattr("pipelines.demo.optimize_camouflage", optimized)
     monkeypatch.setattr("pipelines.evaluate.evaluate", evaluated)
     for work in ("render_camouflages", "compare_renderers", "fetch"):
         monkeypatch.setattr(f"pipelines.demo.{work}", lambda *_: None)

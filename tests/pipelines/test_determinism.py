@@ -31,10 +31,10 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def first(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return optimised(data, tmp_path_factory.mktemp("first"), threads=1, hash_seed=1)
+    return optimized(data, tmp_path_factory.mktemp("first"), threads=1, hash_seed=1)
 
 
-def optimised(data: Path, where: Path, threads: int, hash_seed: int, seed: int = 5, sampler: str = "area") -> Path:
+def optimized(data: Path, where: Path, threads: int, hash_seed: int, seed: int = 5, sampler: str = "area") -> Path:
     """The folder of ``rauca optimize``, run in ``where`` by a process of its own."""
     arguments = ["--out", "out", "--steps", STEPS, "--batch", 2, "--map-size", 64, "--samples", 2, "--seed", seed]
     arguments += ["--threads", threads, "--sampler", sampler]
@@ -62,7 +62,7 @@ def checkpoint(folder: Path) -> tuple[str, bytes]:
 
 
 def test_two_processes_make_the_same_bytes(data: Path, first: Path, tmp_path: Path) -> None:
-    again = optimised(data, tmp_path, threads=1, hash_seed=2)  # the taps come from the cache this time
+    again = optimized(data, tmp_path, threads=1, hash_seed=2)  # the taps come from the cache this time
     assert again.joinpath("camouflage.png").read_bytes() == first.joinpath("camouflage.png").read_bytes()
     assert again.joinpath("camouflage.json").read_bytes() == first.joinpath("camouflage.json").read_bytes()
     assert checkpoint(again) == checkpoint(first)
@@ -75,20 +75,20 @@ def test_taps_through_facets_are_those_from_the_cache(data: Path, tmp_path: Path
     folders = [tmp_path / name for name in ("built", "cached")]
     for folder in folders:
         folder.mkdir()
-    built, cached = (optimised(data, folder, threads=1, hash_seed=1, sampler=sampler) for folder in folders)
+    built, cached = (optimized(data, folder, threads=1, hash_seed=1, sampler=sampler) for folder in folders)
     assert checkpoint(cached) == checkpoint(built)
     assert untimed(cached) == untimed(built)
 
 
 def test_another_seed_makes_another_map(data: Path, first: Path, tmp_path: Path) -> None:
-    other = optimised(data, tmp_path, threads=1, hash_seed=1, seed=6)
+    other = optimized(data, tmp_path, threads=1, hash_seed=1, seed=6)
     maps = [read_image(folder / "camouflage.png") for folder in (first, other)]
     assert (maps[0] != maps[1]).mean() > 0.5
 
 
 def test_another_number_of_threads_rounds_otherwise_and_no_more(data: Path, first: Path, tmp_path: Path) -> None:
     """Sums of the detector's convolutions are split by threads; nothing else of a step is."""
-    other = optimised(data, tmp_path, threads=2, hash_seed=1)
+    other = optimized(data, tmp_path, threads=2, hash_seed=1)
     losses = np.array([[row["loss"] for row in untimed(folder)] for folder in (first, other)])
     assert losses[0] == pytest.approx(losses[1], rel=1e-3)
     maps = [read_image(folder / "camouflage.png").astype(int) for folder in (first, other)]

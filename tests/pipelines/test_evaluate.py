@@ -21,9 +21,9 @@ from tests.published import published_weights
 SEDAN = assets_folder() / "vehicles" / "sedan"
 
 
-def paint(path: Path, colour: tuple[int, int, int], vehicle: Path = SEDAN) -> Path:
+def paint(path: Path, color: tuple[int, int, int], vehicle: Path = SEDAN) -> Path:
     atlas, name = load_vehicle(vehicle, read_image).atlas_id, vehicle.name
-    pixels = np.broadcast_to(np.uint8(colour), (16, 16, 3)).copy()
+    pixels = np.broadcast_to(np.uint8(color), (16, 16, 3)).copy()
     save_camouflage(path, Camouflage(path.stem, name, atlas, 16, "plain"), png_bytes(pixels))
     return path
 

@@ -100,7 +100,7 @@ def test_another_plan_in_the_same_folder_is_refused(dataset):
 
 
 def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
-    """One whose atlas is the same: taller, or of another colour; the plan alone cannot tell."""
+    """One whose atlas is the same: taller, or of another color; the plan alone cannot tell."""
     given = load_vehicle(dataset.folder / "vehicle", read_image)
     taller = replace(given, positions=given.positions * np.float32([1, 1, 1.5]))
     red = replace(given, materials=[replace(m, base_color=(0.6, 0.0, 0.0)) for m in given.materials])
@@ -163,8 +163,8 @@ def test_killed_outright_then_resumed(tmp_path):
 
 def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
     size, atlas = 64, dataset.plan.atlas_id
-    for name, colour in (("red", (255, 0, 0)), ("blue", (0, 0, 255))):
-        uv_map = np.broadcast_to(np.uint8(colour), (size, size, 3)).copy()
+    for name, color in (("red", (255, 0, 0)), ("blue", (0, 0, 255))):
+        uv_map = np.broadcast_to(np.uint8(color), (size, size, 3)).copy()
         record = Camouflage(name, dataset.plan.vehicle_name, atlas, size, "plain")
         save_camouflage(tmp_path / f"{name}.json", record, png_bytes(uv_map))
     arguments = [

@@ -33,7 +33,7 @@ pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 MAKE = Path(__file__).resolve().parent.parent.parent / "pipelines" / "make_dataset.py"
 # Two cameras, each in a street of its own; weathers of which one is composed from another, two share their light and
-# one has rain over it; some frames rendered again in a check colour.
+# one has rain over it; some frames rendered again in a check color.
 WEATHERS = [
     {"name": "day", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0},
     {"name": "fog", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 50},
@@ -41,7 +41,7 @@ WEATHERS = [
     {"name": "rain", "sun_altitude_angle": -30, "sun_azimuth_angle": 60, "fog_density": 0, "precipitation": 60},
 ]
 SMALL = ["--locations", "2", "--azimuths", "1", "--elevations", "15", "--distances", "6", "--min-visible", "0"]
-SMALL += ["--size", "48", "--samples", "1", "--no-denoise", "--composed-fog", "--recolour-share", "0.3"]
+SMALL += ["--size", "48", "--samples", "1", "--no-denoise", "--composed-fog", "--recolor-share", "0.3"]
 
 
 def options(folder: Path) -> list[str]:
@@ -249,7 +249,7 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
     assert other.stdout.readline() == "held\n"
     with hold_cameras(folder, Shard(2, 2), (1, 2)) as lock:
         (folder / "frames").mkdir()
-        (folder / "frames" / ".partial-of-a-neighbour").mkdir()
+        (folder / "frames" / ".partial-of-a-neighbor").mkdir()
         (folder / ".partial-plan").write_text("{")
         lock.sweep()
         assert list((folder / "frames").iterdir())  # it may still be written

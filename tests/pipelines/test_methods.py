@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import pipelines.optimize_camouflage as command
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from rauca_core.attack import OptimiserSettings, make_settings
+from rauca_core.attack import OptimizerSettings, make_settings
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Vehicle
@@ -22,7 +22,7 @@ from rauca_core.contract import Vehicle
 def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle) -> Any:
     """The settings that a command line ends up with, on a data set of a ``category``."""
 
-    def settings(*options: str, category: str = "car") -> OptimiserSettings:
+    def settings(*options: str, category: str = "car") -> OptimizerSettings:
         data, seen = make_dataset(tmp_path / category, replace(box_vehicle, category=category), 64, (40.0,)), []
         monkeypatch.setattr(command, "optimize_camouflage", lambda *given: seen.append(given[2]) or Path("c.json"))
         result = CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from rauca_core.contract import OptimiseProgress, Vehicle, parse_optimise_progress
+from rauca_core.contract import OptimizeProgress, Vehicle, parse_optimize_progress
 from rauca_core.images import read_image
 from tests.published import published_weights
 
@@ -33,7 +33,7 @@ def test_steps_are_told_line_by_line(
     common = [str(data.folder), "--out", str(out), "--detector", yolo, "--json-progress"]
     assert optimize(*common, "--steps", "2") == 0
     assert optimize(*common, "--steps", "3", "--resume") == 0
-    told = [parse_optimise_progress(line) for line in capfd.readouterr().out.splitlines()]
+    told = [parse_optimize_progress(line) for line in capfd.readouterr().out.splitlines()]
     assert [(line.step, line.of) for line in told if line] == [(1, 2), (2, 2), (3, 3)]
     last = told[-1]
     assert last is not None
@@ -60,8 +60,8 @@ def test_a_reader_that_goes_away_does_not_stop_the_run(yolo: str, tmp_path: Path
 
 
 def test_lines_survive_what_else_is_printed() -> None:
-    progress = OptimiseProgress(3, 9, 0.5, 0.4, 0.1, 0.3, 0.2, 1.2, "/somewhere/ä b.png", "/somewhere/c.png")
-    assert parse_optimise_progress(progress.line()) == progress
-    assert parse_optimise_progress(progress.line()[:-1] + ', "later": 1}') == progress
-    for other in ("", "optimising ...", "[1]", '{"step": 1}', "3"):
-        assert parse_optimise_progress(other) is None
+    progress = OptimizeProgress(3, 9, 0.5, 0.4, 0.1, 0.3, 0.2, 1.2, "/somewhere/ä b.png", "/somewhere/c.png")
+    assert parse_optimize_progress(progress.line()) == progress
+    assert parse_optimize_progress(progress.line()[:-1] + ', "later": 1}') == progress
+    for other in ("", "optimizing ...", "[1]", '{"step": 1}', "3"):
+        assert parse_optimize_progress(other) is None

@@ -103,7 +103,7 @@ def stopped(*_: Any, **__: Any) -> NoReturn:
     ("work", "command", "told"),
     [
         ("run_blender", ("make", "--out", "set"), "is kept; run the same command again to go on"),
-        ("recolour_dataset", ("recolour", "set", "--out", "x"), "is kept; run the same command again to go on"),
+        ("recolor_dataset", ("recolor", "set", "--out", "x"), "is kept; run the same command again to go on"),
         ("check_dataset", ("check", "set"), "nothing was kept"),
     ],
 )

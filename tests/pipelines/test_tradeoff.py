@@ -1,4 +1,4 @@
-"""``rauca tradeoff``: which camouflages it makes, and mistakes told before anything is optimised or rendered."""
+"""``rauca tradeoff``: which camouflages it makes, and mistakes told before anything is optimized or rendered."""
 
 from __future__ import annotations
 

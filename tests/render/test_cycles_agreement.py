@@ -59,9 +59,9 @@ def test_taps_agree_with_cycles(sedan: Vehicle, azimuth: float, elevation: float
     premultiplied = alpha[..., None] * x_bar
     assert psnr(premultiplied[inside], reference["premultiplied"][inside]) > 43
     assert psnr(premultiplied[edge], reference["premultiplied"][edge]) > 35
-    # What the light maps of an edge multiply: the coverage-normalised texture, fallback rows included.
-    normalised = reference["premultiplied"][edge] / reference["coverage"][edge, None]
-    weighted = reference["coverage"][edge, None] * (x_bar[edge] - normalised)
+    # What the light maps of an edge multiply: the coverage-normalized texture, fallback rows included.
+    normalized = reference["premultiplied"][edge] / reference["coverage"][edge, None]
+    weighted = reference["coverage"][edge, None] * (x_bar[edge] - normalized)
     assert -10 * np.log10(np.mean(weighted**2)) > 30
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rauca_core.render.encoding import UNIT, decode, encode, from_fractions, quantise_rows, to_fractions
+from rauca_core.render.encoding import UNIT, decode, encode, from_fractions, quantize_rows, to_fractions
 
 TEXELS, PIXELS = 2**31 - 1, 2**31 - 1
 rows_of_columns = st.lists(
@@ -57,14 +57,14 @@ def test_rows_sum_to_one_after_rounding(rows: list[list[float]]) -> None:
     rows = [row if sum(row) > 1e-3 else [*row, 1.0] for row in rows]
     values = np.concatenate([np.array(row) / sum(row) for row in rows])
     indptr = np.cumsum([0] + [len(row) for row in rows])
-    rounded = quantise_rows(indptr, values)
+    rounded = quantize_rows(indptr, values)
     assert (np.add.reduceat(rounded.astype(np.int64), indptr[:-1]) == UNIT).all()
     assert np.abs(rounded / UNIT - values).max() <= 1.01 / UNIT
 
 
 def test_rows_that_read_black_keep_their_sum_after_rounding() -> None:
     values = np.full(1000, 0.5 / 1000)  # each rounds up: by themselves they would sum to half a hundredth more
-    rounded = quantise_rows(np.array([0, 1000]), values)
+    rounded = quantize_rows(np.array([0, 1000]), values)
     assert abs(int(rounded.sum()) - UNIT / 2) <= 0.5
 
 

@@ -40,11 +40,11 @@ def test_cells_lie_on_their_faces(box_vehicle: Vehicle) -> None:
 
 
 def test_view_and_map_show_a_gradient_that_the_cells_hold(box_vehicle: Vehicle) -> None:
-    """Cells coloured by where they lie: pixels and texels then tell where they lie."""
+    """Cells colored by where they lie: pixels and texels then tell where they lie."""
     cells, atlas = cells_pyramid(box_vehicle, TS), Pyramid.of(box_vehicle, 64)
-    colours = torch.from_numpy(cell_positions(box_vehicle, TS))
+    colors = torch.from_numpy(cell_positions(box_vehicle, TS))
     taps = build_facet_taps(box_vehicle, camera(), cells, TS, samples=8)
-    seen = taps.rows(colours).numpy()[taps.alpha > 0.99]
+    seen = taps.rows(colors).numpy()[taps.alpha > 0.99]
     pixels = taps.pixels[taps.alpha > 0.99]
     shot = camera()
     there = seen @ shot.R.T + shot.t
@@ -53,7 +53,7 @@ def test_view_and_map_show_a_gradient_that_the_cells_hold(box_vehicle: Vehicle) 
     assert np.abs(projected - wanted).mean() < 0.5  # pixels; Neural Renderer's cells are not quite linear
     baked = bake_facets(box_vehicle, atlas, cells, TS)
     assert np.allclose(np.add.reduceat(baked.weights, baked.indptr[:-1]), 1, atol=1e-5)
-    on_map = baked(colours).numpy()
+    on_map = baked(colors).numpy()
     inside = np.abs(on_map) <= box_vehicle.positions.max(0) + 1e-5
     assert inside.all()
     assert np.ptp(on_map, axis=0) == pytest.approx([4.0, 2.0, 1.5], rel=0.15)

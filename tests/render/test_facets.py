@@ -58,10 +58,10 @@ def algorithm_1(uv_map: Tensor, uvs: np.ndarray, ts: int) -> Tensor:
                     a = min(max(u * SIZE - 0.5, 0.0), SIZE - 1.0)
                     b = min(max((1 - v) * SIZE - 0.5, 0.0), SIZE - 1.0)
                     fa, fb = math.floor(a), math.floor(b)
-                    colour = torch.zeros(3, dtype=uv_map.dtype)
+                    color = torch.zeros(3, dtype=uv_map.dtype)
                     for p in ((fa, fb), (fa + 1, fb), (fa, fb + 1), (fa + 1, fb + 1)):
-                        colour = colour + (1 - abs(p[0] - a)) * (1 - abs(p[1] - b)) * at(uv_map, *p)
-                    cells.append(colour)
+                        color = color + (1 - abs(p[0] - a)) * (1 - abs(p[1] - b)) * at(uv_map, *p)
+                    cells.append(color)
     return torch.stack(cells)
 
 
@@ -199,10 +199,10 @@ def test_pixels_read_the_tensor_as_neural_renderer(box_vehicle: Vehicle, sampler
     surface = find_surface(raster, box_vehicle.paint_faces())
     assert len(surface.faces) == len(found.fragments.paint) > 50
     for n in range(0, len(surface.faces), 5):
-        point, colour = surface.barycentrics[n] * (ts - 1), torch.zeros(3, dtype=torch.float64)
+        point, color = surface.barycentrics[n] * (ts - 1), torch.zeros(3, dtype=torch.float64)
         for i in range(8):
             p = [min(int(point[k]), ts - 2) + (i >> k) % 2 for k in range(3)]
-            colour = colour + math.prod(1 - abs(p[k] - point[k]) for k in range(3)) * tensor[surface.faces[n], *p]
+            color = color + math.prod(1 - abs(p[k] - point[k]) for k in range(3)) * tensor[surface.faces[n], *p]
         weights = torch.from_numpy(found.fragments.weights[n]).double()
         read = weights @ local[torch.from_numpy(found.fragments.texels[n]).long()]
-        assert torch.allclose(read, colour, atol=1e-6)
+        assert torch.allclose(read, color, atol=1e-6)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.contract.colour import linear_from_srgb, srgb_from_linear
+from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
 from rauca_core.render import Pyramid, build_taps, composite, display, undisplay
 
 
@@ -72,7 +72,7 @@ def test_display_is_the_contracts_transfer_function_with_finite_slopes() -> None
         [0, 1 / 12.92, 1 / 12.92, 2.4 / 1.055 * ((0.5 + 0.055) / 1.055) ** 1.4, 2.4 / 1.055, 0]
     )
     assert torch.autograd.gradcheck(undisplay, torch.rand(50, dtype=torch.float64).requires_grad_())
-    assert display(torch.tensor(float("nan"))).isnan()  # not hidden: the optimiser stops on it
+    assert display(torch.tensor(float("nan"))).isnan()  # not hidden: the optimizer stops on it
 
 
 def test_composite_keeps_the_reference_where_no_texture_is_known() -> None:

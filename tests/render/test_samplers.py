@@ -10,7 +10,7 @@ import torch.nn.functional as torch_functional
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, rasterize
 from rauca_core.render.product import compose, from_triplets
-from rauca_core.render.raster.rasterise import Raster
+from rauca_core.render.raster.rasterize import Raster
 from rauca_core.render.sampling.mip_lookup import longest_axis, read_level
 from rauca_core.render.sampling.sampler import Lookup, Sampler, look_up
 from rauca_core.render.sampling.surface import find_surface, mask_at
@@ -31,8 +31,8 @@ def view(vehicle: Vehicle, distance: float = 1.0, samples: int = 1) -> Raster:
     return rasterize(vehicle.positions, vehicle.triangles, camera, samples)
 
 
-def colours(found: Lookup, texels: np.ndarray) -> np.ndarray:
-    """Colour (N, 3) of every fragment."""
+def colors(found: Lookup, texels: np.ndarray) -> np.ndarray:
+    """Color (N, 3) of every fragment."""
     values = torch.from_numpy(texels)
     listed = (found.inner(values) if found.inner else values).numpy()
     return np.einsum("nk,nkc->nc", found.fragments.weights, listed[found.fragments.texels])
@@ -40,7 +40,7 @@ def colours(found: Lookup, texels: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("sampler", list(Sampler))
 @pytest.mark.parametrize("distance", [1.0, 12.0])
-def test_constant_texture_keeps_its_colour(box_vehicle: Vehicle, sampler: Sampler, distance: float) -> None:
+def test_constant_texture_keeps_its_color(box_vehicle: Vehicle, sampler: Sampler, distance: float) -> None:
     raster, pyramid = view(box_vehicle, distance), Pyramid.of(box_vehicle, SIZE)
     found = look_up(box_vehicle, raster, pyramid, sampler, 4)
     fragments = found.fragments
@@ -51,7 +51,7 @@ def test_constant_texture_keeps_its_colour(box_vehicle: Vehicle, sampler: Sample
     assert np.allclose(fragments.weights.sum(1), 1, atol=1e-5)
     seen = (raster.face_ids >= 0) & (raster.face_ids < 8)
     assert ((fragments.index >= 0) == seen).all()
-    read = colours(found, np.full((pyramid.count, 3), 0.25))
+    read = colors(found, np.full((pyramid.count, 3), 0.25))
     inner = fragments.paint > 0.999
     assert inner.sum() > 100
     assert np.allclose(read[inner], 0.25, atol=1e-5)
@@ -81,7 +81,7 @@ def test_bilinear_is_grid_sample(whole_box: Vehicle) -> None:
     uv = find_surface(raster, whole_box.paint_faces()).interpolate(whole_box.uvs)
     grid = torch.from_numpy(np.stack([uv[:, 0] * 2 - 1, 1 - 2 * uv[:, 1]], -1))[None, None]
     wanted = torch_functional.grid_sample(uv_map[None], grid, align_corners=False, padding_mode="border")[0, :, 0].T
-    read = colours(found, pyramid(pyramid.from_map(uv_map)).numpy())
+    read = colors(found, pyramid(pyramid.from_map(uv_map)).numpy())
     assert np.allclose(read, wanted.numpy(), atol=1e-6)
 
 
@@ -92,7 +92,7 @@ def test_trilinear_is_two_levels_of_the_footprint(whole_box: Vehicle, distance: 
     found = look_up(whole_box, raster, pyramid, Sampler.TRILINEAR)
     surface = find_surface(raster, whole_box.paint_faces())
     uv, jacobian = surface.interpolate(whole_box.uvs), surface.differentiate(whole_box.uvs)
-    read = colours(found, pyramid(pyramid.from_map(uv_map)).numpy())
+    read = colors(found, pyramid(pyramid.from_map(uv_map)).numpy())
     levels = [uv_map]
     while levels[-1].shape[-1] > 1:
         levels.append(torch_functional.avg_pool2d(levels[-1][None], 2)[0])
@@ -157,5 +157,5 @@ def test_pixels_of_a_facet_chain_are_one_operator(box_vehicle: Vehicle) -> None:
     assert found.inner is not None
     whole = compose(outer, found.inner)
     texels = np.random.default_rng(0).uniform(size=(pyramid.count, 3))
-    assert np.allclose(whole(torch.from_numpy(texels)).numpy(), colours(found, texels), atol=1e-6)
+    assert np.allclose(whole(torch.from_numpy(texels)).numpy(), colors(found, texels), atol=1e-6)
     assert whole.columns.max() < len(pyramid.texels)  # the tensor is filled from the map itself, not from its mips

@@ -50,12 +50,12 @@ def test_torch_path_agrees_with_numba(box_vehicle: Vehicle, camera: Camera) -> N
     assert torch.allclose(results[0][1], results[1][1], atol=1e-12)
 
 
-def test_constant_texture_gives_its_colour_times_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
+def test_constant_texture_gives_its_color_times_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
     pyramid = Pyramid.of(box_vehicle, MAP)
     taps = build_taps(box_vehicle, camera, MAP, pyramid=pyramid)
-    colour = torch.tensor([0.2, 0.5, 0.9])
-    x_bar = taps.rows(pyramid(colour.expand(len(pyramid.texels), 3).contiguous()))
-    assert torch.allclose(x_bar, colour.expand_as(x_bar), atol=1e-5)
+    color = torch.tensor([0.2, 0.5, 0.9])
+    x_bar = taps.rows(pyramid(color.expand(len(pyramid.texels), 3).contiguous()))
+    assert torch.allclose(x_bar, color.expand_as(x_bar), atol=1e-5)
     sums = np.add.reduceat(taps.rows.weights * np.repeat(taps.alpha, np.diff(taps.rows.indptr)), taps.rows.indptr[:-1])
     assert np.allclose(sums, taps.alpha, atol=1e-6)
     assert taps.alpha.max() <= 1
@@ -78,7 +78,7 @@ def test_mask_scales_alpha(box_vehicle: Vehicle, camera: Camera) -> None:
     assert np.allclose(build_taps(half, camera, MAP).coverage(), whole * (128 / 255), atol=1e-4)
 
 
-def test_fringe_reads_its_neighbours(box_vehicle: Vehicle, camera: Camera) -> None:
+def test_fringe_reads_its_neighbors(box_vehicle: Vehicle, camera: Camera) -> None:
     taps = build_taps(box_vehicle, camera, MAP)
     alpha = taps.coverage()
     listed = np.zeros(alpha.size, bool)
@@ -91,19 +91,19 @@ def test_fringe_reads_its_neighbours(box_vehicle: Vehicle, camera: Camera) -> No
     near = np.any([painted[y : y + height, x : x + width] for y in range(5) for x in range(5)], axis=0)
     assert (listed == (near | (alpha > 0))).all()
     pyramid = Pyramid.of(box_vehicle, MAP)
-    charts = torch.zeros(3, MAP, MAP)  # every wall a colour of its own
+    charts = torch.zeros(3, MAP, MAP)  # every wall a color of its own
     charts[0, :, : MAP // 2] = charts[1, : MAP // 2] = 1
     texels = pyramid.from_map(charts)
     image = taps.to_image(taps.rows(pyramid(texels)), torch.full((3, 64, 72), -1.0)).numpy()
     for row, column in np.argwhere(bare)[::7]:
-        # Its neighbours' own samples went into it; those reach at most four pixels further.
+        # Its neighbors' own samples went into it; those reach at most four pixels further.
         window = (slice(max(0, row - 4), row + 5), slice(max(0, column - 4), column + 5))
         around = image[(slice(None), *window)][:, alpha[window] >= 1 / 16]
         assert (image[:, row, column] >= around.min(1) - 1e-5).all()
         assert (image[:, row, column] <= around.max(1) + 1e-5).all()
 
 
-def test_fringe_weighs_neighbours_by_coverage_over_distance() -> None:
+def test_fringe_weighs_neighbors_by_coverage_over_distance() -> None:
     # One line of pixels: solid with texel 0, faint with texel 1, bare, solid with texel 2.
     rows = Rows(
         np.array([0, 1, 3], np.int32),

@@ -103,6 +103,6 @@ def test_error_stays_within_what_was_paid(box_vehicle: Vehicle) -> None:
     error = (((full - thinned) @ identity) ** 2).sum(1)
     saved = np.diff(whole.rows.indptr) - np.diff(few.rows.indptr)
     paid = PRICE / np.maximum(whole.alpha, 0.25) ** 2 * saved
-    # Errors of nested merges add up as vectors, and normalising after a drop moves the rest a little.
+    # Errors of nested merges add up as vectors, and normalizing after a drop moves the rest a little.
     assert (error <= 2 * paid + 1e-8).all()
     assert error.mean() < 0.5 * paid.mean()

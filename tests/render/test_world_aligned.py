@@ -123,7 +123,7 @@ def test_gradient_by_finite_differences(slanted: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("distance", [1.0, 6.0])
-def test_constant_pattern_keeps_its_colour(slanted: Vehicle, distance: float) -> None:
+def test_constant_pattern_keeps_its_color(slanted: Vehicle, distance: float) -> None:
     tiles = pattern_pyramid(SIDE)
     constant = torch.full((tiles.count, 3), 0.25, dtype=torch.float64)
     for rows in (
@@ -147,7 +147,7 @@ def test_moving_by_whole_tiles_changes_nothing(slanted: Vehicle, tiles_moved: in
     assert not torch.allclose(here, view(half, tiles, camera(shift / 2), 0.75)(levels), atol=0.1)
 
 
-def test_colour_is_continuous_across_the_edge_of_a_tile(box_vehicle: Vehicle) -> None:
+def test_color_is_continuous_across_the_edge_of_a_tile(box_vehicle: Vehicle) -> None:
     tiles = pattern_pyramid(SIDE)
     levels = random_pattern(tiles)
     near = [
@@ -194,17 +194,17 @@ def test_taps_of_a_view_filter_the_pattern(slanted: Vehicle) -> None:
     levels = tiles(torch.rand(SIDE * SIDE, 3, generator=torch.Generator().manual_seed(0)))
     raster = rasterize(slanted.positions, slanted.triangles, camera())
     found = find_world_aligned(slanted, raster, tiles, 4.0)
-    centre = np.einsum("nk,nkc->nc", found.weights, levels.numpy()[found.texels])
+    center = np.einsum("nk,nkc->nc", found.weights, levels.numpy()[found.texels])
     image = np.zeros((32, 40, 3))
     rows, columns = np.nonzero(found.index >= 0)
-    image[rows + raster.y0, columns + raster.x0] = centre[found.index[rows, columns]]
+    image[rows + raster.y0, columns + raster.x0] = center[found.index[rows, columns]]
     filtered = taps.to_image(taps.rows(levels), torch.zeros(3, 32, 40)).permute(1, 2, 0).numpy()
     inner = taps.coverage() > 0.999
     assert inner.sum() > 50
     assert np.corrcoef(image[inner].ravel(), filtered[inner].ravel())[0, 1] > 0.9
 
 
-def test_blend_is_normalised_for_any_normal_and_power() -> None:
+def test_blend_is_normalized_for_any_normal_and_power() -> None:
     normals = np.array([[0, 0, 2.0], [1, -1, 0], [1e-200, 0, 0], [0, 0, 0], [3, 4, 5.0]])
     for sharpness in (1.0, 4.0, 200.0):
         shares = blend_weights(normals, sharpness)

@@ -138,7 +138,7 @@ def hall(parts: MeshParts, rng: np.random.Generator, district: District, width: 
 
 def containers(parts: MeshParts, rng: np.random.Generator, district: District, width: float, near: bool) -> None:
     """Stacks of freight containers, ends and sides to the street."""
-    colours = ("container red", "container blue", "container ochre", "container white")
+    colors = ("container red", "container blue", "container ochre", "container white")
     across = rng.random() < 0.5
     long, wide = (6.06, 2.44) if across else (2.44, 6.06)
     for row in range(2):
@@ -146,8 +146,8 @@ def containers(parts: MeshParts, rng: np.random.Generator, district: District, w
         while x + long <= width:
             for level in range(int(rng.integers(0, 4))):
                 low = np.array([x + rng.uniform(-0.08, 0.08), row * (wide + 0.6), level * 2.6])
-                colour = pick(rng, colours)
-                parts.box(colour, low, shifted(low, long, wide, 2.58))
+                color = pick(rng, colors)
+                parts.box(color, low, shifted(low, long, wide, 2.58))
                 ends = shifted(low, 0.0, -0.03, 0.1)
                 bars = ends + np.linspace(0.25, long - 0.3, 4)[:, None] * [1, 0, 0]
                 parts.boxes("galvanised", bars, shifted(bars, 0.05, 0.04, 2.35))

@@ -57,7 +57,7 @@ def _lamps(site: Site) -> None:
     post = "cast iron" if height < 5 else "galvanised"
     reach = 0.0 if height < 5 else min(2.2, 0.25 * height)
     rng = site.layout.rng("lamps")
-    first = rng.uniform(-7, 7)  # one lamp lights the vehicle's neighbourhood
+    first = rng.uniform(-7, 7)  # one lamp lights the vehicle's neighborhood
     count = int(62.0 / district.lamp_every_m)
     for i in range(-count, count + 1):
         side = 1 if i % 2 else -1
@@ -125,9 +125,9 @@ def _sign(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def _planter(parts: MeshParts, rng: np.random.Generator) -> None:
     parts.box("planter", (-0.8, -0.4, 0.0), (0.8, 0.4, 0.55))
-    centres = np.stack([rng.uniform(-0.7, 0.7, 26), rng.uniform(-0.3, 0.3, 26), rng.uniform(0.5, 0.95, 26)], axis=1)
-    for centre in centres:
-        parts.beam("hedge", centre - [0, 0, 0.2], centre + rng.uniform(-0.2, 0.2, 3), 0.14, 4, 0.2)
+    centers = np.stack([rng.uniform(-0.7, 0.7, 26), rng.uniform(-0.3, 0.3, 26), rng.uniform(0.5, 0.95, 26)], axis=1)
+    for center in centers:
+        parts.beam("hedge", center - [0, 0, 0.2], center + rng.uniform(-0.2, 0.2, 3), 0.14, 4, 0.2)
 
 
 def _bicycle_stand(parts: MeshParts, rng: np.random.Generator) -> None:
@@ -155,8 +155,8 @@ def _hydrant(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def _post_box(parts: MeshParts, rng: np.random.Generator) -> None:
     parts.column("galvanised", (0, 0, 0), 0.05, 1.0, 6)
-    colour = ("post yellow", "post red", "sign blue")[int(rng.integers(3))]
-    parts.extrusion(colour, [(-0.25, 0.75), (0.25, 0.75), (0.25, 1.3), (0.0, 1.42), (-0.25, 1.3)], -0.18, 0.18)
+    color = ("post yellow", "post red", "sign blue")[int(rng.integers(3))]
+    parts.extrusion(color, [(-0.25, 0.75), (0.25, 0.75), (0.25, 1.3), (0.0, 1.42), (-0.25, 1.3)], -0.18, 0.18)
 
 
 def _pallet(parts: MeshParts, rng: np.random.Generator) -> None:
@@ -182,8 +182,8 @@ def _barrier(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def _skip(parts: MeshParts, rng: np.random.Generator) -> None:
     """A refuse container with sloping ends."""
-    colour = ("post yellow", "plastic green", "sign blue")[int(rng.integers(3))]
-    parts.extrusion(colour, [(-0.9, 0.1), (0.9, 0.1), (1.5, 1.2), (-1.5, 1.2)], -0.75, 0.75)
+    color = ("post yellow", "plastic green", "sign blue")[int(rng.integers(3))]
+    parts.extrusion(color, [(-0.9, 0.1), (0.9, 0.1), (1.5, 1.2), (-1.5, 1.2)], -0.75, 0.75)
     parts.box("plastic black", (-1.4, -0.7, 1.15), (1.4, 0.7, 1.21))
 
 

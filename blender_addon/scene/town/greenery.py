@@ -172,18 +172,18 @@ def _broadleaf(parts: MeshParts, kind: Kind, rng: np.random.Generator) -> None:
     for i in range(kind.clumps):
         direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
-        centre = middle + direction * [half_width, half_width, half_height] * rng.uniform(0.35, 0.7) * (i > 0)
+        center = middle + direction * [half_width, half_width, half_height] * rng.uniform(0.35, 0.7) * (i > 0)
         size = np.array([half_width, half_width, half_height * 0.5 + half_width * 0.4]) * rng.uniform(0.42, 0.6)
         if trunk and i % 2 == 0:
-            parts.beam("bark", (0, 0, trunk * 0.8), centre, radius * 0.45, 5, 0.5)
-        surfaces.append(_clump(parts, leaves, centre, size, rng))
+            parts.beam("bark", (0, 0, trunk * 0.8), center, radius * 0.45, 5, 0.5)
+        surfaces.append(_clump(parts, leaves, center, size, rng))
     points = np.concatenate(surfaces)
     chosen = points[rng.integers(0, len(points), kind.sprays)]
     _sprays(parts, leaves, chosen + rng.normal(0, 0.07 * half_width, chosen.shape), 0.13 * half_width**0.5, rng)
 
 
 def _clump(
-    parts: MeshParts, material: str, centre: NDArray[np.float64], size: NDArray[np.float64], rng: np.random.Generator
+    parts: MeshParts, material: str, center: NDArray[np.float64], size: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """A lumpy ball; returns its surface points (N, 3)."""
     rows, columns = 6, 9
@@ -192,13 +192,13 @@ def _clump(
     reach = rng.uniform(0.78, 1.2, (rows, columns + 1))
     reach[:, -1] = reach[:, 0]
     ball = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar) + 0 * around], -1)
-    points = centre + ball * reach[..., None] * size
+    points = center + ball * reach[..., None] * size
     _sheet(parts, material, points)
     return points.reshape(-1, 3)
 
 
 def _sheet(parts: MeshParts, material: str, points: NDArray[np.float64]) -> None:
-    """Quadrilaterals between neighbours of a grid of points (rows, columns, 3)."""
+    """Quadrilaterals between neighbors of a grid of points (rows, columns, 3)."""
     rows, columns = points.shape[:2]
     i = np.arange(rows * columns).reshape(rows, columns)
     faces = np.stack([i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]], axis=-1).reshape(-1, 4)
@@ -206,13 +206,13 @@ def _sheet(parts: MeshParts, material: str, points: NDArray[np.float64]) -> None
 
 
 def _sprays(
-    parts: MeshParts, material: str, centres: NDArray[np.float64], size: float, rng: np.random.Generator
+    parts: MeshParts, material: str, centers: NDArray[np.float64], size: float, rng: np.random.Generator
 ) -> None:
     """Small four-sided sprays of leaves, each facing its own way."""
-    along, across = rng.normal(size=(2, len(centres), 3))
-    along *= (size * rng.uniform(0.7, 1.5, len(centres)) / np.linalg.norm(along, axis=1))[:, None]
-    across *= (size * rng.uniform(0.5, 1.0, len(centres)) / np.linalg.norm(across, axis=1))[:, None]
-    corners = np.stack([centres - along, centres + across * 0.8, centres + along, centres - across * 0.8], axis=1)
+    along, across = rng.normal(size=(2, len(centers), 3))
+    along *= (size * rng.uniform(0.7, 1.5, len(centers)) / np.linalg.norm(along, axis=1))[:, None]
+    across *= (size * rng.uniform(0.5, 1.0, len(centers)) / np.linalg.norm(across, axis=1))[:, None]
+    corners = np.stack([centers - along, centers + across * 0.8, centers + along, centers - across * 0.8], axis=1)
     parts.quads(material, corners)
 
 

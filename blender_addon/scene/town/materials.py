@@ -14,7 +14,7 @@ from .surfaces import GLAZINGS, SURFACES, Albedo, Glazing, Surface
 GLASS_ALBEDO: Albedo = (0.018, 0.022, 0.026)
 CURTAIN_ALBEDO: Albedo = (0.30, 0.28, 0.24)
 LIT_RADIANCE = 0.36  # of a lit window at its top, before the film's exposure; a lamp-lit pavement has about 0.1
-LIT_COLOURS: tuple[Albedo, Albedo] = ((1.0, 0.62, 0.28), (0.95, 0.88, 0.75))
+LIT_COLORS: tuple[Albedo, Albedo] = ((1.0, 0.62, 0.28), (0.95, 0.88, 0.75))
 
 
 class Materials(dict[str, bpy.types.Material]):
@@ -39,16 +39,16 @@ def _scaled(albedo: Albedo, factor: float) -> tuple[float, float, float, float]:
 
 
 def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
-    colour: Any = _scaled(spec.albedo, 1.0)
+    color: Any = _scaled(spec.albedo, 1.0)
     if spec.contrast:
         position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
         noise = nodes.add(tree, "ShaderNodeTexNoise", Vector=position, Scale=spec.noise_per_m, Detail=2.0)
         dark, light = _scaled(spec.albedo, 1 - spec.contrast), _scaled(spec.albedo, 1 + spec.contrast)
-        colour = nodes.mix_colour(tree, noise.outputs[0], dark, light)
+        color = nodes.mix_color(tree, noise.outputs[0], dark, light)
     if spec.joints[0]:
-        colour = _jointed(tree, spec, colour)
-    colour, roughness = wet(tree, colour, spec.roughness, spec.porosity)
-    shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=colour, Roughness=roughness, Metallic=spec.metallic)
+        color = _jointed(tree, spec, color)
+    color, roughness = wet(tree, color, spec.roughness, spec.porosity)
+    shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=roughness, Metallic=spec.metallic)
     if spec.glow:
         strength = nodes.compute(tree, "MULTIPLY", glow(tree), spec.glow)
         tree.links.new(strength, shader.inputs["Emission Strength"])
@@ -56,7 +56,7 @@ def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
     return shader.outputs[0]
 
 
-def _jointed(tree: bpy.types.NodeTree, spec: Surface, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _jointed(tree: bpy.types.NodeTree, spec: Surface, color: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Stones that differ a little in albedo, with joints between them."""
     width, height, joint = spec.joints
     uv = nodes.add(tree, "ShaderNodeUVMap").outputs[0]
@@ -75,7 +75,7 @@ def _jointed(tree: bpy.types.NodeTree, spec: Surface, colour: bpy.types.NodeSock
     )
     product = nodes.add(tree, "ShaderNodeVectorMath")
     product.operation = "MULTIPLY"
-    tree.links.new(colour, product.inputs[0])
+    tree.links.new(color, product.inputs[0])
     tree.links.new(stones.outputs["Color"], product.inputs[1])
     return product.outputs[0]
 
@@ -91,8 +91,8 @@ def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
     frame = _frame(tree, spec, uv["X"], uv["Y"])
     other = nodes.add(tree, "ShaderNodeSeparateColor", Color=chance.outputs["Color"]).outputs
     curtained = nodes.compute(tree, "LESS_THAN", other[0], spec.curtained)
-    behind = nodes.mix_colour(tree, curtained, (*GLASS_ALBEDO, 1.0), (*CURTAIN_ALBEDO, 1.0))
-    colour = nodes.mix_colour(tree, frame, behind, (*spec.frame, 1.0))
+    behind = nodes.mix_color(tree, curtained, (*GLASS_ALBEDO, 1.0), (*CURTAIN_ALBEDO, 1.0))
+    color = nodes.mix_color(tree, frame, behind, (*spec.frame, 1.0))
     roughness = nodes.compute(tree, "MULTIPLY_ADD", frame, 0.5, 0.06)
     lit = nodes.compute(tree, "LESS_THAN", chance.outputs["Value"], spec.lit_share)
     open_to_view = nodes.compute(tree, "SUBTRACT", 1.0, frame)
@@ -102,9 +102,9 @@ def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
     shader = nodes.add(
         tree,
         "ShaderNodeBsdfPrincipled",
-        Base_Color=colour,
+        Base_Color=color,
         Roughness=roughness,
-        Emission_Color=nodes.mix_colour(tree, other[1], (*LIT_COLOURS[0], 1.0), (*LIT_COLOURS[1], 1.0)),
+        Emission_Color=nodes.mix_color(tree, other[1], (*LIT_COLORS[0], 1.0), (*LIT_COLORS[1], 1.0)),
         Emission_Strength=nodes.compute(tree, "MULTIPLY", bright, from_above),
     )
     return shader.outputs[0]

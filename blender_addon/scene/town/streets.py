@@ -102,10 +102,10 @@ def _zebras(site: Site) -> None:
     crossing = layout.crossing_m
     reach = SIDE_ROAD_HALF_M + 2.0
     spots = [crossing - reach - 3.0, crossing + reach] if crossing is not None else [float(rng.uniform(8, 30))]
-    colour = "marking yellow" if rng.random() < 0.25 else "marking"
+    color = "marking yellow" if rng.random() < 0.25 else "marking"
     for start in spots:
         for aside in np.arange(-half + 0.5, half - 0.3, 1.0).tolist():
-            _line(site, (start, start + 3.0), aside, 0.5, colour)
+            _line(site, (start, start + 3.0), aside, 0.5, color)
     for arm in layout.side_roads:
         ribbon(site.parts, arm, "marking", (2.2, 2.6), (0.1, SIDE_ROAD_HALF_M - 0.2), MARKING_HEIGHT_M)
         for start in np.arange(4.0, SIDE_ROAD_M, 9.0).tolist():

@@ -19,7 +19,7 @@ from .site import Site
 from .streets import build_ground
 
 LAMP_WATTS_PER_M2 = 6.5  # times the square of its height: lower lamps light the road as brightly
-LAMP_COLOUR = (1.0, 0.78, 0.52)
+LAMP_COLOR = (1.0, 0.78, 0.52)
 LAMP_CONE_RAD = 2.5
 
 
@@ -101,7 +101,7 @@ class Town:
             self._add(self._nursery.plant(f"rauca tree {number}", kind, int(which)), world @ frame)
         for number, frame in enumerate(site.lamps):
             light = bpy.data.lights.new(f"rauca lamp {number}", "SPOT")
-            light.energy, light.color = LAMP_WATTS_PER_M2 * site.layout.district.lamp_height_m**2, LAMP_COLOUR
+            light.energy, light.color = LAMP_WATTS_PER_M2 * site.layout.district.lamp_height_m**2, LAMP_COLOR
             light.spot_size, light.shadow_soft_size = LAMP_CONE_RAD, 0.15
             lamp = bpy.data.objects.new(f"rauca lamp {number}", light)
             lamp.hide_render = self._lit == 0.0

@@ -79,17 +79,17 @@ def tipper(parts: MeshParts, rng: np.random.Generator) -> None:
     length, width = 7.4, 2.45
     rear, nose, half = -length / 2, length / 2, width / 2
     cab_rear = nose - 1.8
-    cab, bin_colour = _pick(rng, ENAMELS), _pick(rng, ("enamel red", "enamel yellow", "enamel blue", "chassis"))
+    cab, bin_color = _pick(rng, ENAMELS), _pick(rng, ("enamel red", "enamel yellow", "enamel blue", "chassis"))
     parts.box("chassis", (rear + 0.3, -0.45, 0.55), (nose - 0.3, 0.45, 0.95))
     tray = [(rear, 1.15), (cab_rear - 0.2, 1.0), (cab_rear - 0.1, 2.3), (rear - 0.15, 2.2)]
     for y in (-half, half - 0.08):
-        parts.extrusion(bin_colour, tray, y, y + 0.08)
-    parts.extrusion(bin_colour, [(rear, 1.1), (cab_rear - 0.2, 0.97), (cab_rear - 0.2, 1.05), (rear, 1.2)], -half, half)
-    parts.box(bin_colour, (cab_rear - 0.2, -half, 1.0), (cab_rear - 0.1, half, 2.5))
-    parts.box(bin_colour, (rear - 0.1, -half, 1.1), (rear, half, 2.15))
+        parts.extrusion(bin_color, tray, y, y + 0.08)
+    parts.extrusion(bin_color, [(rear, 1.1), (cab_rear - 0.2, 0.97), (cab_rear - 0.2, 1.05), (rear, 1.2)], -half, half)
+    parts.box(bin_color, (cab_rear - 0.2, -half, 1.0), (cab_rear - 0.1, half, 2.5))
+    parts.box(bin_color, (rear - 0.1, -half, 1.1), (rear, half, 2.15))
     ribs = np.linspace(rear + 0.5, cab_rear - 0.6, 5)[:, None] * [1, 0, 0]
     for y in (-half - 0.06, half):
-        parts.boxes(bin_colour, shifted(ribs, 0, y, 1.15), shifted(ribs, 0.12, y + 0.06, 2.2))
+        parts.boxes(bin_color, shifted(ribs, 0, y, 1.15), shifted(ribs, 0.12, y + 0.06, 2.2))
     profile = [(cab_rear, 0.6), (nose, 0.6), (nose, 1.35), (nose - 0.2, 2.5), (nose - 0.4, 2.7), (cab_rear, 2.7)]
     parts.extrusion(cab, profile, -half + 0.08, half - 0.08)
     _screen(parts, (nose + 0.012, 1.45), (nose - 0.18, 2.42), half - 0.22)
@@ -144,7 +144,7 @@ def _screen(parts: MeshParts, low: tuple[float, float], high: tuple[float, float
 
 def motorcycle(parts: MeshParts, rng: np.random.Generator) -> None:
     """A roadster on its stand."""
-    colour = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel yellow"))
+    color = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel yellow"))
     for x in (-0.72, 0.72):
         _tyre(parts, x, 0.31, 0.075, "vehicle tyre")
         parts.beam("chrome", (x, -0.05, 0.31), (x, 0.05, 0.31), 0.17, 10)
@@ -153,12 +153,12 @@ def motorcycle(parts: MeshParts, rng: np.random.Generator) -> None:
         parts.beam("chassis", (-0.72, y, 0.31), (-0.1, y, 0.5), 0.03)
         parts.beam("chrome", (0.1, y * 1.5, 0.3), (-0.9, y * 1.7, 0.42), 0.045)
     parts.extrusion("chassis", [(-0.2, 0.25), (0.32, 0.25), (0.36, 0.55), (0.1, 0.68), (-0.28, 0.6)], -0.17, 0.17)
-    parts.extrusion(colour, [(-0.12, 0.68), (0.4, 0.7), (0.44, 0.86), (0.28, 0.98), (-0.1, 0.84)], -0.15, 0.15)
+    parts.extrusion(color, [(-0.12, 0.68), (0.4, 0.7), (0.44, 0.86), (0.28, 0.98), (-0.1, 0.84)], -0.15, 0.15)
     parts.extrusion(
         "vehicle tyre", [(-0.85, 0.84), (-0.1, 0.72), (-0.08, 0.82), (-0.5, 0.86), (-0.85, 0.94)], -0.13, 0.13
     )
-    parts.extrusion(colour, [(-1.0, 0.72), (-0.4, 0.68), (-0.5, 0.83), (-1.0, 0.86)], -0.1, 0.1)
-    parts.extrusion(colour, [(0.45, 0.62), (0.98, 0.66), (0.78, 0.71), (0.5, 0.7)], -0.07, 0.07)
+    parts.extrusion(color, [(-1.0, 0.72), (-0.4, 0.68), (-0.5, 0.83), (-1.0, 0.86)], -0.1, 0.1)
+    parts.extrusion(color, [(0.45, 0.62), (0.98, 0.66), (0.78, 0.71), (0.5, 0.7)], -0.07, 0.07)
     parts.beam("chrome", (0.36, -0.36, 1.06), (0.36, 0.36, 1.06), 0.022)
     parts.beam("vehicle tyre", (0.33, 0.22, 1.06), (0.3, 0.38, 1.05), 0.03)
     parts.beam("vehicle tyre", (0.33, -0.22, 1.06), (0.3, -0.38, 1.05), 0.03)
@@ -172,7 +172,7 @@ def motorcycle(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def bicycle(parts: MeshParts, rng: np.random.Generator) -> None:
     """A town bicycle."""
-    colour = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel white"))
+    color = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel white"))
     for x in (-0.52, 0.52):
         _tyre(parts, x, 0.34, 0.024, "vehicle tyre")
         for angle in np.arange(6) * math.pi / 6:
@@ -180,7 +180,7 @@ def bicycle(parts: MeshParts, rng: np.random.Generator) -> None:
             parts.beam("chrome", np.array([x, 0, 0.34]) - reach, np.array([x, 0, 0.34]) + reach, 0.004, 3)
     crank, seat, head, rear, fore = (-0.08, 0, 0.3), (-0.2, 0, 0.82), (0.33, 0, 0.82), (-0.52, 0, 0.34), (0.52, 0, 0.34)
     for a, b in ((crank, seat), (crank, head), (seat, head), (rear, seat), (rear, crank), (head, fore)):
-        parts.beam(colour, a, b, 0.022)
+        parts.beam(color, a, b, 0.022)
     parts.beam("chrome", seat, (-0.24, 0, 0.96), 0.016)
     parts.box("vehicle tyre", (-0.36, -0.07, 0.95), (-0.1, 0.07, 1.0))
     parts.beam("chrome", head, (0.29, 0, 1.02), 0.016)

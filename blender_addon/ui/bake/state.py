@@ -22,6 +22,6 @@ def state(context: bpy.types.Context) -> State:
     if not settings.folder:
         return State("missing", iface("Choose a folder for the image"))
     if Coat(coat).image("baked") is not None and settings.file:
-        text = iface("Baked to {file}: colours differ by {share:.1%} on average")
+        text = iface("Baked to {file}: colors differ by {share:.1%} on average")
         return State("done", text.format(file=Path(settings.file).name, share=settings.difference))
     return State("ready", iface("Ready to bake"))

@@ -12,7 +12,7 @@ from ..viewport import DrawnOver
 from .anchor import Anchor, anchor
 from .properties import RaucaCameras
 
-# Linear colours and widths in pixels, in drawing order.
+# Linear colors and widths in pixels, in drawing order.
 STYLES = {
     "circles": ((0.55, 0.75, 1.0, 0.35), 1.0),
     "ranges": ((1.0, 0.62, 0.2, 0.5), 1.0),
@@ -44,9 +44,9 @@ def _draw() -> None:
     gpu.state.depth_mask_set(False)
     scale = context.preferences.system.pixel_size
     for name, batch in batches.items():
-        colour, width = STYLES[name]
+        color, width = STYLES[name]
         shader.uniform_float("lineWidth", width * scale)
-        shader.uniform_float("color", colour)
+        shader.uniform_float("color", color)
         batch.draw(shader)
     gpu.state.depth_mask_set(True)
     gpu.state.depth_test_set("NONE")
@@ -62,10 +62,10 @@ def _in_fog(context: bpy.types.Context) -> bool:
 def _batches(context: bpy.types.Context, settings: RaucaCameras, around: Anchor) -> dict[str, gpu.types.GPUBatch]:
     """The lines on the graphics card; made anew only when something about them has changed."""
     shots, place, chosen = settings.shots(context), context.scene.rauca.weather.place - 1, settings.chosen()
-    key = (shots, place, chosen, around.vehicle_to_world.tobytes(), around.centre.tobytes())
+    key = (shots, place, chosen, around.vehicle_to_world.tobytes(), around.center.tobytes())
     if key not in _drawn:
         _drawn.clear()
-        lines = ring_lines(shots, place, chosen, around.vehicle_to_world, around.centre)
+        lines = ring_lines(shots, place, chosen, around.vehicle_to_world, around.center)
         _drawn[key] = _on_card(lines)
     return _drawn[key]
 

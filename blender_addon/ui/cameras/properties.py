@@ -100,7 +100,7 @@ class RaucaCameras(bpy.types.PropertyGroup):
         """The chosen view's camera at the street of step 2, jitter included: what the job renders."""
         around = anchor(context)
         place = context.scene.rauca.weather.place - 1
-        return viewpoint(self.shots(context), place, self.chosen(), around.vehicle_to_world, around.centre)
+        return viewpoint(self.shots(context), place, self.chosen(), around.vehicle_to_world, around.center)
 
     @property
     def looking(self) -> bool:

@@ -16,17 +16,17 @@ from ...evaluation.found import Detection, Sight
 from ..viewport import DrawnOver
 from .sights import loaded, paint_of, same_view
 
-# Okabe and Ito's colours, told apart by colour-blind people too; then lighter ones.
-COLOURS = (
+# Okabe and Ito's colors, told apart by color-blind people too; then lighter ones.
+COLORS = (
     *((0.90, 0.62, 0.0), (0.34, 0.71, 0.91), (0.0, 0.75, 0.5), (0.94, 0.89, 0.26), (0.25, 0.55, 0.95)),
     *((0.95, 0.45, 0.1), (0.85, 0.5, 0.7), (0.75, 0.75, 0.75), (0.6, 0.9, 0.6), (0.8, 0.65, 0.95)),
 )
 FONT, TEXT_PX, LINE_PX = 0, 11, 2.0
 
 
-def colour_of(sight: Sight, detector: str) -> tuple[float, float, float]:
-    """A detector's colour, the same in every view."""
-    return COLOURS[sight.evaluation.detectors.index(detector) % len(COLOURS)]
+def color_of(sight: Sight, detector: str) -> tuple[float, float, float]:
+    """A detector's color, the same in every view."""
+    return COLORS[sight.evaluation.detectors.index(detector) % len(COLORS)]
 
 
 def shown_detections(scene: bpy.types.Scene, sight: Sight) -> list[tuple[str, Detection]]:
@@ -59,9 +59,9 @@ def _draw() -> None:
     for detector, detection in shown_detections(context.scene, sight):
         left, top, right, bottom = np.array(detection.box) / size
         (x0, y1), (x1, y0) = _place(frame, left, top), _place(frame, right, bottom)
-        colour = colour_of(sight, detector)
-        _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], colour, LINE_PX * scale)
-        _label(f"{detector}  {detection.score:.2f}", (x0, y1), colour, scale, taken)
+        color = color_of(sight, detector)
+        _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
+        _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
 
 
 def _frame_on_screen(context: bpy.types.Context) -> NDArray[np.float64] | None:
@@ -80,7 +80,7 @@ def _place(frame: NDArray[np.float64], across: float, down: float) -> tuple[floa
     return left + across * (right - left), top - down * (top - bottom)
 
 
-def _outline(corners: Sequence[tuple[float, float]], colour: tuple[float, float, float], width: float) -> None:
+def _outline(corners: Sequence[tuple[float, float]], color: tuple[float, float, float], width: float) -> None:
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     ring = [(x, y, 0.0) for x, y in corners]
     segments = [point for i in range(4) for point in (ring[i], ring[(i + 1) % 4])]
@@ -89,7 +89,7 @@ def _outline(corners: Sequence[tuple[float, float]], colour: tuple[float, float,
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", width)
-    shader.uniform_float("color", (*colour, 1.0))
+    shader.uniform_float("color", (*color, 1.0))
     batch.draw(shader)
     gpu.state.blend_set("NONE")
 
@@ -97,11 +97,11 @@ def _outline(corners: Sequence[tuple[float, float]], colour: tuple[float, float,
 def _label(
     text: str,
     place: tuple[float, float],
-    colour: tuple[float, float, float],
+    color: tuple[float, float, float],
     scale: float,
     taken: list[tuple[float, float, float, float]],
 ) -> None:
-    """Dark text on the detector's colour, on top of its box or wherever above it no other label lies."""
+    """Dark text on the detector's color, on top of its box or wherever above it no other label lies."""
     blf.size(FONT, TEXT_PX * scale)
     width, _ = blf.dimensions(FONT, text)
     pad, height = 4 * scale, (TEXT_PX + 7) * scale
@@ -115,7 +115,7 @@ def _label(
     corners = [(x, y), (x + width + 2 * pad, y), (x + width + 2 * pad, y + height), (x, y + height)]
     batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners})
     shader.bind()
-    shader.uniform_float("color", (*colour, 1.0))
+    shader.uniform_float("color", (*color, 1.0))
     batch.draw(shader)
     blf.color(FONT, 0.05, 0.05, 0.05, 1.0)
     blf.position(FONT, x + pad, y + 5 * scale, 0)

@@ -1,4 +1,4 @@
-"""The methods that camouflages are compared by, each from its paper, as settings of one optimiser."""
+"""The methods that camouflages are compared by, each from its paper, as settings of one optimizer."""
 
 from collections.abc import Mapping
 from typing import Any

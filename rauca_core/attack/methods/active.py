@@ -1,4 +1,4 @@
-"""ACTIVE: a triplanar pattern in the background's colours, against any class, under strong augmentation."""
+"""ACTIVE: a triplanar pattern in the background's colors, against any class, under strong augmentation."""
 
 from .method import Method
 
@@ -19,10 +19,10 @@ ACTIVE = Method(
         "gamma": 0.25,
     },
     assumed=(
-        "Triplanar mapping is exact, and exact light stands for its neural texture renderer. Both favour it.",
-        "A tile is a metre wide and the background has four dominant colours; the paper's main text gives neither.",
+        "Triplanar mapping is exact, and exact light stands for its neural texture renderer. Both favor it.",
+        "A tile is a metre wide and the background has four dominant colors; the paper's main text gives neither.",
         "The pattern is shifted by up to half a tile once per step, not per picture; its scale is not varied.",
-        "The difference of two colours is the mean over their channels; pictures move by up to a tenth of their side.",
+        "The difference of two colors is the mean over their channels; pictures move by up to a tenth of their side.",
         "One vehicle; published is five at once.",
     ),
 )

@@ -17,7 +17,7 @@ DTA = Method(
     },
     assumed=(
         "The repeated pattern is projected exactly, along three axes, where published is an approximate projection per "
-        "view; exact light stands for its transformation network. Both favour it.",
+        "view; exact light stands for its transformation network. Both favor it.",
         "Its 16 x 16 texels on half a metre are our choice; the loss is -log(1 - confidence), as in ACTIVE.",
         "No smoothness: ACTIVE names its mosaic look as what it set out to mend.",
         "Of the vehicle's class only boxes that touch the vehicle count: our frames show other cars, the published "

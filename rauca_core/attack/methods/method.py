@@ -1,4 +1,4 @@
-"""A method of the literature, stated as settings of the optimiser."""
+"""A method of the literature, stated as settings of the optimizer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Method:
         name: as on the command line and in ``camouflage.json``.
         source: authors, title, venue and year.
         weathers: the data set that its authors would use: ``single``, ``base`` or ``enhanced``.
-        settings: of `OptimiserSettings`, where they differ from its defaults.
+        settings: of `OptimizerSettings`, where they differ from its defaults.
         assumed: what its paper leaves open, or this framework does otherwise; one sentence each.
     """
 

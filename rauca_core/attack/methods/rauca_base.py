@@ -16,7 +16,7 @@ RAUCA_BASE = Method(
         "beta": 0.01,
     },
     assumed=(
-        "Facets are optimised: the journal version says that no UV map takes part in NRP.",
+        "Facets are optimized: the journal version says that no UV map takes part in NRP.",
         "Exact light stands for the environment feature extractor, as in every method that learns its light.",
     ),
 )

@@ -1,6 +1,6 @@
-"""Nowhere farther from the reference than a distance in CIELAB: colours beyond it are drawn back.
+"""Nowhere farther from the reference than a distance in CIELAB: colors beyond it are drawn back.
 
-A colour goes back along the straight line to its reference in sRGB values, which never leaves [0, 1]; in CIELAB the
+A color goes back along the straight line to its reference in sRGB values, which never leaves [0, 1]; in CIELAB the
 shortest way may. It ends within half a percent of the bound, never beyond it.
 """
 
@@ -18,22 +18,22 @@ CLOSE, TURNS = 0.995, 36
 LEVELS = 255
 
 
-def draw_back(colours: NDArray[Any], reference: NDArray[Any], bound: float) -> None:
-    """Bring colours (N, 3) to within ``bound`` of the reference (N, 3), in place; both sRGB in [0, 1], one dtype."""
-    _draw_back(colours, reference, bound, TO_WHITE, FROM_ROOTS)
+def draw_back(colors: NDArray[Any], reference: NDArray[Any], bound: float) -> None:
+    """Bring colors (N, 3) to within ``bound`` of the reference (N, 3), in place; both sRGB in [0, 1], one dtype."""
+    _draw_back(colors, reference, bound, TO_WHITE, FROM_ROOTS)
 
 
-def round_within(colours: NDArray[Any], reference: NDArray[np.uint8], bound: float) -> NDArray[np.uint8]:
-    """Colours (N, 3) sRGB in 8 bits, rounded towards the 8-bit reference where the nearest value would be too far."""
-    result = np.empty(colours.shape, np.uint8)
-    _round_within(colours.astype(np.float64), reference, bound, TO_WHITE, FROM_ROOTS, result)
+def round_within(colors: NDArray[Any], reference: NDArray[np.uint8], bound: float) -> NDArray[np.uint8]:
+    """Colors (N, 3) sRGB in 8 bits, rounded towards the 8-bit reference where the nearest value would be too far."""
+    result = np.empty(colors.shape, np.uint8)
+    _round_within(colors.astype(np.float64), reference, bound, TO_WHITE, FROM_ROOTS, result)
     return result
 
 
-def distances(colours: NDArray[Any], reference: NDArray[Any]) -> NDArray[np.float64]:
+def distances(colors: NDArray[Any], reference: NDArray[Any]) -> NDArray[np.float64]:
     """CIE 1976 distances (N,) of sRGB values (N, 3) in [0, 1]."""
-    result = np.empty(len(colours))
-    _distances(colours.astype(np.float64), reference.astype(np.float64), TO_WHITE, FROM_ROOTS, result)
+    result = np.empty(len(colors))
+    _distances(colors.astype(np.float64), reference.astype(np.float64), TO_WHITE, FROM_ROOTS, result)
     return result
 
 
@@ -63,23 +63,23 @@ def _apart(one: Any, there: Any, to_white: Any, from_roots: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _distances(colours: Any, reference: Any, to_white: Any, from_roots: Any, result: Any) -> None:
-    for n in range(colours.shape[0]):
+def _distances(colors: Any, reference: Any, to_white: Any, from_roots: Any, result: Any) -> None:
+    for n in range(colors.shape[0]):
         there = _lab(reference[n, 0], reference[n, 1], reference[n, 2], to_white, from_roots)
-        result[n] = _apart(colours[n], there, to_white, from_roots)
+        result[n] = _apart(colors[n], there, to_white, from_roots)
 
 
 @njit(cache=True, nogil=True)
-def _share(colour: Any, home: Any, there: Any, bound: float, to_white: Any, from_roots: Any, way: Any) -> float:
-    """How much of the way from ``home`` to ``colour`` the bound allows; ``there`` is home in CIELAB."""
-    found = _apart(colour, there, to_white, from_roots)
+def _share(color: Any, home: Any, there: Any, bound: float, to_white: Any, from_roots: Any, way: Any) -> float:
+    """How much of the way from ``home`` to ``color`` the bound allows; ``there`` is home in CIELAB."""
+    found = _apart(color, there, to_white, from_roots)
     if found <= bound:
         return 1.0
     low, high = 0.0, 1.0
     share = bound / found  # distance grows about evenly along the way: this is close, and each turn closer
     for turn in range(TURNS):
         for c in range(3):
-            way[c] = home[c] + share * (colour[c] - home[c])
+            way[c] = home[c] + share * (color[c] - home[c])
         found = _apart(way, there, to_white, from_roots)
         if found <= bound:
             low = share
@@ -93,22 +93,22 @@ def _share(colour: Any, home: Any, there: Any, bound: float, to_white: Any, from
 
 
 @njit(cache=True, nogil=True)
-def _draw_back(colours: Any, reference: Any, bound: float, to_white: Any, from_roots: Any) -> None:
-    colour, home, way = np.empty(3), np.empty(3), np.empty(3)
-    for n in range(colours.shape[0]):
+def _draw_back(colors: Any, reference: Any, bound: float, to_white: Any, from_roots: Any) -> None:
+    color, home, way = np.empty(3), np.empty(3), np.empty(3)
+    for n in range(colors.shape[0]):
         for c in range(3):
-            colour[c], home[c] = colours[n, c], reference[n, c]
+            color[c], home[c] = colors[n, c], reference[n, c]
         there = _lab(home[0], home[1], home[2], to_white, from_roots)
-        share = _share(colour, home, there, bound, to_white, from_roots, way)
+        share = _share(color, home, there, bound, to_white, from_roots, way)
         if share < 1.0:
             for c in range(3):
-                colours[n, c] = home[c] + share * (colour[c] - home[c])
+                colors[n, c] = home[c] + share * (color[c] - home[c])
 
 
 @njit(cache=True, nogil=True)
-def _round_within(colours: Any, reference: Any, bound: float, to_white: Any, from_roots: Any, result: Any) -> None:
+def _round_within(colors: Any, reference: Any, bound: float, to_white: Any, from_roots: Any, result: Any) -> None:
     value, home = np.empty(3), np.empty(3)
-    for n in range(colours.shape[0]):
+    for n in range(colors.shape[0]):
         for c in range(3):
             home[c] = reference[n, c] / LEVELS
         there = _lab(home[0], home[1], home[2], to_white, from_roots)
@@ -116,7 +116,7 @@ def _round_within(colours: Any, reference: Any, bound: float, to_white: Any, fro
         for turn in range(LEVELS + 1):
             share = 1.0 - turn / LEVELS
             for c in range(3):
-                value[c] = np.floor((home[c] + share * (colours[n, c] - home[c])) * LEVELS + 0.5) / LEVELS
+                value[c] = np.floor((home[c] + share * (colors[n, c] - home[c])) * LEVELS + 0.5) / LEVELS
             if _apart(value, there, to_white, from_roots) <= bound:
                 break
         for c in range(3):

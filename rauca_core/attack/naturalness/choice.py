@@ -12,12 +12,12 @@ _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
 class Naturalness(BaseModel):
-    """Constraints on the paint, in any combination; part of ``OptimiserSettings``.
+    """Constraints on the paint, in any combination; part of ``OptimizerSettings``.
 
     Attributes:
-        palette: the only colours that the map may hold, ``#rrggbb``, sRGB; empty for no such constraint.
-        feature_cm: every patch of one colour holds a disc of this diameter on the vehicle, unless the paint ends there.
-        reference: an image, a camouflage's ``.json`` or a colour ``#rrggbb``: what the paint should look like.
+        palette: the only colors that the map may hold, ``#rrggbb``, sRGB; empty for no such constraint.
+        feature_cm: every patch of one color holds a disc of this diameter on the vehicle, unless the paint ends there.
+        reference: an image, a camouflage's ``.json`` or a color ``#rrggbb``: what the paint should look like.
         reference_sha256: of its contents, so that a resumed run notices another picture.
         reference_width_m: how wide a photograph lies on the vehicle; None takes the image for a UV map.
         max_delta_e: nowhere is the paint farther than this from the reference: Euclidean distance in CIELAB (1976).
@@ -34,10 +34,10 @@ class Naturalness(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Naturalness:
-        for colour in self.palette:
-            parse_colour(colour, "--palette")
+        for color in self.palette:
+            parse_color(color, "--palette")
         if len(set(self.palette)) != len(self.palette):
-            raise RaucaError("--palette: a colour is given twice; give each once")
+            raise RaucaError("--palette: a color is given twice; give each once")
         if self.max_delta_e is not None and self.reference is None:
             raise RaucaError("--max-delta-e: a distance to what? give a --reference")
         return self
@@ -48,12 +48,12 @@ class Naturalness(BaseModel):
         return not self.palette and self.feature_cm is None and self.reference is None
 
 
-def parse_colour(text: str, option: str) -> tuple[int, int, int]:
+def parse_color(text: str, option: str) -> tuple[int, int, int]:
     """``#rrggbb`` as 8-bit sRGB; raises :class:`RaucaError` naming the option."""
     if not _HEX.fullmatch(text):
-        raise RaucaError(f"{option} {text}: not a colour; write #rrggbb, such as #4b5320")
+        raise RaucaError(f"{option} {text}: not a color; write #rrggbb, such as #4b5320")
     return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
 
 
-def is_colour(text: str) -> bool:
+def is_color(text: str) -> bool:
     return text.startswith("#")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import Vehicle
-from ...contract.colour import to_bytes
+from ...contract.color import to_bytes
 from ...render import Pyramid, display, undisplay
 from .bound import distances, round_within
 from .choice import Naturalness
@@ -47,10 +47,10 @@ class Distance:
 def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """The UV map (size, size, 3), 8-bit sRGB, and what is to be remembered about it.
 
-    Gutters are filled from their neighbours; of a palette or patches they hold no colour of their own.
+    Gutters are filled from their neighbors; of a palette or patches they hold no color of their own.
 
     Args:
-        texels_srgb: (P, 3), what the optimisation ended with.
+        texels_srgb: (P, 3), what the optimization ended with.
     """
     wanted = constraints.wanted
     texels = to_bytes(texels_srgb.detach().cpu().numpy())
@@ -72,15 +72,15 @@ def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.ui
 
 
 def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDArray[np.uint8]:
-    """The whole map: far from paint a mean of what is near, beside it no colour that the paint does not have."""
+    """The whole map: far from paint a mean of what is near, beside it no color that the paint does not have."""
     light = undisplay(torch.from_numpy(texels.astype(np.float32) / 255))
     uv_map = to_bytes(display(atlas.to_map(light)).permute(1, 2, 0).numpy())
     flat = uv_map.reshape(-1, 3)
     if wanted.palette:
         few, place = np.unique(flat, axis=0, return_inverse=True)
-        colours = palette_bytes(wanted.palette)
-        apart = ((few[:, None].astype(int) - colours[None].astype(int)) ** 2).sum(-1)
-        flat[:] = colours[apart.argmin(1)][place.ravel()]
+        colors = palette_bytes(wanted.palette)
+        apart = ((few[:, None].astype(int) - colors[None].astype(int)) ** 2).sum(-1)
+        flat[:] = colors[apart.argmin(1)][place.ravel()]
     flat[atlas.texels] = texels  # to the bit, whatever a round trip through light does to them
     if wanted.palette or wanted.feature_cm is not None:
         known = atlas.coverage[0] > 0
@@ -90,7 +90,7 @@ def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDA
 
 
 def _copy_outwards(uv_map: NDArray[np.uint8], known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Give texels beside ``known`` ones a neighbour's colour, in place; returns what is known then."""
+    """Give texels beside ``known`` ones a neighbor's color, in place; returns what is known then."""
     grown = known.copy()
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
         here = np.roll(known, step, axis) & ~grown

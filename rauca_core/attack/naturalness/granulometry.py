@@ -1,7 +1,7 @@
 """How small the smallest patch of a finished map is on the vehicle: measured on the map and the mesh alone.
 
 Nothing here knows how a camouflage was made. Points are thrown on the surface and sorted into small cubes; a cube that
-holds two colours is on a patch's edge. The largest disc inside a patch reaches from its innermost cube to the nearest
+holds two colors is on a patch's edge. The largest disc inside a patch reaches from its innermost cube to the nearest
 edge, and its diameter is the patch's size; where paint ends there is no edge.
 """
 
@@ -26,11 +26,11 @@ class Granulometry:
     """Sizes of patches on the vehicle, metres.
 
     Attributes:
-        smallest: diameter of the disc that the smallest patch holds; infinite with one colour on every part.
+        smallest: diameter of the disc that the smallest patch holds; infinite with one color on every part.
         median: of patches, each counted by its area.
         patches: how many were found.
         cube: side of the cubes; sizes are good to about that much.
-        edges: share of the surface in cubes of several colours; near 1 where patches are no larger than cubes.
+        edges: share of the surface in cubes of several colors; near 1 where patches are no larger than cubes.
     """
 
     smallest: float
@@ -42,12 +42,12 @@ class Granulometry:
 
 def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int = 0) -> Granulometry:
     """Measure a UV map (size, size, 3), 8-bit; ``cube_m``: a tenth of the size that is expected, or less."""
-    points, colours = scatter_points(vehicle, uv_map, cube_m, seed)
+    points, colors = scatter_points(vehicle, uv_map, cube_m, seed)
     cubes, steps = _cubes(points, cube_m)
-    colours = np.unique(colours, return_inverse=True)[1].ravel()
-    # What is sorted into parts is a colour in a cube: a patch's thin corner hangs on to it through cubes of its edge.
-    shade = int(colours.max()) + 1
-    keys, first, counts = np.unique(cubes * shade + colours, return_index=True, return_counts=True)
+    colors = np.unique(colors, return_inverse=True)[1].ravel()
+    # What is sorted into parts is a color in a cube: a patch's thin corner hangs on to it through cubes of its edge.
+    shade = int(colors.max()) + 1
+    keys, first, counts = np.unique(cubes * shade + colors, return_index=True, return_counts=True)
     number = np.bincount(np.unique(keys // shade, return_inverse=True)[1])
     mixed = np.repeat(number, number) > 1
     part = _parts(keys, steps * shade)
@@ -68,7 +68,7 @@ def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, 
 
 
 def _cubes(points: Array, side: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The number of each point's cube (N,), and what to add to it for itself and its 26 neighbours (27,)."""
+    """The number of each point's cube (N,), and what to add to it for itself and its 26 neighbors (27,)."""
     cells = np.floor(points / side).astype(np.int64)
     cells -= cells.min(0) - 1
     spread = cells.max(0) + 2
@@ -80,7 +80,7 @@ def _cubes(points: Array, side: float) -> tuple[NDArray[np.int64], NDArray[np.in
 def scatter_points(
     vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Points (N, 3) thrown evenly on the paint, metres, and the map's colour there as one number (N,)."""
+    """Points (N, 3) thrown evenly on the paint, metres, and the map's color there as one number (N,)."""
     paint = vehicle.paint_faces()
     corners = vehicle.positions[vehicle.triangles[paint]].astype(np.float64)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
@@ -95,8 +95,8 @@ def scatter_points(
     uv = np.einsum("nk,nkc->nc", shares, vehicle.uvs[paint][face].astype(np.float64))
     rows, columns = _texel(uv, len(uv_map))
     painted = vehicle.paint_mask[_texel(uv, len(vehicle.paint_mask))] >= 128
-    colour = uv_map[rows, columns].astype(np.int64) @ np.array([65536, 256, 1])
-    return points[painted], colour[painted]
+    color = uv_map[rows, columns].astype(np.int64) @ np.array([65536, 256, 1])
+    return points[painted], color[painted]
 
 
 def _texel(uv: Array, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -106,7 +106,7 @@ def _texel(uv: Array, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 @njit(cache=True, nogil=True)
 def _parts(keys: Any, steps: Any) -> Any:
-    """(N,) what touches shares a number; ``keys`` ascend, neighbours are a step apart."""
+    """(N,) what touches shares a number; ``keys`` ascend, neighbors are a step apart."""
     parent = np.arange(keys.shape[0])
     for i in range(keys.shape[0]):
         for step in steps:

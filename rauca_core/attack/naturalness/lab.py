@@ -28,14 +28,14 @@ def lab(srgb: Tensor) -> Tensor:
 
 
 def delta_e(one: Tensor, other: Tensor) -> Tensor:
-    """CIE 1976 distance (...) of two lists of CIELAB colours (..., 3); where they agree its gradient is 0."""
+    """CIE 1976 distance (...) of two lists of CIELAB colors (..., 3); where they agree its gradient is 0."""
     return torch.linalg.vector_norm(one - other, dim=-1)
 
 
 def delta_e_2000(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """CIEDE2000 (CIE 142, all weights 1) of CIELAB colours (..., 3), as in Sharma, Wu and Dalal (2005).
+    """CIEDE2000 (CIE 142, all weights 1) of CIELAB colors (..., 3), as in Sharma, Wu and Dalal (2005).
 
-    Closer to what people see than the 1976 distance, but it jumps with hue: reported, not optimised.
+    Closer to what people see than the 1976 distance, but it jumps with hue: reported, not optimized.
     """
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
     chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2

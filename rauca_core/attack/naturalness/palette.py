@@ -1,4 +1,4 @@
-"""Few colours: a colour is free while it moves, and seen as the nearest of the palette.
+"""Few colors: a color is free while it moves, and seen as the nearest of the palette.
 
 Every step looks at the hard map (straight-through): its loss is the finished camouflage's loss, nothing is left to
 harden. The way back goes through the soft map, a mean of the palette weighted by nearness, whose slope exists.
@@ -19,115 +19,115 @@ from ...contract.reading import read_text
 from ...contract.seeding import named_rng
 from ...images import read_image
 from ..background import cluster
-from .choice import is_colour, parse_colour
+from .choice import is_color, parse_color
 
-PIXELS = 16_384  # of a photograph, looked at for its colours
+PIXELS = 16_384  # of a photograph, looked at for its colors
 MOST = 64
-MAX_TEXT_BYTES = 2**16  # 64 colours and room for spaces
+MAX_TEXT_BYTES = 2**16  # 64 colors and room for spaces
 
 
-def read_palette(given: str, colours: int, seed: int = 0) -> tuple[str, ...]:
-    """The colours ``#rrggbb`` that a user means.
+def read_palette(given: str, colors: int, seed: int = 0) -> tuple[str, ...]:
+    """The colors ``#rrggbb`` that a user means.
 
     Args:
-        given: colours, comma separated; or a text file of them, one a line or comma separated; or an image.
-        colours: how many to find in an image, by k-means, darkest first; fewer where the image has fewer.
+        given: colors, comma separated; or a text file of them, one a line or comma separated; or an image.
+        colors: how many to find in an image, by k-means, darkest first; fewer where the image has fewer.
 
     Raises:
-        RaucaError: no colour, not a colour, too many, or an unreadable file.
+        RaucaError: no color, not a color, too many, or an unreadable file.
     """
-    if is_colour(given):
+    if is_color(given):
         found = given.split(",")
     elif Path(given).suffix.lower() in (".txt", ".csv", ".hex"):
         found = _read_text(Path(given))
     else:
-        found = colours_of_image(Path(given), colours, seed)
-    found = [colour.strip().lower() for colour in found if colour.strip()]
-    for colour in found:
-        parse_colour(colour, "--palette")
+        found = colors_of_image(Path(given), colors, seed)
+    found = [color.strip().lower() for color in found if color.strip()]
+    for color in found:
+        parse_color(color, "--palette")
     if not 1 <= len(found) <= MOST:
-        raise RaucaError(f"--palette {given}: {len(found)} colours; give 1 to {MOST}")
+        raise RaucaError(f"--palette {given}: {len(found)} colors; give 1 to {MOST}")
     return tuple(dict.fromkeys(found))
 
 
-def colours_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
-    """The ``count`` colours ``#rrggbb`` of an image that k-means finds, darkest first."""
+def colors_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
+    """The ``count`` colors ``#rrggbb`` of an image that k-means finds, darkest first."""
     if not 1 <= count <= MOST:
-        raise RaucaError(f"--palette-colours {count}: choose 1 to {MOST}")
+        raise RaucaError(f"--palette-colors {count}: choose 1 to {MOST}")
     image = read_image(path)
     pixels = (np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image).reshape(-1, 3)
     rng = named_rng(seed, "palette")
-    centres = cluster(pixels[rng.integers(0, len(pixels), PIXELS)] / 255.0, count, rng)
+    centers = cluster(pixels[rng.integers(0, len(pixels), PIXELS)] / 255.0, count, rng)
     return [
-        "#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centres[np.argsort(centres.sum(1))] * 255).astype(int)
+        "#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centers[np.argsort(centers.sum(1))] * 255).astype(int)
     ]
 
 
 def _read_text(path: Path) -> list[str]:
     try:
-        return read_text(path, MAX_TEXT_BYTES, "a list of colours").replace("\n", ",").split(",")
+        return read_text(path, MAX_TEXT_BYTES, "a list of colors").replace("\n", ",").split(",")
     except RaucaError as error:
         told = str(error).removeprefix(f"{path}: ")
-        raise RaucaError(f"--palette {path}: not readable ({told}); give colours, a text file or an image") from None
+        raise RaucaError(f"--palette {path}: not readable ({told}); give colors, a text file or an image") from None
 
 
 class Palette:
-    """Colours to choose from.
+    """Colors to choose from.
 
     Attributes:
-        colours: (K, 3) sRGB in [0, 1].
-        warmth: of the soft choice: the squared distance between neighbouring colours of the palette, their mean.
+        colors: (K, 3) sRGB in [0, 1].
+        warmth: of the soft choice: the squared distance between neighboring colors of the palette, their mean.
     """
 
-    def __init__(self, colours: tuple[str, ...], dtype: torch.dtype = torch.float32) -> None:
-        bytes_ = np.array([parse_colour(colour, "--palette") for colour in colours])
-        self.colours = torch.from_numpy(bytes_ / 255.0).to(dtype)
-        apart = torch.cdist(self.colours, self.colours).square()
+    def __init__(self, colors: tuple[str, ...], dtype: torch.dtype = torch.float32) -> None:
+        bytes_ = np.array([parse_color(color, "--palette") for color in colors])
+        self.colors = torch.from_numpy(bytes_ / 255.0).to(dtype)
+        apart = torch.cdist(self.colors, self.colors).square()
         apart.fill_diagonal_(torch.inf)
-        self.warmth = float(apart.amin(1).mean()) if len(colours) > 1 else 1.0
+        self.warmth = float(apart.amin(1).mean()) if len(colors) > 1 else 1.0
 
     def nearest(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """Which palette colour each free colour (N, 3) is seen as, of those ``allowed`` (N, K): (N,)."""
-        return _distances(free, self.colours.to(free), allowed).argmin(1)
+        """Which palette color each free color (N, 3) is seen as, of those ``allowed`` (N, K): (N,)."""
+        return _distances(free, self.colors.to(free), allowed).argmin(1)
 
     def soft(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
         """The mean of the palette weighted by nearness, (N, 3)."""
-        colours = self.colours.to(free)
-        return _shares(free, colours, self.warmth, allowed) @ colours
+        colors = self.colors.to(free)
+        return _shares(free, colors, self.warmth, allowed) @ colors
 
     def hard(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """The nearest colours (N, 3); their gradient is that of :meth:`soft`."""
-        seen: Tensor = _Hard.apply(free, self.colours.to(free), self.warmth, allowed)
+        """The nearest colors (N, 3); their gradient is that of :meth:`soft`."""
+        seen: Tensor = _Hard.apply(free, self.colors.to(free), self.warmth, allowed)
         return seen
 
 
-def _distances(free: Tensor, colours: Tensor, allowed: Tensor | None) -> Tensor:
+def _distances(free: Tensor, colors: Tensor, allowed: Tensor | None) -> Tensor:
     # |c - p|^2 without |c|^2, which no comparison needs: one product in place of K differences.
-    distance = colours.square().sum(1) - 2 * free @ colours.T
+    distance = colors.square().sum(1) - 2 * free @ colors.T
     return distance if allowed is None else distance.masked_fill(~allowed, torch.inf)
 
 
-def _shares(free: Tensor, colours: Tensor, warmth: float, allowed: Tensor | None) -> Tensor:
-    return torch.softmax(_distances(free, colours, allowed) / -warmth, 1)
+def _shares(free: Tensor, colors: Tensor, warmth: float, allowed: Tensor | None) -> Tensor:
+    return torch.softmax(_distances(free, colors, allowed) / -warmth, 1)
 
 
 class _Hard(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, free: Tensor, colours: Tensor, warmth: float, allowed: Tensor | None) -> Tensor:
+    def forward(ctx: Any, free: Tensor, colors: Tensor, warmth: float, allowed: Tensor | None) -> Tensor:
         ctx.warmth, ctx.allowed = warmth, allowed
-        ctx.save_for_backward(free, colours)
-        return colours[_distances(free, colours, allowed).argmin(1)]
+        ctx.save_for_backward(free, colors)
+        return colors[_distances(free, colors, allowed).argmin(1)]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
         """The soft map's slope is 2 / warmth times the palette's covariance under the shares."""
-        free, colours = ctx.saved_tensors
-        share = _shares(free, colours, ctx.warmth, ctx.allowed)
-        asked = gradients[0] @ colours.T
+        free, colors = ctx.saved_tensors
+        share = _shares(free, colors, ctx.warmth, ctx.allowed)
+        asked = gradients[0] @ colors.T
         mean = (share * asked).sum(1, keepdim=True)
-        return (2 / ctx.warmth) * ((share * (asked - mean)) @ colours), None, None, None
+        return (2 / ctx.warmth) * ((share * (asked - mean)) @ colors), None, None, None
 
 
-def palette_bytes(colours: tuple[str, ...]) -> NDArray[np.uint8]:
+def palette_bytes(colors: tuple[str, ...]) -> NDArray[np.uint8]:
     """(K, 3) 8-bit sRGB."""
-    return np.array([parse_colour(colour, "--palette") for colour in colours], np.uint8)
+    return np.array([parse_color(color, "--palette") for color in colors], np.uint8)

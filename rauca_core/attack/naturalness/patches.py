@@ -42,12 +42,12 @@ def make_patches(points: TexelPoints, links: Links, feature_m: float, seed: int)
     side = float(np.median(points.sides))
     spacing = feature_m * _detour(points) + ROUNDING * side if feature_m > side else 0.0
     order = named_rng(seed, "patches").permutation(len(points.sides))
-    of_texel, seeds = _grow(links.indptr, links.neighbours, links.metres, order, spacing)
+    of_texel, seeds = _grow(links.indptr, links.neighbors, links.metres, order, spacing)
     return Patches(of_texel, seeds)
 
 
 def _detour(points: TexelPoints) -> float:
-    """How much longer a way along steps to eight neighbours is than the straight one, at most.
+    """How much longer a way along steps to eight neighbors is than the straight one, at most.
 
     1.08 where texels are square; 1.41 where they are infinitely long.
     """
@@ -56,7 +56,7 @@ def _detour(points: TexelPoints) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _grow(indptr: Any, neighbours: Any, metres: Any, order: Any, spacing: float) -> Any:
+def _grow(indptr: Any, neighbors: Any, metres: Any, order: Any, spacing: float) -> Any:
     """Seeds in turn, each taking what is closer to it than to the seeds before; a texel within reach is no seed."""
     count = indptr.shape[0] - 1
     owner, best = np.full(count, -1, np.int32), np.full(count, np.inf, np.float64)
@@ -69,7 +69,7 @@ def _grow(indptr: Any, neighbours: Any, metres: Any, order: Any, spacing: float)
         seeds[number] = start
         owner[start], best[start], blocked[start] = number, 0.0, True
         heap = [(0.0, start)]
-        _spread(heap, owner, best, blocked, number, spacing, indptr, neighbours, metres)
+        _spread(heap, owner, best, blocked, number, spacing, indptr, neighbors, metres)
         number += 1
     return owner, seeds[:number].copy()
 
@@ -83,7 +83,7 @@ def _spread(
     number: int,
     spacing: float,
     indptr: Any,
-    neighbours: Any,
+    neighbors: Any,
     metres: Any,
 ) -> None:
     """Dijkstra from a seed out to ``spacing``; what is reached is blocked, what it is closest to is its own."""
@@ -96,7 +96,7 @@ def _spread(
         if way < best[here]:
             best[here], owner[here] = way, number
         for k in range(indptr[here], indptr[here + 1]):
-            there, longer = np.int64(neighbours[k]), way + metres[k]
+            there, longer = np.int64(neighbors[k]), way + metres[k]
             if longer < spacing and (there not in seen or longer < seen[there]):
                 seen[there] = longer
                 heapq.heappush(heap, (longer, there))

@@ -1,4 +1,4 @@
-"""What the paint should look like: a UV map, a photograph laid on the vehicle, or one colour."""
+"""What the paint should look like: a UV map, a photograph laid on the vehicle, or one color."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from torch import Tensor
 
 from ...contract import RaucaError, Vehicle, load_camouflage
 from ...contract.checksums import file_digest
-from ...contract.colour import to_bytes
+from ...contract.color import to_bytes
 from ...images import read_image
 from ...render import Pyramid, display, pattern_pyramid, project_pattern, undisplay
-from .choice import Naturalness, is_colour, parse_colour
+from .choice import Naturalness, is_color, parse_color
 
 PHOTO = 512  # texels across a photograph
 
 
 def fingerprint(reference: str) -> str | None:
-    """SHA-256 of what a reference names, None for a colour; raises :class:`RaucaError` where there is no such file."""
-    if is_colour(reference):
-        parse_colour(reference, "--reference")
+    """SHA-256 of what a reference names, None for a color; raises :class:`RaucaError` where there is no such file."""
+    if is_color(reference):
+        parse_color(reference, "--reference")
         return None
     image = _image_of(Path(reference))
     if not image.is_file():
-        raise RaucaError(f"--reference {reference}: not found; give an image, a camouflage's .json or a colour #rrggbb")
+        raise RaucaError(f"--reference {reference}: not found; give an image, a camouflage's .json or a color #rrggbb")
     return file_digest(image)
 
 
@@ -42,21 +42,21 @@ def reference_texels(vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness) -> N
     """
     given = wanted.reference
     assert given is not None
-    if is_colour(given):
-        colour = np.array(parse_colour(given, "--reference"), np.uint8)
-        return np.broadcast_to(colour, (len(atlas.texels), 3)).copy()
+    if is_color(given):
+        color = np.array(parse_color(given, "--reference"), np.uint8)
+        return np.broadcast_to(color, (len(atlas.texels), 3)).copy()
     if wanted.reference_sha256 not in (None, fingerprint(given)):
         raise RaucaError(f"--reference {given}: changed since the run began; bring the picture back, or start anew")
     path = Path(given)
     if path.suffix.lower() == ".json":
         load_camouflage(path)[0].check_fits(vehicle.atlas_id, str(path))
     image = read_image(_image_of(path))
-    colour_image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+    color_image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
     if path.suffix.lower() == ".json" or wanted.reference_width_m is None:
-        return _of_map(colour_image, atlas, given)
+        return _of_map(color_image, atlas, given)
     tiles = pattern_pyramid(2 * PHOTO)
     projection = project_pattern(vehicle, atlas, tiles, 2 * wanted.reference_width_m)
-    return to_bytes(display(projection(tiles(undisplay(_tile(colour_image))))).numpy())
+    return to_bytes(display(projection(tiles(undisplay(_tile(color_image))))).numpy())
 
 
 def _image_of(path: Path) -> Path:

@@ -1,7 +1,7 @@
 """The paintable texels as points of the vehicle's surface, and which of them lie side by side there.
 
-Texels that are neighbours on the map may be far apart on the vehicle, and neighbours on the vehicle may lie on two
-charts. Distances along the surface are sums of steps between neighbours, in metres.
+Texels that are neighbors on the map may be far apart on the vehicle, and neighbors on the vehicle may lie on two
+charts. Distances along the surface are sums of steps between neighbors, in metres.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...render.sampling.surface import Surface
 
 Array = NDArray[np.float64]
 REACH, GAP_M = 2.0, 0.02  # steps of the map, metres: charts closer than the larger are joined, and panels beside a gap
-STEP = 2.0  # steps of the map: neighbours there that are farther apart on the vehicle are of two charts
+STEP = 2.0  # steps of the map: neighbors there that are farther apart on the vehicle are of two charts
 FACING = -0.5  # cosine: surfaces that look away from each other, as the two sides of a sheet, are not joined
 OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -31,7 +31,7 @@ class TexelPoints:
     """Where texels lie on the vehicle.
 
     Attributes:
-        positions: (P, 3) centre of the paint under each texel, metres.
+        positions: (P, 3) center of the paint under each texel, metres.
         normals: (P, 3) unit.
         steps: (P, 2) metres on the surface for a step down and one to the right on the map.
         sides: (P,) side of a square as large as the texel, metres.
@@ -89,16 +89,16 @@ class Links:
     """Which texels lie side by side on the surface, in compressed rows, both ways.
 
     Attributes:
-        indptr: (P + 1,) int64 start of each row; ``neighbours`` (N,) int32; ``metres`` (N,) float32 between them.
+        indptr: (P + 1,) int64 start of each row; ``neighbors`` (N,) int32; ``metres`` (N,) float32 between them.
     """
 
     indptr: NDArray[np.int64]
-    neighbours: NDArray[np.int32]
+    neighbors: NDArray[np.int32]
     metres: NDArray[np.float32]
 
 
 def link(points: TexelPoints, texels: NDArray[np.int64], size: int) -> Links:
-    """Join the eight neighbours on the map where they touch on the vehicle, and charts where their edges meet there.
+    """Join the eight neighbors on the map where they touch on the vehicle, and charts where their edges meet there.
 
     Args:
         texels: (P,) positions ``row * size + column``, see ``Pyramid.texels``.

@@ -1,4 +1,4 @@
-"""The texture of an optimisation whose camouflage has to look natural."""
+"""The texture of an optimization whose camouflage has to look natural."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import RaucaError, Vehicle
-from ...contract.colour import linear_from_srgb, srgb_from_linear, to_bytes
+from ...contract.color import linear_from_srgb, srgb_from_linear, to_bytes
 from ...render import Pyramid, SparseOperator, saturate
 from .bound import distances, draw_back
 from .choice import Naturalness
@@ -22,7 +22,7 @@ from .reference import reference_texels
 from .surface import TexelPoints, link
 
 if TYPE_CHECKING:
-    from ..settings import OptimiserSettings
+    from ..settings import OptimizerSettings
 
 
 class Constraints:
@@ -34,7 +34,7 @@ class Constraints:
         reference: (P, 3) 8-bit sRGB at the texels, or None.
         home: (M, 3) 8-bit sRGB, the reference of each patch: the mean of its light.
         palette: or None.
-        allowed: (M, K) which palette colours the bound leaves to each patch; None where there is none or no bound.
+        allowed: (M, K) which palette colors the bound leaves to each patch; None where there is none or no bound.
     """
 
     def __init__(self, vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness, seed: int) -> None:
@@ -52,14 +52,14 @@ class Constraints:
 
     @property
     def count(self) -> int:
-        """M, how many colours are free: one a patch, or one a texel."""
+        """M, how many colors are free: one a patch, or one a texel."""
         return len(self.atlas.texels) if self.patches is None else self.patches.count
 
     def settle(self, free: Tensor) -> None:
-        """Bring free colours (M, 3) sRGB back to where they may be, in place."""
+        """Bring free colors (M, 3) sRGB back to where they may be, in place."""
         with torch.no_grad():
             free.clamp_(0.0, 1.0)
-            # With a palette the bound is on the colours chosen, see `allowed`: the way from one to another stays open.
+            # With a palette the bound is on the colors chosen, see `allowed`: the way from one to another stays open.
             if self.wanted.max_delta_e is not None and self.palette is None and self.home is not None:
                 near = free.cpu()  # on the CPU this is ``free`` itself
                 draw_back(near.numpy(), self.home.astype(np.float32) / 255, self.wanted.max_delta_e)
@@ -78,20 +78,20 @@ class Constraints:
         if bound is None or self.palette is None or self.home is None:
             return None
         home = self.home / 255.0
-        colours = self.palette.colours.double().numpy()
-        every = [distances(np.broadcast_to(colour, home.shape), home) for colour in colours]
+        colors = self.palette.colors.double().numpy()
+        every = [distances(np.broadcast_to(color, home.shape), home) for color in colors]
         near = np.stack(every, 1) <= bound
         if not near.any(1).all():
             lost, best = 1 - near.any(1).mean(), math.ceil(np.stack(every, 1).min(1).max() * 10) / 10
             raise RaucaError(
-                f"--max-delta-e {bound:g}: on {lost:.0%} of the paint no colour of the palette is that near the "
-                f"reference; allow {best:.1f} or give more --palette colours"
+                f"--max-delta-e {bound:g}: on {lost:.0%} of the paint no color of the palette is that near the "
+                f"reference; allow {best:.1f} or give more --palette colors"
             )
         return torch.from_numpy(near)
 
 
-class NaturalColours:
-    """One colour per patch, or per texel; seen as the nearest of the palette, never too far from the reference.
+class NaturalColors:
+    """One color per patch, or per texel; seen as the nearest of the palette, never too far from the reference.
 
     Attributes:
         parameter: (M, 3) sRGB.
@@ -111,30 +111,30 @@ class NaturalColours:
             indptr = np.arange(len(ones) + 1, dtype=np.int64)
             self._spread = SparseOperator(indptr, patches.of_texel, ones, patches.count)
 
-    def colours(self) -> Tensor:
+    def colors(self) -> Tensor:
         free, palette = saturate(self.parameter), self.constraints.palette
         seen = free if palette is None else palette.hard(free, self._allowed)
         return seen if self._spread is None else self._spread(seen)
 
     def texels(self) -> Tensor:
-        return self.colours()
+        return self.colors()
 
     def settle(self) -> None:
         self.constraints.settle(self.parameter)
 
 
-def natural_colours(
+def natural_colors(
     vehicle: Vehicle,
     atlas: Pyramid,
-    settings: OptimiserSettings,
+    settings: OptimizerSettings,
     first: Callable[[int], Tensor],
     device: torch.device,
-) -> NaturalColours:
+) -> NaturalColors:
     """The texture of a run.
 
     Args:
-        first: ``count -> (count, 3)`` sRGB, where an optimisation begins; within a bound it begins at the reference.
-        device: where the colours lie.
+        first: ``count -> (count, 3)`` sRGB, where an optimization begins; within a bound it begins at the reference.
+        device: where the colors lie.
 
     Raises:
         RaucaError: settings that naturalness does not go with.
@@ -148,6 +148,6 @@ def natural_colours(
         raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
     constraints = Constraints(vehicle, atlas, wanted, settings.seed)
     if wanted.max_delta_e is None or constraints.home is None:
-        return NaturalColours(constraints, first(constraints.count).to(device))
+        return NaturalColors(constraints, first(constraints.count).to(device))
     # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
-    return NaturalColours(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))
+    return NaturalColors(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))

@@ -75,7 +75,7 @@ def fill(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:
 
 
 def is_counter(name: str) -> bool:
-    """Whether a tensor counts the training steps of a batch normalisation; files and modules may have them or not."""
+    """Whether a tensor counts the training steps of a batch normalization; files and modules may have them or not."""
     return name.endswith("num_batches_tracked")
 
 

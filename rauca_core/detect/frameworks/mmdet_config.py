@@ -33,7 +33,7 @@ class Preparation:
         mean, std: of the channels in the network's order, for values in 0..255.
         rgb: whether the network's order is red, green, blue; else it is reversed.
         divisor: height and width are filled up to a multiple of this, at the right and at the bottom.
-        fill: the value there, after normalisation.
+        fill: the value there, after normalization.
     """
 
     scale: tuple[int, int]

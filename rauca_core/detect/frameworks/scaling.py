@@ -22,7 +22,7 @@ _MODES = {2: "bilinear", 3: "bicubic"}  # Pillow's numbers
 
 @dataclass(frozen=True)
 class Scaling:
-    """Resizing and normalisation of sRGB images.
+    """Resizing and normalization of sRGB images.
 
     Attributes:
         shortest, longest: pixels of the shorter side, unless the longer one would exceed ``longest``; 0 where images

@@ -46,13 +46,13 @@ def retinanet(model: Any, images: Any, features: Mapping[str, Tensor]) -> DenseP
 
 
 def fcos(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
-    """Every point; torchvision's score, sqrt(P(class) * centreness), is the product of ``objectness`` and ``classes``.
+    """Every point; torchvision's score, sqrt(P(class) * centerness), is the product of ``objectness`` and ``classes``.
 
     The root is taken in the exponent, where its slope stays finite when a probability rounds to 0.
     """
     found, boxes = _anchored(model, images, features)
-    centreness, classes = ((functional.logsigmoid(found[key]) / 2).exp() for key in ("bbox_ctrness", "cls_logits"))
-    return DensePredictions(boxes, centreness[..., 0], classes)
+    centerness, classes = ((functional.logsigmoid(found[key]) / 2).exp() for key in ("bbox_ctrness", "cls_logits"))
+    return DensePredictions(boxes, centerness[..., 0], classes)
 
 
 def ssd(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:

@@ -21,7 +21,7 @@ from ..nms import box_iou, suppress
 # Overlaps of one block with the boxes kept before it are in memory at once: 4 MiB per thousand boxes kept.
 _NMS_BLOCK = 1024
 
-# What torchvision cannot be imported without; qnms (quantised boxes) is only ever declared.
+# What torchvision cannot be imported without; qnms (quantized boxes) is only ever declared.
 _DECLARED = {
     "nms": "nms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor",
     "qnms": "qnms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor",
@@ -121,7 +121,7 @@ def roi_align(
         rois: (K, 5) image index and xyxy, in units of ``1 / spatial_scale`` feature cells; takes no gradient, as in
             torchvision.
         sampling_ratio: samples per bin and axis; 0 or less for one per feature cell, at most.
-        aligned: whether feature (0, 0) has its centre at +0.5, rather than at 0.
+        aligned: whether feature (0, 0) has its center at +0.5, rather than at 0.
 
     Returns:
         (K, C, pooled_height, pooled_width).

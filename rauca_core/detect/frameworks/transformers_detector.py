@@ -35,7 +35,7 @@ class TransformersDetector:
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         model: transformers' module, in evaluation mode; its weights take no gradient.
-        scaling: resizing and normalisation.
+        scaling: resizing and normalization.
     """
 
     def __init__(self, name: str, folder: Path, size: int | None = None) -> None:
@@ -136,8 +136,8 @@ class TransformersDetector:
         except RaucaError as error:
             raise RaucaError(f"{self.name}: {error}") from None
         found = self.model(pixel_values=fitted)
-        centre, extent = found.pred_boxes[..., :2], found.pred_boxes[..., 2:]
-        boxes = torch.cat([centre - extent / 2, centre + extent / 2], -1)
+        center, extent = found.pred_boxes[..., :2], found.pred_boxes[..., 2:]
+        boxes = torch.cat([center - extent / 2, center + extent / 2], -1)
         boxes = boxes * boxes.new_tensor([images.shape[3], images.shape[2]] * 2)
         classes = found.logits.softmax(-1)[..., :-1] if self._family.softmax else found.logits.sigmoid()
         return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), classes)

@@ -1,4 +1,4 @@
-"""From a head's encodings to boxes: SSD's centre-size code."""
+"""From a head's encodings to boxes: SSD's center-size code."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .layers import Array
 MAX_LOG_SIZE = 10.0
 
 
-class CentreSizeBoxes(nn.Module):
+class CenterSizeBoxes(nn.Module):
     """Decodes offsets from anchors (Liu et al. 2016, SSD, eq. 2).
 
     Everything is relative to the image's width and height.
@@ -21,7 +21,7 @@ class CentreSizeBoxes(nn.Module):
         """Take what all images share.
 
         Args:
-            anchors: (N, 4) centre x, y, width, height.
+            anchors: (N, 4) center x, y, width, height.
             variances: (4,) factors on the encoded x, y, width, height.
             rows_first: encodings are y, x, height, width (TensorFlow) instead of x, y, width, height (caffe).
         """
@@ -32,12 +32,12 @@ class CentreSizeBoxes(nn.Module):
         self.order: Tensor
         self.register_buffer("order", torch.tensor(order), persistent=False)
         self.scale = nn.Parameter(torch.from_numpy(scale).float(), requires_grad=False)
-        self.centre = nn.Parameter(torch.from_numpy(anchors[:, :2]).float(), requires_grad=False)
+        self.center = nn.Parameter(torch.from_numpy(anchors[:, :2]).float(), requires_grad=False)
         self.size = nn.Parameter(torch.from_numpy(anchors[:, 2:]).float(), requires_grad=False)
 
     def forward(self, encodings: Tensor) -> Tensor:
         """(B, N, 4) encodings -> (B, N, 4) xyxy."""
         offset, log_size = (encodings[..., self.order] * self.scale).split(2, -1)
-        centre = self.centre + offset
+        center = self.center + offset
         half = log_size.clamp(max=MAX_LOG_SIZE).exp() * (self.size / 2)
-        return torch.cat([centre - half, centre + half], -1)
+        return torch.cat([center - half, center + half], -1)

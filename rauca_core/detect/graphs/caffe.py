@@ -49,7 +49,7 @@ def read_caffe_ssd(prototxt: Path, weights: Path) -> SsdParts:
         anchors=output.anchors.anchors,
         variances=output.anchors.variances,
         columns=output.columns,
-        normalisation=_NORMALISATION,
+        normalization=_NORMALISATION,
         size=built.size,
         rows_first=False,
         blue_first=True,

@@ -176,7 +176,7 @@ def _convolution(builder: Builder, block: Block, name: str, inputs: list[Value])
 def _batch_norm(builder: Builder, block: Block, name: str, inputs: list[Value]) -> Value:
     source, channels, extent = _image(block, inputs)
     if not block.flag("use_global_stats", True):
-        block.fail("normalises by its own batch; only stored statistics are supported")
+        block.fail("normalizes by its own batch; only stored statistics are supported")
     mean, variance, count = builder.take(block, name, [(channels,), (channels,), (1,)])
     factor = 0.0 if count[0] == 0 else 1 / count[0]  # caffe keeps sums and how much went into them
     scale = 1 / np.sqrt(np.maximum(variance * factor, 0.0) + block.numbers("eps", [1e-5])[0])

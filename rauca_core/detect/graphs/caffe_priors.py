@@ -15,7 +15,7 @@ PRIOR_OPTIONS = frozenset(
 
 
 def prior_boxes(options: Block, extent: tuple[int, int], size: int) -> Array:
-    """Anchors of one feature map, cell by cell in rows: (N, 4) centre x, y, width, height, relative to the image.
+    """Anchors of one feature map, cell by cell in rows: (N, 4) center x, y, width, height, relative to the image.
 
     Args:
         options: ``prior_box_param``.
@@ -32,14 +32,14 @@ def prior_boxes(options: Block, extent: tuple[int, int], size: int) -> Array:
     y, x = np.meshgrid(
         (np.arange(rows) + offset) * step_rows, (np.arange(columns) + offset) * step_columns, indexing="ij"
     )
-    centres = np.repeat(np.stack([x, y], -1).reshape(-1, 1, 2), len(sizes), axis=1)
-    extents = np.broadcast_to(sizes, centres.shape)
-    boxes = np.concatenate([centres, extents], -1).reshape(-1, 4) / size
+    centers = np.repeat(np.stack([x, y], -1).reshape(-1, 1, 2), len(sizes), axis=1)
+    extents = np.broadcast_to(sizes, centers.shape)
+    boxes = np.concatenate([centers, extents], -1).reshape(-1, 4) / size
     return _clipped(boxes) if options.flag("clip", False) else boxes
 
 
 def variances(options: Block) -> Array:
-    """(4,) factors on the encoded centre x, y, width, height."""
+    """(4,) factors on the encoded center x, y, width, height."""
     values = options.numbers("variance", [0.1])
     if len(values) not in (1, 4) or min(values) <= 0:
         options.fail(f"has variances {values}, expected one or four positive numbers")

@@ -49,7 +49,7 @@ class LayerNetwork(nn.Module):
         self.requires_grad_(False)
 
     def forward(self, images: Tensor) -> tuple[Tensor, ...]:
-        """(B, 3, H, W) normalised images -> the outputs, in their order."""
+        """(B, 3, H, W) normalized images -> the outputs, in their order."""
         values = {IMAGE: images.contiguous(memory_format=torch.channels_last)}
         for module, (name, inputs, done) in zip(self.steps, self._plan, strict=True):
             values[name] = module(*[values[source] for source in inputs])

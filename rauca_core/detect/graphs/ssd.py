@@ -15,7 +15,7 @@ from ...contract import RaucaError
 from ..dry_run import dry_run
 from ..interface import DensePredictions
 from ..single_pass import SinglePassDetector
-from .boxes import CentreSizeBoxes
+from .boxes import CenterSizeBoxes
 from .fold import simplify
 from .labels import score_columns
 from .layers import IMAGE, Affine, Array, Layer
@@ -29,13 +29,13 @@ class SsdParts:
 
     Attributes:
         path: of the network's description; errors name it.
-        layers: from the normalised image (B, 3, size, size) to the two values below.
+        layers: from the normalized image (B, 3, size, size) to the two values below.
         boxes: the value with the encodings, (B, N, 4) or (B, N * 4).
         scores: the value with the probabilities, (B, N, columns) or (B, N * columns); column 0 is the background.
-        anchors: (N, 4) centre x, y, width, height, relative to the image.
+        anchors: (N, 4) center x, y, width, height, relative to the image.
         variances: (4,) factors on the encoded x, y, width, height.
         columns: of the scores, the background among them; None where the file does not say.
-        normalisation: (scale, shift) from sRGB in [0, 1] to what the layers take.
+        normalization: (scale, shift) from sRGB in [0, 1] to what the layers take.
         size: of the square input, pixels.
         rows_first: encodings are y, x, height, width.
         blue_first: the network takes BGR.
@@ -49,7 +49,7 @@ class SsdParts:
     anchors: Array
     variances: Array
     columns: int | None
-    normalisation: tuple[float, float]
+    normalization: tuple[float, float]
     size: int
     rows_first: bool
     blue_first: bool
@@ -81,8 +81,8 @@ class SsdDetector(SinglePassDetector):
         self.size = parts.size
         self._parts = replace(parts, layers=[])  # their weights are the network's now
         outputs = (parts.boxes, parts.scores)
-        self.network = LayerNetwork(simplify(_with_normalisation(parts), outputs), outputs)
-        self.boxes = CentreSizeBoxes(parts.anchors, parts.variances, parts.rows_first)
+        self.network = LayerNetwork(simplify(_with_normalization(parts), outputs), outputs)
+        self.boxes = CenterSizeBoxes(parts.anchors, parts.variances, parts.rows_first)
         self._columns = torch.tensor(score_columns(parts.path, self._count_columns(), self.class_names))
         self.fingerprint = _fingerprint(files, self.size, self.class_names)
 
@@ -130,10 +130,10 @@ class SsdDetector(SinglePassDetector):
         return DensePredictions(boxes, torch.ones_like(classes[..., 0]), classes)
 
 
-def _with_normalisation(parts: SsdParts) -> list[Layer]:
+def _with_normalization(parts: SsdParts) -> list[Layer]:
     """The layers behind an affine map; never inside the first convolution, whose zero padding is of its input."""
-    scale, shift = (np.array(number) for number in parts.normalisation)
-    first = Affine(":normalised", (IMAGE,), scale, shift)
+    scale, shift = (np.array(number) for number in parts.normalization)
+    first = Affine(":normalized", (IMAGE,), scale, shift)
     renamed = {IMAGE: first.name}
     return [
         first,

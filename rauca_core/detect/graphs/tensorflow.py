@@ -62,7 +62,7 @@ def read_tensorflow_ssd(path: Path) -> SsdParts:
 
 
 def _of_lite(path: Path, nodes: dict[str, Node], post: Node) -> SsdParts:
-    """The graph exported for TensorFlow Lite takes the normalised image and names everything in its last node."""
+    """The graph exported for TensorFlow Lite takes the normalized image and names everything in its last node."""
     if len(post.inputs) != 3:
         post.fail(f"has {len(post.inputs)} inputs, expected boxes, scores and anchors")
     layers, values = to_layers(nodes, _LITE_IMAGE, post.inputs)
@@ -71,17 +71,17 @@ def _of_lite(path: Path, nodes: dict[str, Node], post: Node) -> SsdParts:
     if len(shape) != 4 or shape[1] != shape[2] or not 1 <= shape[1] <= MAX_SIZE or shape[3] != 3:
         nodes[_LITE_IMAGE].fail(f"takes images of shape {shape}, expected (batch, size, size, 3)")
     scales = np.array([post.number(f"{axis}_scale") for axis in "xywh"])
-    centred = _anchors(post, anchors)  # already y, x, height, width
+    centered = _anchors(post, anchors)  # already y, x, height, width
     return SsdParts(
         path=path,
         layers=layers,
         boxes=_rows(post, encodings),
         scores=_rows(post, scores),
-        anchors=centred[:, [1, 0, 3, 2]],
+        anchors=centered[:, [1, 0, 3, 2]],
         variances=_variances(post, scales),
         columns=post.integer("num_classes") + 1,
         # the API's MobileNets are trained on [-1, 1]; this graph leaves that, and the resize, to the caller
-        normalisation=(2.0, -1.0),
+        normalization=(2.0, -1.0),
         size=shape[1],
         rows_first=True,
         blue_first=False,
@@ -105,7 +105,7 @@ def _of_server(path: Path, nodes: dict[str, Node]) -> SsdParts:
         anchors=np.concatenate([(low + high) / 2, high - low], axis=1),
         variances=_variances(post, scales),
         columns=None,
-        normalisation=(255.0, 0.0),
+        normalization=(255.0, 0.0),
         size=_resized(path, nodes, resize),
         rows_first=True,
         blue_first=False,

@@ -49,7 +49,7 @@ def to_layers(nodes: dict[str, Node], image: str, outputs: Iterable[str]) -> tup
     """Layers in an order of computation, and what each visited node stands for.
 
     Args:
-        image: the node that stands for the normalised image.
+        image: the node that stands for the normalized image.
         outputs: the nodes to compute.
 
     Raises:

@@ -16,13 +16,13 @@ TAPS = (16, 24, 27)
 """Layers of ``yolov4-tiny.cfg`` whose outputs have :data:`STRIDES`."""
 CHANNELS = (256, 512, 256)
 STEM = 8
-"""Layers before the first of stride 8: edges and colours, which hold for any image and stay as they were trained."""
+"""Layers before the first of stride 8: edges and colors, which hold for any image and stay as they were trained."""
 
 
 class Body(nn.Module):
     """YOLOv4-tiny up to its first head: sRGB images (B, 3, H, W) in [0, 1] -> features of stride 8, 16 and 32.
 
-    Batch normalisation is folded into the convolutions, so it is frozen, as usual when detectors are fine-tuned on
+    Batch normalization is folded into the convolutions, so it is frozen, as usual when detectors are fine-tuned on
     small batches.
 
     Attributes:

@@ -1,6 +1,6 @@
 """What a detector is shown to be hardened: frames whose vehicle wears a camouflage, a share of the time.
 
-The exact light maps turn any UV map into the frame that Cycles would render, in milliseconds: the optimiser's own
+The exact light maps turn any UV map into the frame that Cycles would render, in milliseconds: the optimizer's own
 renderer looks the texels up, ``A * x + B`` lights them. What is not painted, and vehicles that no camouflage fits, stay
 as plain sights show them.
 """
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import RaucaError, load_camouflage
-from ...contract.colour import linear_from_srgb
+from ...contract.color import linear_from_srgb
 from ...environment.frames import LightFrames
 from ...images import read_image
 from ...render import Canvas, Pyramid, TapCache, TapSettings
-from .paint import draw_colour
+from .paint import draw_color
 from .sights import Sights
 
-VARIED = 0.5  # share of camouflages that are shown in other colours
+VARIED = 0.5  # share of camouflages that are shown in other colors
 FADED = 0.5  # and of these, blended with a plain paint
 FAINTEST = 0.6  # largest weight of the plain paint
 
@@ -38,7 +38,7 @@ class CamouflagedSights(Sights):
         taps: folder of tap files, made as needed.
         share: of frames that wear one, where one fits.
         recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
-        varied: also show camouflages in permuted colours and faded, so that no single palette is learnt by heart.
+        varied: also show camouflages in permuted colors and faded, so that no single palette is learnt by heart.
         memory_mb: of taps kept in memory for each vehicle, MiB.
 
     Raises:
@@ -121,10 +121,10 @@ def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
 
 
 def vary(texels: Tensor, rng: np.random.Generator) -> Tensor:
-    """The same pattern (P, 3) linear, half the time in permuted colours, and of these half faded into a plain paint."""
+    """The same pattern (P, 3) linear, half the time in permuted colors, and of these half faded into a plain paint."""
     if rng.random() >= VARIED:
         return texels
     texels = texels[:, torch.from_numpy(rng.permutation(3))].contiguous()
     if rng.random() < FADED:
-        texels = torch.lerp(texels, torch.from_numpy(draw_colour(rng)), float(rng.uniform(0, FAINTEST)))
+        texels = torch.lerp(texels, torch.from_numpy(draw_color(rng)), float(rng.uniform(0, FAINTEST)))
     return texels

@@ -1,4 +1,4 @@
-"""Checkpoints of a training: network, moving average, optimiser; a killed run goes on to the same bits."""
+"""Checkpoints of a training: network, moving average, optimizer; a killed run goes on to the same bits."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ def save_run(
     losses: list[float],
     network: nn.Module,
     average: nn.Module,
-    optimiser: torch.optim.Optimizer,
+    optimizer: torch.optim.Optimizer,
 ) -> None:
     """Write everything that a step changes; the checkpoint before goes when this one is whole.
 
     Args:
         losses: of the steps whose round has not been reported.
     """
-    tensors: dict[str, Tensor] = state_tensors(network, optimiser)
+    tensors: dict[str, Tensor] = state_tensors(network, optimizer)
     tensors |= {_MEAN + name: value for name, value in average.state_dict().items()}
     write_checkpoint(folder, FORMAT, ("step", step, 7), {"identity": identity, "losses": losses}, tensors)
 
 
 def restore_run(
-    folder: Path, identity: dict[str, Any], network: nn.Module, average: nn.Module, optimiser: torch.optim.Optimizer
+    folder: Path, identity: dict[str, Any], network: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer
 ) -> tuple[int, list[float]]:
     """Read the latest checkpoint into the three; returns the steps done, and the losses of their unreported round.
 
@@ -53,7 +53,7 @@ def restore_run(
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
-    restore(network, optimiser, tensors, folder)
+    restore(network, optimizer, tensors, folder)
     try:
         average.load_state_dict({n.removeprefix(_MEAN): t for n, t in tensors.items() if n.startswith(_MEAN)})
     except RuntimeError as error:

@@ -1,7 +1,7 @@
 """RT-DETR's losses: each object is answered for by one prediction, all others say that nothing is there.
 
 As in transformers, whose own criterion needs SciPy for the assignment and matches every layer anew, boxes (L1 and
-generalised IoU) count for the chosen predictions, and classes by the varifocal loss, whose goal is the overlap.
+generalized IoU) count for the chosen predictions, and classes by the varifocal loss, whose goal is the overlap.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ Matches = list[tuple[Tensor, Tensor]]
 
 
 def corners(boxes: Tensor) -> Tensor:
-    """(..., 4) centre and size -> xyxy."""
-    centre, half = boxes[..., :2], boxes[..., 2:] / 2
-    return torch.cat([centre - half, centre + half], -1)
+    """(..., 4) center and size -> xyxy."""
+    center, half = boxes[..., :2], boxes[..., 2:] / 2
+    return torch.cat([center - half, center + half], -1)
 
 
-def centred(boxes: Tensor) -> Tensor:
-    """(..., 4) xyxy -> centre and size."""
+def centered(boxes: Tensor) -> Tensor:
+    """(..., 4) xyxy -> center and size."""
     return torch.cat([(boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]], -1)
 
 
-def generalised_iou(a: Tensor, b: Tensor) -> Tensor:
+def generalized_iou(a: Tensor, b: Tensor) -> Tensor:
     """Of xyxy boxes (..., 4) that broadcast against each other: (...) in [-1, 1] (Rezatofighi et al., 2019)."""
     shared = torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])
     shared_area = shared.clamp(min=0).prod(-1)
@@ -52,7 +52,7 @@ def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
 
     Args:
         logits: (B, N, C).
-        boxes: (B, N, 4) centre and size, fractions of the image.
+        boxes: (B, N, 4) center and size, fractions of the image.
         truths: boxes likewise.
     """
     matches = []
@@ -64,7 +64,7 @@ def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
         present = FOCAL_ALPHA * (1 - probability) ** GAMMA * -(probability + 1e-8).log()
         absent = (1 - FOCAL_ALPHA) * probability**GAMMA * -(1 - probability + 1e-8).log()
         apart = torch.cdist(one_boxes, goals, p=1)
-        overlap = generalised_iou(corners(one_boxes)[:, None], corners(goals)[None])
+        overlap = generalized_iou(corners(one_boxes)[:, None], corners(goals)[None])
         cost = CLASS_COST * (present - absent) + L1_COST * apart - GIOU_COST * overlap
         chosen = torch.from_numpy(assign(cost.T.double().cpu().numpy())).to(one_boxes.device)
         matches.append((chosen, which))
@@ -85,7 +85,7 @@ def layer_losses(
     hot[*place, labels], wanted[*place, labels] = 1.0, overlap
     weight = VARIFOCAL_ALPHA * logits.detach().sigmoid() ** GAMMA * (1 - hot) + wanted
     classes = functional.binary_cross_entropy_with_logits(logits, wanted, weight, reduction="sum")
-    hulls = generalised_iou(corners(found), corners(goal))
+    hulls = generalized_iou(corners(found), corners(goal))
     return {
         "classes": CLASS_WEIGHT * classes / objects,
         "l1": L1_WEIGHT * (found - goal).abs().sum() / objects,

@@ -18,7 +18,7 @@ from ..interface import DensePredictions
 from ..layers import Convolution
 from ..network import DarknetNetwork
 from ..nms import box_iou
-from .criterion import generalised_iou
+from .criterion import generalized_iou
 from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
@@ -30,7 +30,7 @@ LEAST, MOST = 1e-30, 1 - 2**-24
 
 
 class DarknetStudent(nn.Module):
-    """The network of a cfg as a :class:`network.Trainable`; batch normalisation is folded, so it is frozen.
+    """The network of a cfg as a :class:`network.Trainable`; batch normalization is folded, so it is frozen.
 
     Attributes:
         network: what learns, all of it.
@@ -79,7 +79,7 @@ def _image_losses(found: DensePredictions, before: DensePredictions, k: int, tru
     kept = cross_entropy(objectness[elsewhere], said).sum()
     kept = kept + (said[:, None] * cross_entropy(classes[elsewhere], meant)).sum()
     labels = functional.one_hot(truth.labels, classes.shape[1]).to(classes).expand(len(chosen), -1, -1)
-    hulls = generalised_iou(boxes[chosen], truth.boxes[None])
+    hulls = generalized_iou(boxes[chosen], truth.boxes[None])
     share = 1 / len(chosen)
     return {
         "present": share * cross_entropy(objectness[chosen], torch.ones_like(hulls)).sum(),

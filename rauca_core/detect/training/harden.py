@@ -1,6 +1,6 @@
 """Hardening: a detector is attacked, learns to see through the camouflage, and is attacked again.
 
-Each round optimises a fresh camouflage against the detector as it is, adds it to those known, and fine-tunes on frames
+Each round optimizes a fresh camouflage against the detector as it is, adds it to those known, and fine-tunes on frames
 of which a share wears one of them (adversarial training; Madry et al., 2018, with a pool as in Tramer et al., 2018).
 The rest stays as in the first training, so that what the detector knew is not forgotten.
 """
@@ -40,7 +40,7 @@ CALM = 0.4  # a fine-tuning's learning rate, of the training's own
 TESTED = 48  # frames at most that a round is watched on, in plain paint and in camouflage
 
 Attack = Callable[[Detector, int, Path], Path]
-"""Optimises a camouflage against a detector for the round of that number into a folder, going on where it stopped;
+"""Optimizes a camouflage against a detector for the round of that number into a folder, going on where it stopped;
 returns its JSON. It is handed in because the attack builds on detectors, and not the other way round."""
 
 

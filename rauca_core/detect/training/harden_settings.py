@@ -17,8 +17,8 @@ class HardenSettings(BaseModel):
     Attributes:
         rounds: of attack and fine-tuning.
         steps: of fine-tuning in each round.
-        attack_steps: of the optimisation that makes each round's camouflage; 0 makes none.
-        attack_batch, attack_lr: of it, see ``attack.OptimiserSettings``.
+        attack_steps: of the optimization that makes each round's camouflage; 0 makes none.
+        attack_batch, attack_lr: of it, see ``attack.OptimizerSettings``.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
         batch, lr, body_lr, weight_decay, clip, ema, precision, every: of the fine-tuning, see ``DetectorSettings``

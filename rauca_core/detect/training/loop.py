@@ -23,7 +23,7 @@ from ...contract.ledger import MAX_LEDGER_BYTES
 from ...contract.seeding import named_rng, named_seed
 from ...cpu import keep_large_blocks, threads
 from ...folder_lock import alone_in
-from ...optimisers import AdamW
+from ...optimizers import AdamW
 from ...stopping import StopRequest, stop_request
 from .checkpoint import restore_run, save_run
 from .measure import ALL, Findings
@@ -57,7 +57,7 @@ class Job:
         test: measures a network in evaluation mode.
         out: folder for checkpoints and ``rounds.jsonl``.
         identity: what else a resumed run must share, as JSON.
-        keep_norms: leave the statistics of batch normalisation as they are, as for weights that know the data already.
+        keep_norms: leave the statistics of batch normalization as they are, as for weights that know the data already.
     """
 
     network: nn.Module
@@ -106,7 +106,7 @@ class _Training:
         learning = [p for p in self.network.parameters() if p.requires_grad]
         of_body = {id(p) for p in trainable(self.network).body.parameters()}
         body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
-        self.optimiser = AdamW(
+        self.optimizer = AdamW(
             [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
             lr=settings.lr,
             weight_decay=settings.weight_decay,
@@ -127,7 +127,7 @@ class _Training:
         findings: Findings | None = None
         if resume:
             self.done, self.losses = restore_run(
-                job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimiser
+                job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimizer
             )
             if self._round_ends() and self.done in _reported(job.out / LEDGER):
                 self.losses = []
@@ -159,7 +159,7 @@ class _Training:
 
     def _step(self, step: int) -> float:
         settings, lr = self.job.settings, self.job.settings.lr * self._schedule(step)
-        for group in self.optimiser.param_groups:
+        for group in self.optimizer.param_groups:
             group["lr"] = lr * group["share"]
         images, truths, chosen = self._batch(step)
         self.network.train()
@@ -171,7 +171,7 @@ class _Training:
             torch.manual_seed(named_seed(settings.seed, "step", step))
             with torch.autocast("cpu", torch.bfloat16, settings.precision == "bfloat16"):
                 loss = sum_of(trainable(self.network).losses(images, truths))
-        self.optimiser.zero_grad()
+        self.optimizer.zero_grad()
         loss.backward()
         norm = clip_grad_norm_(self.network.parameters(), settings.clip)
         if not torch.isfinite(loss.detach() + norm):
@@ -180,7 +180,7 @@ class _Training:
                 f"step {step + 1}: the loss or its gradient is not finite on {names}; "
                 "lower the learning rate, or render these frames again"
             )
-        self.optimiser.step()
+        self.optimizer.step()
         self._follow(step)
         return float(loss.detach())
 
@@ -216,7 +216,7 @@ class _Training:
             self.losses,
             self.network,
             self.average,
-            self.optimiser,
+            self.optimizer,
         )
 
 

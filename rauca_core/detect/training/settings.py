@@ -13,7 +13,7 @@ class DetectorSettings(BaseModel):
     """Settings of :func:`loop.train`.
 
     Attributes:
-        steps: of the optimiser.
+        steps: of the optimizer.
         batch: images per step.
         lr: AdamW's learning rate; it rises over the first 5 % of the steps and falls to 0 on a half cosine.
         body_lr: that of the pre-trained body, as a fraction of ``lr``.

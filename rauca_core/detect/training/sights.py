@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ...contract.colour import srgb_from_linear
+from ...contract.color import srgb_from_linear
 from ...environment.frames import LightFrame, LightFrames
 from ..letterbox import PADDING_SRGB
 from .network import Truth

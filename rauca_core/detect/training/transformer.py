@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from ..frameworks.transformers_loading import import_transformers
 from ..interface import DensePredictions
 from .body import CHANNELS, STRIDES, Body
-from .criterion import centred, corners, layer_losses, match
+from .criterion import centered, corners, layer_losses, match
 from .network import Truth
 
 WIDTH = 128
@@ -41,7 +41,7 @@ class Transformer(nn.Module):
 
         The spoiled truths are drawn by torch's own generator.
         """
-        goals = [Truth(centred(t.boxes) / images.shape[3], t.labels) for t in truths]
+        goals = [Truth(centered(t.boxes) / images.shape[3], t.labels) for t in truths]
         labels = [{"class_labels": t.labels, "boxes": t.boxes} for t in goals]
         found = self.detr(images, labels=labels)
         objects = max(1.0, float(sum(len(t.labels) for t in goals)))

@@ -1,4 +1,4 @@
-"""Ablations: variants of the optimisation, all measured on the same held-out views, beside what the paper printed."""
+"""Ablations: variants of the optimization, all measured on the same held-out views, beside what the paper printed."""
 
 from .catalogue import EXPERIMENTS, experiment_named
 from .experiment import Claim, Experiment, Variant

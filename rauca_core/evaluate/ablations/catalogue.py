@@ -15,7 +15,7 @@ _FACETS = {**_NEURAL_RENDERER, "paint": "facets", "smooth": "picture", "beta": 0
 
 
 def _chain(*best_to_worst: str, by: str = PAPER) -> tuple[Claim, ...]:
-    """A claim for each neighbouring pair."""
+    """A claim for each neighboring pair."""
     return tuple(Claim((a,), (b,), by) for a, b in pairwise(best_to_worst))
 
 
@@ -49,7 +49,7 @@ BASELINES = Experiment(
 RENDERER = Experiment(
     "renderer",
     "Neural renderers",
-    "What does it bring to light the paint like the frame, to optimise the UV map itself, and to filter it exactly?",
+    "What does it bring to light the paint like the frame, to optimize the UV map itself, and to filter it exactly?",
     (
         Variant("nr-direct", "NR-direct", {**_FACETS, "light": "none"}, paper_row="NR-direct"),
         Variant("nrp", "NRP", _FACETS, paper_row="NRP"),
@@ -147,7 +147,7 @@ ENVIRONMENT = Experiment(
     "How much does it matter where the light on the paint comes from?",
     (
         Variant("none", "None", {"light": "none"}),
-        Variant("transfer", "Affine colour transfer", {"light": "transfer"}, quick=False),
+        Variant("transfer", "Affine color transfer", {"light": "transfer"}, quick=False),
         Variant("published", "Published EFE", {"light": "published"}),
         Variant("ours", "Our extractor", {"light": "ours"}, quick=False),
         Variant("exact", "Exact maps"),
@@ -191,7 +191,7 @@ _RATES = (0.005, 0.02, 0.08)  # the middle one is every other ablation's, too
 LIMIT = Experiment(
     "limit",
     "Keeping texels in range",
-    "Which parametrisation of the UV map, at which learning rate?",
+    "Which parametrization of the UV map, at which learning rate?",
     tuple(_limit(name, lr, quick=lr == 0.02) for name in ("project", "clamp", "tanh") for lr in _RATES),
     tuple(Claim(("project-0.02",), tuple(f"{name}-{lr:g}" for lr in _RATES), OURS) for name in ("clamp", "tanh")),
     notes=("The paper clamps, and names no learning rate.",),

@@ -1,4 +1,4 @@
-"""What an ablation is: variants of one optimisation, and the orderings that somebody claims for them."""
+"""What an ablation is: variants of one optimization, and the orderings that somebody claims for them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ PAPER, OURS = "the paper", "this project"
 
 @dataclass(frozen=True)
 class Variant:
-    """One row of the table: a camouflage, optimised once for every seed.
+    """One row of the table: a camouflage, optimized once for every seed.
 
     Attributes:
         key: in files and folders; letters, digits, dots and dashes.
         title: in tables.
-        settings: of `OptimiserSettings`, where they differ from the common ones or from those of ``method``.
+        settings: of `OptimizerSettings`, where they differ from the common ones or from those of ``method``.
         method: of the literature, whose settings it starts from; None for this project's own.
-        training: name of the data set that it is optimised on, see `training_sets`.
+        training: name of the data set that it is optimized on, see `training_sets`.
         share: of that data set's frames.
         paper_row: its row in the paper's table; None where the paper has none.
         quick: take part in the quick size, too.

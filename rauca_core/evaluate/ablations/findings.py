@@ -23,8 +23,8 @@ class Findings:
         variants: those that took part.
         study: of all camouflages, an entry per set of weathers.
         paints: row (``normal``, ``random`` or a variant's key) -> its paints in the study, one per seed.
-        attacked: detectors that the variants were optimised against.
-        settings: row -> settings of its optimisation that differ from the common ones.
+        attacked: detectors that the variants were optimized against.
+        settings: row -> settings of its optimization that differ from the common ones.
         common: settings that all share.
         timings_s: stage -> seconds.
     """

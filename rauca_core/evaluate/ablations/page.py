@@ -13,7 +13,7 @@ from typing import Any
 from ... import __version__
 from ...contract.files import write_bytes
 from .. import pages, sections
-from ..colours import paint_styles
+from ..colors import paint_styles
 from ..data_section import anchors_of
 from ..grid import FramePicker
 from ..maps import maps_of
@@ -85,9 +85,9 @@ def _verdicts(found: Findings, verdicts: Sequence[Verdict]) -> str:
     note = (
         "A gap is AP@0.5 of one camouflage minus that of another on the same frames; its 95 % interval is a bootstrap "
         f"over {found.study.entries[0].results.clusters}, both in the same places"
-        + (" and over optimisations" if seeds > 1 else "")
+        + (" and over optimizations" if seeds > 1 else "")
         + ". Confirmed: the interval lies above 0; refuted: below; undecided: it holds 0."
-        + ("" if seeds > 1 else " One optimisation each: the luck of a seed is not in the intervals.")
+        + ("" if seeds > 1 else " One optimization each: the luck of a seed is not in the intervals.")
     )
     return pages.section("Orderings", pages.bullets(lines) + _listing(head, rows), note)
 

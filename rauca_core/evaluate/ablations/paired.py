@@ -1,7 +1,7 @@
 """How far two variants are apart: the same resamples of the same places for both, so that a difference is paired.
 
-A variant that was optimised with several seeds has as many camouflages; its AP is their mean, and every resample draws
-seeds as well as places, so that an interval covers the luck of an optimisation too. With one seed it does not.
+A variant that was optimized with several seeds has as many camouflages; its AP is their mean, and every resample draws
+seeds as well as places, so that an interval covers the luck of an optimization too. With one seed it does not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How much an ablation renders, optimises and measures."""
+"""How much an ablation renders, optimizes and measures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Sizes:
         frames: of every training set; those that hide most of the paint are left out of them.
         held_out: frames to measure on, per weather set.
         weathers: sets of held-out views, ``seen`` and ``unseen``.
-        steps, batch, lr, map_size: of every optimisation, where a variant says nothing else.
+        steps, batch, lr, map_size: of every optimization, where a variant says nothing else.
         pixels, samples: of all frames: their side, and Cycles samples per pixel.
         detectors: to measure with; None for every one that is ready and was not trained on this project's images.
         seeds: camouflages per variant; None for the experiment's own choice.

@@ -35,7 +35,7 @@ def main_table(found: Findings, scores: Scores) -> Table:
         blocks.append(Block(weathers_title(weathers), tuple(rows)))
     left_out = " but this project's own" if len(found.detectors) < len(names) else ""
     seeds = max(len(paints) for paints in found.paints.values())
-    repeats = f", mean of {seeds} optimisations" if seeds > 1 else ""
+    repeats = f", mean of {seeds} optimizations" if seeds > 1 else ""
     caption = (
         f"{found.study.entries[0].category.capitalize()} AP@0.5{repeats}; the average is over all detectors{left_out}."
     )

@@ -1,4 +1,4 @@
-"""The data sets that variants are optimised on, as many frames of each, so that only what they show differs.
+"""The data sets that variants are optimized on, as many frames of each, so that only what they show differs.
 
 All stand in one town, which is not the held-out one, and see the vehicle from the directions that it is measured from.
 As in the paper, ``single`` and ``base`` see it from fixed points in clearcoat paint, and ``enhanced`` from points that

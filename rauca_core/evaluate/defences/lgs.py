@@ -21,13 +21,13 @@ from .interface import Configured, require
 class LocalGradientsSmoothing(Configured):
     """LGS with the paper's parameters. Differentiable; the choice of blocks counts as constant.
 
-    The paper leaves three things open. Colour: squared differences are summed over the channels. Overlaps: a pixel is
+    The paper leaves three things open. Color: squared differences are summed over the channels. Overlaps: a pixel is
     smoothed when any of its blocks is above the threshold. Edges: the last row and column of blocks end with the image.
 
     Attributes:
         block: side of a block, pixels (k); all of the image's side where that is shorter.
-        overlap: of neighbouring blocks, pixels (o).
-        threshold: on a block's mean normalised gradient (gamma).
+        overlap: of neighboring blocks, pixels (o).
+        threshold: on a block's mean normalized gradient (gamma).
         smoothing: factor on the gradient (lambda).
     """
 
@@ -48,7 +48,7 @@ class LocalGradientsSmoothing(Configured):
     def __call__(self, images: Tensor) -> Tensor:
         """(B, 3, H, W) sRGB -> darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
         self.check(images)
-        gradient = normalised_gradient(images)
+        gradient = normalized_gradient(images)
         crowded = self._crowded_blocks(gradient.detach())
         return images * (1 - (self.smoothing * gradient * crowded).clamp(0, 1))
 
@@ -72,7 +72,7 @@ class LocalGradientsSmoothing(Configured):
         return torch.arange(0, last + stride, stride).clamp(max=last)
 
 
-def normalised_gradient(images: Tensor) -> Tensor:
+def normalized_gradient(images: Tensor) -> Tensor:
     """First-order gradient magnitude of (B, 3, H, W), scaled per image to [0, 1] -> (B, 1, H, W); 0 where it is flat.
 
     Forward differences; none across the last row and column.

@@ -1,4 +1,4 @@
-"""How much neighbouring windows of an image tell about each other: PAD's first heat map."""
+"""How much neighboring windows of an image tell about each other: PAD's first heat map."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def window_side(height: int, width: int) -> int:
 
 
 def mutual_information_map(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Mean mutual information, nats, of the window around each pixel with its neighbours above, below, left and right.
+    """Mean mutual information, nats, of the window around each pixel with its neighbors above, below, left and right.
 
-    Windows of :func:`window_side` overlap by half; the image is mirrored at its border; between the windows' centres
+    Windows of :func:`window_side` overlap by half; the image is mirrored at its border; between the windows' centers
     the map is interpolated. Like the published code, this is the plug-in estimate over 256 grey levels from the few
     pixels of a window: high where grey values hardly repeat, as in noise and in fine texture, and 0 where it is flat.
 
@@ -33,19 +33,19 @@ def mutual_information_map(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
     padded = np.pad(grey, stride, mode="symmetric").astype(np.uint16)
     windows = sliding_window_view(padded, (side, side))[::stride, ::stride]
     windows = np.ascontiguousarray(windows).reshape(*windows.shape[:2], -1)
-    means = _mean_over_neighbours(windows)
-    # Window i reaches from (i - 1) to (i + 1) strides: its centre lies on the pixel edge i * stride.
+    means = _mean_over_neighbors(windows)
+    # Window i reaches from (i - 1) to (i + 1) strides: its center lies on the pixel edge i * stride.
     at_y, at_x = ((np.arange(size, dtype=np.float32) + 0.5) / stride for size in (height, width))
     grid_x, grid_y = np.meshgrid(at_x, at_y)
     heat = cv2.remap(means, grid_x, grid_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(heat, np.float32)
 
 
-def _mean_over_neighbours(windows: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """(rows, columns, pixels) windows half a side apart -> (rows, columns); neighbours are those that just touch."""
+def _mean_over_neighbors(windows: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """(rows, columns, pixels) windows half a side apart -> (rows, columns); neighbors are those that just touch."""
     rows, columns, _ = windows.shape
     entropy = _entropy(windows)
-    total, neighbours = np.zeros((rows, columns)), np.zeros((rows, columns))
+    total, neighbors = np.zeros((rows, columns)), np.zeros((rows, columns))
     for axis in (0, 1):
         if windows.shape[axis] <= 2:
             continue  # no two windows touch without overlap
@@ -55,8 +55,8 @@ def _mean_over_neighbours(windows: NDArray[np.uint16]) -> NDArray[np.float32]:
         information = entropy[first] + entropy[second] - joint
         for place in (first, second):
             total[place] += information
-            neighbours[place] += 1
-    return (total / np.maximum(neighbours, 1)).astype(np.float32)
+            neighbors[place] += 1
+    return (total / np.maximum(neighbors, 1)).astype(np.float32)
 
 
 def _entropy(symbols: NDArray[np.uint16]) -> NDArray[np.float64]:

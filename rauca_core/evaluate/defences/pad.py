@@ -25,8 +25,8 @@ from .segments import GraphSegments, Segmenter
 class Pad(Configured):
     """PAD with the published parameters, and superpixels where the authors use Segment Anything.
 
-    That step is a deviation: :class:`GraphSegments` needs no weights, but knows colours, not objects. Its segments are
-    smaller where things are colourful, and do not overlap, so the mask follows the heat map more closely. Pass
+    That step is a deviation: :class:`GraphSegments` needs no weights, but knows colors, not objects. Its segments are
+    smaller where things are colorful, and do not overlap, so the mask follows the heat map more closely. Pass
     ``segmenter`` to use the real one.
 
     The gradient passes through the pixels that stay; the mask counts as constant.

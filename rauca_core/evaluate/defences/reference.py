@@ -48,12 +48,12 @@ class BitDepth(Configured):
 
 @dataclass(frozen=True)
 class Median(Configured):
-    """Median over a square neighbourhood, per channel (Feature Squeezing again); the border is repeated outwards.
+    """Median over a square neighborhood, per channel (Feature Squeezing again); the border is repeated outwards.
 
     Differentiable: the gradient reaches the pixel that was the median.
 
     Attributes:
-        size: side of the neighbourhood, pixels, odd.
+        size: side of the neighborhood, pixels, odd.
     """
 
     kind: ClassVar[str] = "median"
@@ -69,5 +69,5 @@ class Median(Configured):
         self.check(images)
         reach = self.size // 2
         padded = functional.pad(images, (reach,) * 4, mode="replicate")
-        neighbourhoods = padded.unfold(2, self.size, 1).unfold(3, self.size, 1)
-        return neighbourhoods.flatten(-2).median(dim=-1).values
+        neighborhoods = padded.unfold(2, self.size, 1).unfold(3, self.size, 1)
+        return neighborhoods.flatten(-2).median(dim=-1).values

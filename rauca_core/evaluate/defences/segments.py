@@ -28,9 +28,9 @@ class Segmenter(Protocol):
 
 @dataclass(frozen=True)
 class GraphSegments:
-    """Superpixels that grow with the content (Felzenszwalb and Huttenlocher, IJCV 2004), over Lab colour.
+    """Superpixels that grow with the content (Felzenszwalb and Huttenlocher, IJCV 2004), over Lab color.
 
-    Neighbours merge while their border differs no more than they do inside: a smooth door or a patch of noise becomes
+    Neighbors merge while their border differs no more than they do inside: a smooth door or a patch of noise becomes
     one segment. That is nearer to Segment Anything's things and parts than superpixels of even size, which cut both to
     pieces. The defaults are the authors' for images of 320x240.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from ..colours import Style
+from ..colors import Style
 from ..pages import swatch
 from .model import BEST, SECOND, Block, Cell, Column, Table, ranks, shown
 

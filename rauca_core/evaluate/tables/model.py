@@ -15,7 +15,7 @@ class Column:
 
     Attributes:
         own: a detector of this project, trained on its synthetic images.
-        white_box: a camouflage of the table was optimised against it.
+        white_box: a camouflage of the table was optimized against it.
     """
 
     name: str

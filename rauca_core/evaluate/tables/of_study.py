@@ -38,7 +38,7 @@ def vehicles_of(study: Study) -> list[str]:
 
 
 def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
-    """Paint -> the detectors it was optimised against, for paints that were.
+    """Paint -> the detectors it was optimized against, for paints that were.
 
     Raises:
         RaucaError: a camouflage that the study names is missing or damaged.

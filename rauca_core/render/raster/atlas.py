@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...contract import Camera
 from .pattern import pattern
-from .rasterise import Raster, rasterize
+from .rasterize import Raster, rasterize
 
 
 def rasterize_atlas(uvs: NDArray[np.floating], size: int, samples: int = 1) -> Raster:
@@ -16,7 +16,7 @@ def rasterize_atlas(uvs: NDArray[np.floating], size: int, samples: int = 1) -> R
     Args:
         uvs: (F, 3, 2) per corner, u right, v up; what lies outside [0, 1] lies outside the image.
         size: side of the map, texels.
-        samples: a texel has about ``samples`` x ``samples`` subsamples; one means its centre.
+        samples: a texel has about ``samples`` x ``samples`` subsamples; one means its center.
     """
     corners = uvs.reshape(-1, 2).astype(np.float64)
     flat = np.stack([corners[:, 0] * size, (1 - corners[:, 1]) * size, np.ones(len(corners))], 1)

@@ -1,4 +1,4 @@
-"""From vertices to the triangles that the torch rasteriser draws: snapped, and clipped where they cross a plane.
+"""From vertices to the triangles that the torch rasterizer draws: snapped, and clipped where they cross a plane.
 
 Arrays have their components first, (3, N): so torch works on long rows of memory.
 """

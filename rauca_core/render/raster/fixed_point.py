@@ -1,4 +1,4 @@
-"""The numbers that every path of the rasteriser shares, so that all of them find the same faces to the bit.
+"""The numbers that every path of the rasterizer shares, so that all of them find the same faces to the bit.
 
 Vertices and samples lie on one lattice of 1/65536 pixel, whatever the pattern: 31 bits hold the image and a guard band
 around it, and an edge function, the sum of two products of differences, fits into 63.

@@ -80,13 +80,13 @@ def lattice(samples: int) -> tuple[int, int]:
     """N and g of the points (k, g k mod N) that stand for ``samples`` x ``samples``.
 
     The rows that read the texture are a lattice too, and must be as well spaced for their number. Of equally spaced
-    lattices, the one whose nearest neighbours lie furthest from the axes, where edges abound.
+    lattices, the one whose nearest neighbors lie furthest from the axes, where edges abound.
     """
     number = samples**2
     while True:
         stride = texture_stride(number)
         steps = [g for g in range(1, number) if gcd(g, number) == 1] if number % stride == 0 else []
-        best = max(((*_neighbour(number, g, stride), g) for g in steps), default=(0, 0, 0))
+        best = max(((*_neighbor(number, g, stride), g) for g in steps), default=(0, 0, 0))
         if best[0] >= number:
             return number, best[2]
         number += 1
@@ -97,7 +97,7 @@ def texture_stride(number: int) -> int:
     return 2 if number >= 2 * PLACES else 1
 
 
-def _neighbour(number: int, step: int, stride: int) -> tuple[float, int]:
+def _neighbor(number: int, step: int, stride: int) -> tuple[float, int]:
     """Squared distance to the nearest other point of a lattice on the torus, and the smaller of its two offsets.
 
     Where its every ``stride``-th point would be nearer together for their number, that of theirs.

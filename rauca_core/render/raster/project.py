@@ -1,4 +1,4 @@
-"""Vertices to the rasteriser's numbers: homogeneous pixels, depth, fixed point, and on which side of the clip planes.
+"""Vertices to the rasterizer's numbers: homogeneous pixels, depth, fixed point, and on which side of the clip planes.
 
 Short loops over few arrays, none of which branches: the compiler makes vectors of them.
 """
@@ -15,7 +15,7 @@ from .fixed_point import BROKEN, INSIDE, LIMIT, ONE, OUTSIDE, Screen
 
 
 class Vertices(NamedTuple):
-    """V vertices as the rasteriser sees them.
+    """V vertices as the rasterizer sees them.
 
     Attributes:
         points: (3, V) float64 homogeneous pixel coordinates.

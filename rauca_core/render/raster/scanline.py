@@ -1,4 +1,4 @@
-"""The compiled path of the rasteriser, one core: project the vertices, then draw face after face into a z-buffer.
+"""The compiled path of the rasterizer, one core: project the vertices, then draw face after face into a z-buffer.
 
 Places in arrays are unsigned where time counts: numba asks of every signed one whether it counts from the end.
 """
@@ -150,7 +150,7 @@ def _test_samples(
 ) -> None:
     """Draw the triangle a, b, c by asking each sample of its box, where a pixel has one column.
 
-    One loop, not two: the compiler would vectorise an inner one, which takes twice the time on two or three samples.
+    One loop, not two: the compiler would vectorize an inner one, which takes twice the time on two or three samples.
     """
     ys, shifts, lefts, tops = lines
     tie_a, tie_b, tie_c = _loses_ties(a, b), _loses_ties(b, c), _loses_ties(c, a)

@@ -18,7 +18,7 @@ from ..raster.atlas import rasterize_atlas
 
 
 def texel_faces(uvs: NDArray[np.floating], size: int) -> NDArray[np.int32]:
-    """Face (size, size) int32 under each texel's centre, row 0 at the top, or -1; the lowest where charts overlap."""
+    """Face (size, size) int32 under each texel's center, row 0 at the top, or -1; the lowest where charts overlap."""
     return rasterize_atlas(uvs, size).whole(size, size)
 
 
@@ -33,7 +33,7 @@ def tensor_traversal_step(uv_map: Any, uvs: Any, ts: int) -> Any:
                 for z in range(ts):
                     a, b = _project(uvs[m], x, y, z, size)
                     for i in range(4):
-                        column, row, w = _neighbour(a, b, i, size)
+                        column, row, w = _neighbor(a, b, i, size)
                         for c in range(3):
                             cells[m, x, y, z, c] += w * uv_map[row, column, c]
     return cells
@@ -50,7 +50,7 @@ def tensor_traversal_step_back(gradient: Any, uvs: Any, size: int) -> Any:
                 for z in range(ts):
                     a, b = _project(uvs[m], x, y, z, size)
                     for i in range(4):
-                        column, row, w = _neighbour(a, b, i, size)
+                        column, row, w = _neighbor(a, b, i, size)
                         for c in range(3):
                             result[row, column, c] += w * gradient[m, x, y, z, c]
     return result
@@ -115,7 +115,7 @@ def _project(uv: Any, x: int, y: int, z: int, size: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _neighbour(a: float, b: float, i: int, size: int) -> Any:
+def _neighbor(a: float, b: float, i: int, size: int) -> Any:
     """Column, row and weight of the i-th of four texels around (a, b)."""
     left, top = int(a), int(b)
     w = (a - left if i % 2 else 1 - (a - left)) * (b - top if i // 2 else 1 - (b - top))
@@ -127,7 +127,7 @@ def _cell_coordinates(uv: Any, u: float, v: float, ts: int) -> Any:
     """Barycentrics of (u, v) in a UV triangle of either winding, times ts - 1."""
     bu, bv, cu, cv = uv[1, 0] - uv[0, 0], uv[1, 1] - uv[0, 1], uv[2, 0] - uv[0, 0], uv[2, 1] - uv[0, 1]
     pu, pv, area = u - uv[0, 0], v - uv[0, 1], bu * cv - bv * cu
-    # A texel that the face owns may lie outside it by the rounding of the rasteriser.
+    # A texel that the face owns may lie outside it by the rounding of the rasterizer.
     b, c = max((pu * cv - pv * cu) / area, 0.0), max((bu * pv - bv * pu) / area, 0.0)
     a = max(1 - b - c, 0.0)
     scale = (ts - 1) / (a + b + c)

@@ -37,7 +37,7 @@ def check_texture_size(faces: int, ts: int) -> None:
 
 
 def cell_points(ts: int) -> Array:
-    """Barycentrics (ts^3, 3) that the cells of a face stand for: (x, y, z) / (ts - 1), normalised where not all zero.
+    """Barycentrics (ts^3, 3) that the cells of a face stand for: (x, y, z) / (ts - 1), normalized where not all zero.
 
     Cells on one ray from the origin stand for the same point: at ts = 6 there are 216 cells and far fewer points.
     """
@@ -49,10 +49,10 @@ def cell_points(ts: int) -> Array:
 def tensor_traversal(uvs: NDArray[np.floating], size: int, ts: int, dtype: Float = np.float32) -> SparseOperator:
     """Algorithm 1: every cell is one bilinear sample of the map.
 
-    A cell's place on the map is Neural Renderer's: its normalised barycentrics (`cell_points`) times the three UVs.
+    A cell's place on the map is Neural Renderer's: its normalized barycentrics (`cell_points`) times the three UVs.
     Cell (0, 0, 0), whose barycentrics are all zero, falls on u = v = 0 as it does there.
 
-    The printed weight, ``|p_i[0] - a| * |p_i[1] - b|``, would give the *nearest* neighbour the least; the text says
+    The printed weight, ``|p_i[0] - a| * |p_i[1] - b|``, would give the *nearest* neighbor the least; the text says
     "interpolating", so we read ``(1 - |p_i[0] - a|) * (1 - |p_i[1] - b|)``.
 
     Args:
@@ -85,7 +85,7 @@ def uv_traversal(
 ) -> SparseOperator:
     """Algorithm 2: every texel is shared out among the eight cells around it, and each cell takes its weighted mean.
 
-    A texel belongs to the face of the atlas under its centre, the lowest where charts overlap. Cells that no texel
+    A texel belongs to the face of the atlas under its center, the lowest where charts overlap. Cells that no texel
     reaches stay black: their rows are empty. Faces smaller than a texel's spacing may have nothing but such cells.
 
     As in `tensor_traversal` the printed weight ``prod |p_i - a|`` is read as ``prod (1 - |p_i - a|)``.
@@ -111,7 +111,7 @@ def uv_traversal(
 def texel_owners(
     uvs: NDArray[np.floating], size: int, wanted: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Array]:
-    """Texels (N,) whose centres lie on a wanted face: flat places on the map, faces and barycentrics (N, 3)."""
+    """Texels (N,) whose centers lie on a wanted face: flat places on the map, faces and barycentrics (N, 3)."""
     raster = rasterize_atlas(uvs, size)
     surface = find_surface(raster, wanted)
     rows, columns = np.nonzero(surface.index >= 0)
@@ -136,8 +136,8 @@ def facet_fragments(vehicle: Vehicle, surface: Surface, ts: int, rank: NDArray[n
 def onto_pyramid(operator: SparseOperator, pyramid: Pyramid) -> SparseOperator:
     """The same operator on the pyramid's list of texels instead of the whole map.
 
-    Taps on texels that are not paintable are dropped and the row normalised again, so gutters never darken a cell.
-    The published code reads whatever the gutters hold: this favours its samplers.
+    Taps on texels that are not paintable are dropped and the row normalized again, so gutters never darken a cell.
+    The published code reads whatever the gutters hold: this favors its samplers.
     """
     places = pyramid.slots[0].ravel()[operator.columns]
     rows = np.repeat(np.arange(operator.shape[0]), np.diff(operator.indptr))

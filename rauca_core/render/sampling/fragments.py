@@ -12,7 +12,7 @@ from ...contract import Vehicle
 from ..kernels import njit
 from ..pyramid import Pyramid
 from ..raster.pattern import PLACES
-from ..raster.rasterise import Raster
+from ..raster.rasterize import Raster
 
 TEXELS = 4  # a bilinear lookup in one mip level
 

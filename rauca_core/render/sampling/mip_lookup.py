@@ -21,8 +21,8 @@ _NOTHING = 1e-6  # total weight below which a lookup met no paintable texel
 def bilinear_fragments(vehicle: Vehicle, surface: Surface, pyramid: Pyramid) -> Fragments:
     """One bilinear sample of the finest level, whatever the footprint, as PyTorch3D's default. K = 4.
 
-    Texels that are not paintable are dropped and the rest normalised, where the original would read what the gutter
-    happens to hold: a favour to this sampler.
+    Texels that are not paintable are dropped and the rest normalized, where the original would read what the gutter
+    happens to hold: a favor to this sampler.
     """
     uv = surface.interpolate(vehicle.uvs)
     texels, weights = read_level(pyramid, np.zeros(len(uv), np.int64), uv, by_coverage=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ..pyramid import Pyramid
-from ..raster.rasterise import Raster
+from ..raster.rasterize import Raster
 from ..sparse import SparseOperator
 from .facets import facet_fragments, onto_pyramid, tensor_traversal, uv_traversal
 from .fragments import Fragments, find_fragments
@@ -29,7 +29,7 @@ class Sampler(StrEnum):
             "linear" mode.
         TRILINEAR: isotropic mip mapping, interpolated between two levels: nvdiffrast's "linear-mipmap-linear".
         TENSOR_TRAVERSAL: the paper's Algorithm 1, which fills the facet texture tensor of Neural Renderer by sampling
-            the map once per cell; DAS and FCA optimise that tensor itself.
+            the map once per cell; DAS and FCA optimize that tensor itself.
         UV_TRAVERSAL: the paper's Algorithm 2, which shares every texel out among the tensor's cells: RAUCA-final.
     """
 

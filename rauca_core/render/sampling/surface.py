@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import njit
-from ..raster.rasterise import Raster
+from ..raster.rasterize import Raster
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def _differentiate(points: Any, faces: Any, planes: Any, barycentrics: Any, slop
     for n in range(faces.shape[0]):
         plane, total = planes[faces[n]], 0.0
         for k in range(3):
-            # A sample that a face owns may lie outside it by the rounding of the rasteriser.
+            # A sample that a face owns may lie outside it by the rounding of the rasterizer.
             barycentrics[n, k] = max(plane[0, k] * points[n, 0] + plane[1, k] * points[n, 1] + plane[2, k], 0.0)
             total += barycentrics[n, k]
         total = max(total, 1e-300)

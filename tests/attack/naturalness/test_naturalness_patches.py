@@ -13,7 +13,7 @@ from rauca_core.attack.naturalness.finish import finish
 from rauca_core.attack.naturalness.granulometry import measure_patches
 from rauca_core.attack.naturalness.patches import make_patches
 from rauca_core.attack.naturalness.surface import TexelPoints, link
-from rauca_core.attack.naturalness.texture import Constraints, NaturalColours
+from rauca_core.attack.naturalness.texture import Constraints, NaturalColors
 from rauca_core.contract import Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.images import read_image
@@ -29,8 +29,8 @@ def stripes(width_m: float) -> np.ndarray:
         u, v = 0.05 + 0.5 * (i % 2), 0.05 + 0.5 * (i // 2 % 2)
         columns = np.arange(int(u * 1024) - 20, int((u + 0.4) * 1024) + 20)
         metres = (columns / 1024 - u) / 0.4 * length
-        colours = np.where((np.floor(metres / width_m) % 2 == 0)[:, None], (200, 10, 10), (10, 200, 10))
-        uv_map[int((1 - v - 0.4) * 1024) - 20 : int((1 - v) * 1024) + 20, columns] = colours
+        colors = np.where((np.floor(metres / width_m) % 2 == 0)[:, None], (200, 10, 10), (10, 200, 10))
+        uv_map[int((1 - v - 0.4) * 1024) - 20 : int((1 - v) * 1024) + 20, columns] = colors
     return uv_map
 
 
@@ -42,7 +42,7 @@ def test_the_measure_finds_the_width_of_stripes(box_vehicle: Vehicle, width_m: f
     assert found.median == pytest.approx(width_m, abs=0.05)
 
 
-def test_the_measure_sees_crumbs_and_one_colour(box_vehicle: Vehicle) -> None:
+def test_the_measure_sees_crumbs_and_one_color(box_vehicle: Vehicle) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8)
     assert measure_patches(box_vehicle, noise, 0.05).smallest < 0.15  # a texel is 0.06 x 0.16 m
     assert measure_patches(box_vehicle, np.full((64, 64, 3), 9, np.uint8), 0.05).smallest == np.inf
@@ -51,7 +51,7 @@ def test_the_measure_sees_crumbs_and_one_colour(box_vehicle: Vehicle) -> None:
 def painted(vehicle: Vehicle, size: int, feature_cm: float, **more: object) -> tuple[np.ndarray, Constraints]:
     atlas, wanted = Pyramid.of(vehicle, size), Naturalness(feature_cm=feature_cm, **more)  # type: ignore[arg-type]
     constraints = Constraints(vehicle, atlas, wanted, 0)
-    texture = NaturalColours(constraints, torch.rand(constraints.count, 3, generator=torch.Generator().manual_seed(0)))
+    texture = NaturalColors(constraints, torch.rand(constraints.count, 3, generator=torch.Generator().manual_seed(0)))
     uv_map, facts = finish(constraints, texture.texels())
     assert facts["patches"] == constraints.count
     return uv_map, constraints
@@ -99,7 +99,7 @@ def test_seeds_keep_their_distance_and_patches_hang_together(box_vehicle: Vehicl
         reached, front = {int(patches.seeds[patch])}, [int(patches.seeds[patch])]
         while front:
             here = front.pop()
-            for there in links.neighbours[links.indptr[here] : links.indptr[here + 1]].tolist():
+            for there in links.neighbors[links.indptr[here] : links.indptr[here + 1]].tolist():
                 if inside[there] and there not in reached:
                     reached.add(there)
                     front.append(there)

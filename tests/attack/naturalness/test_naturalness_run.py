@@ -1,4 +1,4 @@
-"""Optimising under every constraint: the loss falls, the map keeps to what was asked, a stop changes nothing."""
+"""Optimizing under every constraint: the loss falls, the map keeps to what was asked, a stop changes nothing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from pipelines.cli import app
 from pipelines.naturalness import make_naturalness
-from rauca_core.attack import make_settings, optimise, read_history
+from rauca_core.attack import make_settings, optimize, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.bound import distances
@@ -22,7 +22,7 @@ from rauca_core.attack.naturalness.finish import distance_of_map
 from rauca_core.attack.naturalness.palette import palette_bytes
 from rauca_core.attack.naturalness.reference import fingerprint, reference_texels
 from rauca_core.attack.naturalness.texture import Constraints
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_camouflage, load_vehicle, save_camouflage
@@ -34,7 +34,7 @@ SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every
 PALETTE = ("#101010", "#4b5320", "#c8c0a0", "#f0f0f0")
 CASES = {
     "palette": Naturalness(palette=PALETTE),
-    "one colour": Naturalness(palette=("#336699",)),
+    "one color": Naturalness(palette=("#336699",)),
     "patches": Naturalness(feature_cm=50),
     "bound": Naturalness(reference="#8c8c8c", max_delta_e=15),
     "black": Naturalness(reference="#000000", max_delta_e=15),
@@ -44,7 +44,7 @@ CASES = {
 
 
 def run(dataset: Dataset, detector: Any, out: Path, natural: Naturalness, **more: Any) -> tuple[np.ndarray, Camouflage]:
-    path = optimise(dataset, [detector], make_settings(**(SMALL | {"natural": natural} | more)), out)
+    path = optimize(dataset, [detector], make_settings(**(SMALL | {"natural": natural} | more)), out)
     record, image = load_camouflage(path)
     return read_image(image), record
 
@@ -86,7 +86,7 @@ def test_the_loss_falls_under_every_constraint(
 
 
 def test_the_loss_told_is_that_of_the_hard_map(dataset: Dataset, small_detector: Any) -> None:
-    """A step's loss is computed on palette colours: put in the place of free texels, they give the same bits."""
+    """A step's loss is computed on palette colors: put in the place of free texels, they give the same bits."""
     natural = make_settings(**(SMALL | {"natural": CASES["palette"], "beta": 0.0}))
     run = Run(dataset, Panel([small_detector], "car"), natural)
     free = Run(dataset, Panel([small_detector], "car"), make_settings(**(SMALL | {"beta": 0.0})))
@@ -102,7 +102,7 @@ def test_the_loss_told_is_that_of_the_hard_map(dataset: Dataset, small_detector:
 @pytest.mark.parametrize("case", ["palette", "all", "bound"])
 def test_a_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, case: str) -> None:
     settings = make_settings(**(SMALL | {"natural": CASES[case]}))
-    optimise(dataset, [small_detector], settings, tmp_path / "whole")
+    optimize(dataset, [small_detector], settings, tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -112,14 +112,14 @@ def test_a_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: A
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimise(dataset, [small_detector], settings, tmp_path / "parts", on_step=cut)
-    optimise(dataset, [small_detector], settings, tmp_path / "parts", resume=True)
+        optimize(dataset, [small_detector], settings, tmp_path / "parts", on_step=cut)
+    optimize(dataset, [small_detector], settings, tmp_path / "parts", resume=True)
     one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
     assert torch.equal(one, two)
     assert len({(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")}) == 1
     other = make_settings(**(SMALL | {"natural": CASES["patches"]}))
     with pytest.raises(RaucaError, match="natural"):
-        optimise(dataset, [small_detector], other, tmp_path / "parts", resume=True)
+        optimize(dataset, [small_detector], other, tmp_path / "parts", resume=True)
 
 
 def test_a_weight_draws_the_paint_to_the_reference(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_a_weight_draws_the_paint_to_the_reference(dataset: Dataset, small_detec
     assert found[1] < 0.6 * found[0]
 
 
-def test_references_as_map_photograph_and_colour(box_vehicle: Vehicle, tmp_path: Path) -> None:
+def test_references_as_map_photograph_and_color(box_vehicle: Vehicle, tmp_path: Path) -> None:
     """With a bound of 0 the camouflage is the reference."""
     atlas = Pyramid.of(box_vehicle, 64)
     pixels = np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.detect.graphs.boxes import CentreSizeBoxes
+from rauca_core.detect.graphs.boxes import CenterSizeBoxes
 from rauca_core.detect.graphs.resize import stretch
 
 SIZES = [(33, 57), (300, 300), (640, 480), (120, 400), (1, 5)]
 
 
 @pytest.mark.parametrize(("height", "width"), SIZES)
-def test_half_pixel_centres_sample_as_opencv(height: int, width: int, rng: np.random.Generator) -> None:
+def test_half_pixel_centers_sample_as_opencv(height: int, width: int, rng: np.random.Generator) -> None:
     image = rng.random((height, width, 3)).astype(np.float32)
     ours = stretch(torch.from_numpy(image).permute(2, 0, 1)[None], 300, half_pixel_centers=True)
     theirs = cv2.resize(image, (300, 300), interpolation=cv2.INTER_LINEAR)
@@ -41,7 +41,7 @@ def test_a_fitting_image_is_not_touched_and_others_pass_their_gradient(half_pixe
 
 def test_no_encoding_is_the_anchor_itself() -> None:
     anchors = np.array([[0.5, 0.4, 0.2, 0.1], [0.1, 0.2, 0.3, 0.4]])
-    boxes = CentreSizeBoxes(anchors, np.array([0.1, 0.1, 0.2, 0.2]), rows_first=False)(torch.zeros(1, 2, 4))
+    boxes = CenterSizeBoxes(anchors, np.array([0.1, 0.1, 0.2, 0.2]), rows_first=False)(torch.zeros(1, 2, 4))
     expected = torch.tensor([[[0.4, 0.35, 0.6, 0.45], [-0.05, 0.0, 0.25, 0.4]]])
     torch.testing.assert_close(boxes, expected)
 
@@ -49,7 +49,7 @@ def test_no_encoding_is_the_anchor_itself() -> None:
 @pytest.mark.parametrize("rows_first", [True, False])
 def test_each_number_moves_its_own_side(rows_first: bool) -> None:
     variances = np.array([0.1, 0.125, 0.2, 0.25])
-    decode = CentreSizeBoxes(np.array([[0.5, 0.5, 0.2, 0.4]]), variances, rows_first)
+    decode = CenterSizeBoxes(np.array([[0.5, 0.5, 0.2, 0.4]]), variances, rows_first)
     x, y, w, h = 1.0, -2.0, 0.5, -1.0
     code = torch.tensor([[[y, x, h, w] if rows_first else [x, y, w, h]]])
     left, top, right, bottom = decode(code)[0, 0].tolist()
@@ -60,7 +60,7 @@ def test_each_number_moves_its_own_side(rows_first: bool) -> None:
 
 
 def test_wild_encodings_keep_finite_gradients() -> None:
-    decode = CentreSizeBoxes(np.full((1, 4), 0.5), np.full(4, 0.2), rows_first=False)
+    decode = CenterSizeBoxes(np.full((1, 4), 0.5), np.full(4, 0.2), rows_first=False)
     code = torch.full((1, 1, 4), 1e6, requires_grad=True)
     boxes = decode(code)
     boxes.sum().backward()

@@ -130,11 +130,11 @@ def test_every_layer_agrees_with_opencv(files: tuple[Path, Path], rng: np.random
     corners = prior.reshape(2, -1, 4)[0]
     anchors = np.concatenate([(corners[:, :2] + corners[:, 2:]) / 2, corners[:, 2:] - corners[:, :2]], 1)
     code = loc.reshape(-1, 4)
-    centre = code[:, :2] * 0.1 * anchors[:, 2:] + anchors[:, :2]
+    center = code[:, :2] * 0.1 * anchors[:, 2:] + anchors[:, :2]
     half = np.exp(code[:, 2:] * 0.2) * anchors[:, 2:] / 2
     assert np.ptp(conf) > 0.3
     np.testing.assert_allclose(found.classes[0], conf.reshape(-1, 4)[:, 1:], atol=1e-5)
-    np.testing.assert_allclose(found.boxes[0], np.concatenate([centre - half, centre + half], 1) * SIZE, atol=1e-3)
+    np.testing.assert_allclose(found.boxes[0], np.concatenate([center - half, center + half], 1) * SIZE, atol=1e-3)
 
 
 def test_detections_agree_with_opencv(files: tuple[Path, Path], rng: np.random.Generator) -> None:
@@ -204,7 +204,7 @@ def test_layers_for_training_are_left_out(files: tuple[Path, Path]) -> None:
         ("stride: 2 group: 2", "stride: 2 group: 2 pad: -1", r"pad: -1, expected a whole number"),
         ("kernel_size: 3 stride: 2 group: 2", "kernel_size: 33 group: 2", r"another network|kernel larger"),
         ("use_global_stats: true", "use_global_stats: maybe", r"use_global_stats: maybe, expected true or false"),
-        ("use_global_stats: true", "use_global_stats: false", r"normalises by its own batch"),
+        ("use_global_stats: true", "use_global_stats: false", r"normalizes by its own batch"),
         ("order: 0 order: 2 order: 3 order: 1", "order: 0 order: 1 order: 2 order: 3", r"permutes to \[0, 1, 2, 3\]"),
         ("min_size: 12.0", "", r"layer prior1 \(PriorBox\) needs positive sizes"),
         ("min_size: 12.0", "min_size: -1", r"needs positive sizes"),

@@ -104,7 +104,7 @@ def test_heads_anchors_and_detections_agree_with_opencv(published: Published, fr
         np.testing.assert_allclose(encodings[0][:, order], code.reshape(-1, 4), atol=TOLERANCE)
         np.testing.assert_allclose(found.classes[0], columns, atol=TOLERANCE)
         anchors = torch.cat(
-            [detector.boxes.centre - detector.boxes.size / 2, detector.boxes.centre + detector.boxes.size / 2], 1
+            [detector.boxes.center - detector.boxes.size / 2, detector.boxes.center + detector.boxes.size / 2], 1
         )
         np.testing.assert_allclose(anchors, priors.reshape(2, -1, 4)[0], atol=TOLERANCE)
         compared += compare_detections(published, image, theirs[0, 0])
@@ -201,7 +201,7 @@ def test_anchors_are_those_of_the_documented_generator() -> None:
         for y in range(cells):
             for x in range(cells):
                 expected += [((x + 0.5) / cells, (y + 0.5) / cells, s * r**0.5, s / r**0.5) for s, r in shapes]
-    ours = torch.cat([detector.boxes.centre, detector.boxes.size], 1)
+    ours = torch.cat([detector.boxes.center, detector.boxes.size], 1)
     np.testing.assert_allclose(ours, np.array(expected), atol=1e-6)
 
 

@@ -147,7 +147,7 @@ def test_norms_and_hard_swish_disappear(graph: Any, tmp_path: Path) -> None:
     detector = TfSsdDetector("small", graph.save(tmp_path / "small.pb"), NAMES)
     kinds = [type(step).__name__ for step in detector.network.steps]
     assert kinds.count("_Convolution") == 12
-    assert kinds.count("_Affine") == 2  # the image's normalisation, and squeeze-excite's sixth behind a relu6
+    assert kinds.count("_Affine") == 2  # the image's normalization, and squeeze-excite's sixth behind a relu6
     swish = [step for step in detector.network.steps if getattr(step, "kind", "") == "hard_swish"]
     assert len(swish) == 1
 

@@ -76,8 +76,8 @@ class V8(nn.Module):
             distribution, classes = x.flatten(2).split((64, CLASSES), 1)
             sides = distribution.view(x.shape[0], 4, 16, -1).softmax(2)
             distances = (sides * torch.arange(16.0).view(1, 1, 16, 1)).sum(2)
-            centres = (cells(x) + 0.5).view(-1, 2).T[None]
-            low, high = centres - distances[:, :2], centres + distances[:, 2:]
+            centers = (cells(x) + 0.5).view(-1, 2).T[None]
+            low, high = centers - distances[:, :2], centers + distances[:, 2:]
             found.append(torch.cat([(low + high) / 2 * stride, (high - low) * stride, classes.sigmoid()], 1))
         return torch.cat(found, 2)
 

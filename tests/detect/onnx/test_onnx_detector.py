@@ -48,9 +48,9 @@ def yolox_reference(path: Path, image: Array) -> Array:
     for stride in (8, 16, 32):
         for y in range(416 // stride):
             for x in range(416 // stride):
-                centre_x, centre_y = (found[row, 0] + x) * stride, (found[row, 1] + y) * stride
+                center_x, center_y = (found[row, 0] + x) * stride, (found[row, 1] + y) * stride
                 half_w, half_h = math.exp(found[row, 2]) * stride / 2, math.exp(found[row, 3]) * stride / 2
-                found[row, :4] = (centre_x - half_w, centre_y - half_h, centre_x + half_w, centre_y + half_h)
+                found[row, :4] = (center_x - half_w, center_y - half_h, center_x + half_w, center_y + half_h)
                 row += 1
     # YOLOX divides by the ratio although its resize rounded a side down: up to 0.5 % off, which nobody wants to copy.
     found[:, 0:4:2] *= width / inner.shape[1]
@@ -86,8 +86,8 @@ def ultralytics_reference(path: Path, image: Array, size: int, v8: bool) -> Arra
     fitted = cv2.copyMakeBorder(fitted, top, bottom, left, right, cv2.BORDER_CONSTANT, value=grey)
     (found,) = ReferenceEvaluator(onnx.load(path)).run(None, {"images": fitted.transpose(2, 0, 1)[None]})
     found = found[0].T if v8 else found[0]
-    centre, extent = found[:, 0:2], found[:, 2:4]
-    boxes = np.concatenate([centre - extent / 2, centre + extent / 2], 1)
+    center, extent = found[:, 0:2], found[:, 2:4]
+    boxes = np.concatenate([center - extent / 2, center + extent / 2], 1)
     boxes -= (left, top, left, top)
     boxes /= (new_w / width, new_h / height, new_w / width, new_h / height)
     objectness = np.ones_like(found[:, :1]) if v8 else found[:, 4:5]

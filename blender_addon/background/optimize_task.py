@@ -1,4 +1,4 @@
-"""Optimising a camouflage, as a job beside the window: ``rauca optimize`` in a Python of its own."""
+"""Optimizing a camouflage, as a job beside the window: ``rauca optimize`` in a Python of its own."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MAX_HISTORY_BYTES = 2**28  # as `rauca optimize` reads it
 
 
 @dataclass
-class OptimiseTask:
-    """Optimises a camouflage into ``folder``, going on where an earlier run stopped.
+class OptimizeTask:
+    """Optimizes a camouflage into ``folder``, going on where an earlier run stopped.
 
     Attributes:
         folder: of the camouflage, its history and its checkpoints.
@@ -37,7 +37,7 @@ class OptimiseTask:
         return [*self.start, "--resume"] if begun(self.folder) else list(self.start)
 
     def hear(self, line: str) -> Told | None:
-        progress = contract.parse_optimise_progress(line)
+        progress = contract.parse_optimize_progress(line)
         if progress is None:
             return None
         figures: list[Mapping[str, float]] = [] if self._told_history else earlier(self.folder, progress.step)

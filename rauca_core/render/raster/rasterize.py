@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...contract import Camera, RaucaError
 from ..kernels import njit
-from . import rasterise_torch, scanline
+from . import rasterize_torch, scanline
 from .fixed_point import LIMIT, MAX_SIDE, Screen
 from .pattern import Pattern
 from .pattern import pattern as pattern_of
@@ -39,7 +39,7 @@ class Raster:
         face_ids: (h, w) int32 face seen by each sample of the window, -1 for none.
         x0, y0: the window's first column and row in the image's samples, margin included.
         pattern: where the samples of a pixel lie: ``columns``, ``rows`` and ``shifts``.
-        margin: pixels rasterised around the image.
+        margin: pixels rasterized around the image.
         positions, triangles: of the mesh.
         matrix: (3, 4) float64, from the world to homogeneous pixel coordinates.
     """
@@ -107,7 +107,7 @@ def rasterize(
         triangles: (F, 3) vertex indices. Faces without area draw nothing.
         camera: OpenCV pinhole.
         samples: a pixel has ``samples`` x ``samples`` subsamples, placed by :func:`pattern.pattern`.
-        margin: pixels around the image to rasterise as well (the pixel filter reaches beyond its edge).
+        margin: pixels around the image to rasterize as well (the pixel filter reaches beyond its edge).
         near: faces nearer than this, metres along z, are cut off.
         pattern: where the subsamples lie, in place of ``samples``.
         device: where to run the path in plain torch. None runs the compiled one, on the CPU; both see the same faces.
@@ -121,7 +121,7 @@ def rasterize(
         raise RaucaError("device: mps has no float64, which depth needs; choose cpu or cuda")
     width, height = camera.width + 2 * margin, camera.height + 2 * margin
     if max(width, height) > MAX_SIDE:
-        raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterise; choose at most {MAX_SIDE} a side")
+        raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterize; choose at most {MAX_SIDE} a side")
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles, np.int32)
     if triangles.size and triangles.view(np.uint32).max() >= len(positions):  # numba would read beyond, or before
         raise RaucaError(f"mesh: triangles name vertices outside 0 to {len(positions) - 1}; repair the mesh")
@@ -129,7 +129,7 @@ def rasterize(
     if device is None:
         face_ids, window, broken = scanline.draw(positions, triangles, screen)
     else:
-        face_ids, window, broken = rasterise_torch.draw(positions, triangles, screen, torch.device(device))
+        face_ids, window, broken = rasterize_torch.draw(positions, triangles, screen, torch.device(device))
     if broken:
         warnings.warn(
             f"mesh: {broken} vertices are NaN, infinite or beyond {LIMIT:.0e} m; their faces are left out", stacklevel=2

@@ -1,4 +1,4 @@
-"""Meshes that are hard to rasterise, on every path: compiled, and plain torch on each device that is here.
+"""Meshes that are hard to rasterize, on every path: compiled, and plain torch on each device that is here.
 
 The precision is that of the vertices. Inside, samples and vertices lie on one fixed-point lattice and depth is float64.
 """
@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.contract import Camera
-from rauca_core.render.raster.rasterise import Raster, rasterize
+from rauca_core.render.raster.rasterize import Raster, rasterize
 
 from .checks import Check, Try, expect
 
@@ -28,7 +28,7 @@ QUAD = [(0, 1, 2), (0, 2, 3)]
 
 
 def on_every_path(body: Callable[[Render, Any], str]) -> Try:
-    """A case that must come out alike on all paths; ``body`` gets the rasteriser and the vertices' NumPy type."""
+    """A case that must come out alike on all paths; ``body`` gets the rasterizer and the vertices' NumPy type."""
 
     def attempt(dtype: torch.dtype) -> str:
         kind = np.float64 if dtype == torch.float64 else np.float32
@@ -84,7 +84,7 @@ def _diagonal(render: Render, kind: Any) -> str:
     return told
 
 
-def _vertices_on_centres(render: Render, kind: Any) -> str:
+def _vertices_on_centers(render: Render, kind: Any) -> str:
     rng = np.random.default_rng(0)
     points, faces = triangulated(rng.integers(0, 16, (40, 2)) + 0.5, 16)
     turned = np.array([f[:: rng.choice([-1, 1])] for f in faces])  # either winding
@@ -95,7 +95,7 @@ def _vertices_on_centres(render: Render, kind: Any) -> str:
 
 def _without_area(render: Render, kind: Any) -> str:
     points = at_depth_one([(1.5, 1.5), (20.5, 20.5), (39.5, 39.5), (1.5, 1.5), (10, 30)], kind)
-    # A needle through sample centres, two equal corners, a repeated index, a point.
+    # A needle through sample centers, two equal corners, a repeated index, a point.
     raster = render(points, np.array([(0, 1, 2), (0, 3, 4), (0, 0, 4), (4, 4, 4)]), flat(40), 4)
     drawn = int((raster.face_ids >= 0).sum())
     expect(drawn == 0, f"{drawn} samples drawn")
@@ -219,8 +219,8 @@ def _seen(render: Render, points: Points, faces: Sequence[Any]) -> set[int]:
 
 def _checks() -> Iterator[Check]:
     for name, expected, body in (
-        ("diagonal through sample centres", "every sample owned by one face", _diagonal),
-        ("vertices on sample centres", "every sample owned by one face, either winding", _vertices_on_centres),
+        ("diagonal through sample centers", "every sample owned by one face", _diagonal),
+        ("vertices on sample centers", "every sample owned by one face, either winding", _vertices_on_centers),
         ("faces without area", "nothing drawn, all finite", _without_area),
         ("a needle in perspective", "all finite", _needle),
         ("NaN and infinite vertices", "their faces left out, with a warning that counts", _nan_vertex),
@@ -238,7 +238,7 @@ def _checks() -> Iterator[Check]:
             _ties,
         ),
     ):
-        yield Check("rasteriser", name, expected, on_every_path(body), POINTLESS)
+        yield Check("rasterizer", name, expected, on_every_path(body), POINTLESS)
 
 
 CHECKS = tuple(_checks())

@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimiserSettings, make_settings, optimise, panel, read_history
+from rauca_core.attack import OptimizerSettings, make_settings, optimize, panel, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
-from rauca_core.attack.optimiser import CHECKPOINTS
+from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
 from rauca_core.contract.seeding import named_seed
 from rauca_core.images import read_image
 
 
-def settings(**chosen: Any) -> OptimiserSettings:
+def settings(**chosen: Any) -> OptimizerSettings:
     small = {"steps": 8, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03}
     return make_settings(**(small | chosen))
 
@@ -37,7 +37,7 @@ def texels(out: Path) -> torch.Tensor:
 def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings(steps=40, roa=False, batch=6, start="plain", name="mine")
-    path = optimise(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
+    path = optimize(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
     assert [r.step for r in seen] == list(range(1, 41))
     assert seen[-1].attack < 0.9 * seen[0].attack
     assert all(0 < r.stages["detector"] < r.seconds for r in seen)
@@ -61,7 +61,7 @@ def test_resumed_run_ends_in_the_same_bits(
     dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str, decay: float
 ) -> None:
     chosen = settings(limit=limit, decay=decay)
-    optimise(dataset, [small_detector], chosen, tmp_path / "whole")
+    optimize(dataset, [small_detector], chosen, tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -71,9 +71,9 @@ def test_resumed_run_ends_in_the_same_bits(
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimise(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
+        optimize(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
     steps = []
-    again = optimise(
+    again = optimize(
         dataset,
         [small_detector],
         chosen,
@@ -98,16 +98,16 @@ def test_stop_signal_leaves_a_checkpoint(
 
     before = signal.getsignal(number)
     with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*--resume"):
-        optimise(dataset, [small_detector], settings(), tmp_path / "out", on_step=stop)
+        optimize(dataset, [small_detector], settings(), tmp_path / "out", on_step=stop)
     assert signal.getsignal(number) == before
     assert load_checkpoint(tmp_path / "out" / CHECKPOINTS).step == 4
     assert len(read_history(tmp_path / "out")) == 4
-    optimise(dataset, [small_detector], settings(), tmp_path / "out", resume=True)
+    optimize(dataset, [small_detector], settings(), tmp_path / "out", resume=True)
     assert len(read_history(tmp_path / "out")) == 8
 
 
 def test_runs_outside_the_main_thread(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
-    thread = threading.Thread(target=optimise, args=(dataset, [small_detector], settings(steps=1), tmp_path / "out"))
+    thread = threading.Thread(target=optimize, args=(dataset, [small_detector], settings(steps=1), tmp_path / "out"))
     thread.start()
     thread.join()
     assert (tmp_path / "out" / "camouflage.json").is_file()
@@ -126,7 +126,7 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
 
     small_detector.dense = dense
     with pytest.raises(RaucaError, match=r"step 1: .* not finite on frame L00-"):
-        optimise(dataset, [small_detector], settings(batch=6), tmp_path / "out")
+        optimize(dataset, [small_detector], settings(batch=6), tmp_path / "out")
     assert calls == [6]
 
     frame = load_frame(dataset.frame_folder(bad))
@@ -137,13 +137,13 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
     )
     small_detector.dense = broken
     with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN"):
-        optimise(dataset, [small_detector], settings(batch=6), tmp_path / "other")
+        optimize(dataset, [small_detector], settings(batch=6), tmp_path / "other")
 
 
 def test_projection_keeps_every_texel_alive(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     shared = {"steps": 30, "lr": 0.2, "checkpoint_every": 30}
-    optimise(dataset, [small_detector], settings(**shared), tmp_path / "project")
-    optimise(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
+    optimize(dataset, [small_detector], settings(**shared), tmp_path / "project")
+    optimize(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
     projected, clamped = texels(tmp_path / "project"), texels(tmp_path / "clamp")
     assert projected.min() >= 0
     assert projected.max() <= 1
@@ -158,11 +158,11 @@ def test_frames_without_a_box_are_skipped(
         fields = json.loads((folder / "frame.json").read_text())
         (folder / "frame.json").write_text(json.dumps({**fields, "box_xyxy": None}))
         (folder / "passes.npz").unlink()  # must not even be opened
-    optimise(dataset, [small_detector], settings(steps=2), tmp_path / "out")
+    optimize(dataset, [small_detector], settings(steps=2), tmp_path / "out")
     first = dataset.frame_folder(dataset.frames()[0].id) / "frame.json"
     first.write_text(json.dumps({**json.loads(first.read_text()), "box_xyxy": None}))
     with pytest.raises(RaucaError, match="no finished frame shows the vehicle"):
-        optimise(dataset, [small_detector], settings(steps=2), tmp_path / "none")
+        optimize(dataset, [small_detector], settings(steps=2), tmp_path / "none")
 
 
 def test_images_and_boxes_reach_the_detector_at_its_size(
@@ -179,7 +179,7 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
     monkeypatch.setattr(small_detector, "dense", lambda x: (shapes.append(tuple(x.shape)), dense(x))[1])
     monkeypatch.setattr(panel, "detection_score", listen)
     for number, size in enumerate((None, 128)):
-        optimise(dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
+        optimize(dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
     assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
     assert torch.equal(boxes[0] * 2, boxes[1])
 
@@ -189,33 +189,33 @@ def test_wrong_conditions_are_refused(
 ) -> None:
     out = tmp_path / "out"
     with pytest.raises(RaucaError, match="no run"):
-        optimise(dataset, [small_detector], settings(), out, resume=True)
-    optimise(dataset, [small_detector], settings(steps=1), out)
+        optimize(dataset, [small_detector], settings(), out, resume=True)
+    optimize(dataset, [small_detector], settings(steps=1), out)
     with pytest.raises(RaucaError, match="resume it or choose another folder"):
-        optimise(dataset, [small_detector], settings(), out)
+        optimize(dataset, [small_detector], settings(), out)
     with pytest.raises(RaucaError, match="another lr, seed;"):
-        optimise(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
-    optimise(dataset, [small_detector], settings(steps=2), out, resume=True)
+        optimize(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
+    optimize(dataset, [small_detector], settings(steps=2), out, resume=True)
     made = (out / "camouflage.json").read_bytes()
     with pytest.raises(RaucaError, match="after step 2, beyond --steps 1; ask for more"):
-        optimise(dataset, [small_detector], settings(steps=1), out, resume=True)
+        optimize(dataset, [small_detector], settings(steps=1), out, resume=True)
     assert (out / "camouflage.json").read_bytes() == made
     (tensors,) = (out / CHECKPOINTS).glob("*.safetensors")
     tensors.write_bytes(tensors.read_bytes()[:100])
     with pytest.raises(RaucaError, match="damaged"):
-        optimise(dataset, [small_detector], settings(), out, resume=True)
+        optimize(dataset, [small_detector], settings(), out, resume=True)
     with pytest.raises(RaucaError, match="knows no class 'plane'"):
-        optimise(dataset, [small_detector], settings(target="plane"), tmp_path / "plane")
+        optimize(dataset, [small_detector], settings(target="plane"), tmp_path / "plane")
     dark = dataset_factory(tmp_path / "dark", box_vehicle, 64, (40.0,), light=False)
     with pytest.raises(RaucaError, match="without light maps"):
-        optimise(dark, [small_detector], settings(), tmp_path / "nolight")
+        optimize(dark, [small_detector], settings(), tmp_path / "nolight")
 
 
 def test_a_finished_run_whose_history_is_damaged_is_one_line(
     dataset: Dataset, small_detector: Any, tmp_path: Path
 ) -> None:
     chosen, history = settings(steps=2), tmp_path / "history.jsonl"
-    optimise(dataset, [small_detector], chosen, tmp_path)
+    optimize(dataset, [small_detector], chosen, tmp_path)
     first, second = history.read_text().splitlines()
     for text, said in (
         ("", "history.jsonl: holds no step of the run; bring it back"),
@@ -224,7 +224,7 @@ def test_a_finished_run_whose_history_is_damaged_is_one_line(
     ):
         history.write_text(text)
         with pytest.raises(RaucaError, match=said):
-            optimise(dataset, [small_detector], chosen, tmp_path, resume=True)
+            optimize(dataset, [small_detector], chosen, tmp_path, resume=True)
 
 
 def test_settings_name_what_is_wrong() -> None:
@@ -239,7 +239,7 @@ def test_settings_name_what_is_wrong() -> None:
 
 def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     torch.manual_seed(123)  # global state must not matter
-    optimise(dataset, [small_detector], settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
+    optimize(dataset, [small_detector], settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
     found = texels(tmp_path / "out")
     wanted = torch.rand(found.shape, generator=torch.Generator().manual_seed(named_seed(5, "start")))
     assert torch.allclose(found, wanted, atol=1e-6)
@@ -248,14 +248,14 @@ def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_p
 ONE_OF_TWO = """
 import sys
 from pathlib import Path
-from rauca_core.attack import make_settings, optimise
+from rauca_core.attack import make_settings, optimize
 from rauca_core.contract import Dataset
 from rauca_core.team import team
 from benchmarks.stability.detectors import SmallDetector
 with team() as processes:
     for number, chosen in enumerate({settings}):
         out = Path(sys.argv[2]) / str(number)
-        optimise(Dataset(Path(sys.argv[1])), [SmallDetector()], make_settings(**chosen), out, team=processes)
+        optimize(Dataset(Path(sys.argv[1])), [SmallDetector()], make_settings(**chosen), out, team=processes)
 """
 
 
@@ -281,7 +281,7 @@ def test_two_processes_of_torchrun_end_where_one_does(dataset: Dataset, small_de
     )
     for number, chosen in enumerate(runs):
         pair, alone = tmp_path / "pair" / str(number), tmp_path / "alone" / str(number)
-        optimise(dataset, [small_detector], chosen, alone)
+        optimize(dataset, [small_detector], chosen, alone)
         assert (texels(pair) - texels(alone)).abs().max() < 1e-4
         for one, two in zip(read_history(pair), read_history(alone), strict=True):
             assert [one[k] for k in KEPT] == pytest.approx([two[k] for k in KEPT], rel=1e-4, abs=1e-7)
@@ -295,8 +295,8 @@ def test_the_learning_rate_falls_along_half_a_cosine_to_its_share(
     assert falling.lr_at(5) == pytest.approx(0.55 * 0.03)
     assert falling.lr_at(10) == pytest.approx(0.003)
     assert settings().lr_at(7) == 0.03
-    optimise(dataset, [small_detector], settings(steps=3, decay=0.0), tmp_path / "out")
+    optimize(dataset, [small_detector], settings(steps=3, decay=0.0), tmp_path / "out")
     with pytest.raises(RaucaError, match="another steps;"):  # its learning rates were made for three
-        optimise(dataset, [small_detector], settings(steps=6, decay=0.0), tmp_path / "out", resume=True)
-    optimise(dataset, [small_detector], settings(steps=3), tmp_path / "constant")
-    optimise(dataset, [small_detector], settings(steps=6), tmp_path / "constant", resume=True)
+        optimize(dataset, [small_detector], settings(steps=6, decay=0.0), tmp_path / "out", resume=True)
+    optimize(dataset, [small_detector], settings(steps=3), tmp_path / "constant")
+    optimize(dataset, [small_detector], settings(steps=6), tmp_path / "constant", resume=True)

@@ -10,7 +10,7 @@ from .reading import parse_json
 
 
 @dataclass(frozen=True)
-class OptimiseProgress:
+class OptimizeProgress:
     """One line on standard output.
 
     Attributes:
@@ -40,10 +40,10 @@ class OptimiseProgress:
         return json.dumps(asdict(self), allow_nan=False)
 
 
-def parse_optimise_progress(line: str) -> OptimiseProgress | None:
+def parse_optimize_progress(line: str) -> OptimizeProgress | None:
     """The progress that a line tells, or None for any other line; fields of later versions are left out."""
     try:
         told = parse_json(line, "progress")
-        return OptimiseProgress(**{name: told[name] for name in OptimiseProgress.__dataclass_fields__})
+        return OptimizeProgress(**{name: told[name] for name in OptimizeProgress.__dataclass_fields__})
     except (RaucaError, KeyError, TypeError):
         return None

@@ -1,4 +1,4 @@
-"""Step 5: optimise a camouflage on the dataset, in an external Python."""
+"""Step 5: optimize a camouflage on the dataset, in an external Python."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from bpy.app.translations import pgettext_iface as iface
 
 from .. import compat
 from ..background import pictures, watch
-from ..operators.optimise_camouflage import JOB
+from ..operators.optimize_camouflage import JOB
 from ..preferences import CHECK, draw_python, preferences
 from .job_view import draw_job, draw_open_folder, job_state
 from .panel import SidebarPanel, StepPanel
 from .state import State
 
 
-class RaucaOptimise(bpy.types.PropertyGroup):
-    """Settings of the optimisation."""
+class RaucaOptimize(bpy.types.PropertyGroup):
+    """Settings of the optimization."""
 
     dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Dataset",
@@ -46,7 +46,7 @@ class RaucaOptimise(bpy.types.PropertyGroup):
     )
 
     def dataset_folder(self, context: bpy.types.Context) -> str:
-        """The dataset to optimise on: the one chosen here, or step 4's; empty without either."""
+        """The dataset to optimize on: the one chosen here, or step 4's; empty without either."""
         return str(self.dataset or context.scene.rauca.dataset.folder)
 
 
@@ -54,7 +54,7 @@ def state(context: bpy.types.Context) -> State:
     starting = iface("Reading the dataset and the detectors")
     if found := job_state(JOB, iface("{done} of {total} steps"), starting):
         return found
-    settings, settled = context.scene.rauca.optimise, preferences(context)
+    settings, settled = context.scene.rauca.optimize, preferences(context)
     if settled is None or not settled.python:
         return State("missing", iface("Choose the Python in which rauca is installed"))
     if watch.busy(CHECK):
@@ -67,14 +67,14 @@ def state(context: bpy.types.Context) -> State:
         return State("missing", iface("Choose a detector"))
     if not settings.folder:
         return State("missing", iface("Choose a folder for the camouflage"))
-    return State("ready", iface("Ready to optimise"))
+    return State("ready", iface("Ready to optimize"))
 
 
-class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
-    """Optimise a camouflage"""
+class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Optimize a camouflage"""
 
-    bl_idname = "RAUCA_PT_optimise"
-    bl_label = "Optimise"
+    bl_idname = "RAUCA_PT_optimize"
+    bl_label = "Optimize"
     number = 5
     step_state = staticmethod(state)
 
@@ -90,7 +90,7 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
             draw_open_folder(layout, str(found.task.folder))
 
     def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings, settled = context.scene.rauca.optimise, preferences(context)
+        settings, settled = context.scene.rauca.optimize, preferences(context)
         column = layout.column()
         column.prop(settings, "dataset", placeholder=context.scene.rauca.dataset.folder)
         for name in ("folder", "title", "steps"):
@@ -98,7 +98,7 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
         column = layout.column(heading="Detectors", align=True)
         for detector in settled.detectors if settled is not None else ():
             column.prop(detector, "use", text=detector.name, translate=False)
-        layout.operator("rauca.optimise", icon="PLAY")
+        layout.operator("rauca.optimize", icon="PLAY")
 
     def _draw_pictures(self, layout: bpy.types.UILayout) -> None:
         """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""
@@ -118,11 +118,11 @@ class RAUCA_PT_optimise(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
                 figures.label(text=words.format(value=found.history[name][-1]), translate=False)
 
 
-class RAUCA_PT_optimise_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
     """Settings that are seldom changed"""
 
-    bl_idname = "RAUCA_PT_optimise_more"
-    bl_parent_id = "RAUCA_PT_optimise"
+    bl_idname = "RAUCA_PT_optimize_more"
+    bl_parent_id = "RAUCA_PT_optimize"
     bl_label = "More"
 
     @classmethod
@@ -132,8 +132,8 @@ class RAUCA_PT_optimise_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Ble
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         for name in ("batch", "map_size", "seed"):
-            layout.prop(context.scene.rauca.optimise, name)
+            layout.prop(context.scene.rauca.optimize, name)
         draw_python(context, layout)
 
 
-CLASSES = (RaucaOptimise, RAUCA_PT_optimise, RAUCA_PT_optimise_more)
+CLASSES = (RaucaOptimize, RAUCA_PT_optimize, RAUCA_PT_optimize_more)

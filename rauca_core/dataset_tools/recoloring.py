@@ -1,4 +1,4 @@
-"""``rauca dataset recolour``: every frame in every colour, as image files, from its light maps."""
+"""``rauca dataset recolor``: every frame in every color, as image files, from its light maps."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 
 from ..contract import Dataset, Progress, RaucaError
 from ..contract.checksums import read_sums
-from ..contract.colour import srgb_from_linear, to_bytes
+from ..contract.color import srgb_from_linear, to_bytes
 from ..contract.files import disk_errors, png_bytes, require_space, write_bytes, write_json
-from ..contract.recolour import Colour, hex_name, recolour
+from ..contract.recolor import Color, hex_name, recolor
 from ..contract.schema import read_json
 from .stored_frame import StoredFrame
 
 BYTES_PER_PIXEL = 3
-NOTE = "recolour.json"
+NOTE = "recolor.json"
 
 
-def recolour_dataset(
-    folder: Path, colours: Sequence[Colour], out: Path, progress: Callable[[Progress], None] = lambda _: None
+def recolor_dataset(
+    folder: Path, colors: Sequence[Color], out: Path, progress: Callable[[Progress], None] = lambda _: None
 ) -> int:
-    """Write ``out/<colour>/<frame>.png`` (8-bit sRGB) for each frame and colour.
+    """Write ``out/<color>/<frame>.png`` (8-bit sRGB) for each frame and color.
 
     Images already there are kept if they come from the same light maps, and are written again otherwise.
 
@@ -32,30 +32,30 @@ def recolour_dataset(
     """
     dataset = Dataset(folder)
     if not dataset.plan.light:
-        raise RaucaError(f"{folder}: made without light maps, which recolouring needs; make a data set with light")
+        raise RaucaError(f"{folder}: made without light maps, which recoloring needs; make a data set with light")
     frames = StoredFrame.all_of(dataset)
     if not frames:
-        raise RaucaError(f"{folder}: no finished frame to recolour; make the data set first")
+        raise RaucaError(f"{folder}: no finished frame to recolor; make the data set first")
     origins = {stored.frame.id: read_sums(stored.folder).get("passes.npz", "")[:16] for stored in frames}
-    missing = sum(_claim(out / hex_name(colour), origins) for colour in colours)
+    missing = sum(_claim(out / hex_name(color), origins) for color in colors)
     require_space(out, BYTES_PER_PIXEL * dataset.plan.size**2 * missing)
-    total, written = len(frames) * len(colours), 0
+    total, written = len(frames) * len(colors), 0
     for done, stored in enumerate(frames):
-        progress(Progress(done * len(colours), total, stored.frame.id))
-        paths = {colour: out / hex_name(colour) / f"{stored.frame.id}.png" for colour in colours}
-        wanted = [colour for colour, path in paths.items() if not path.is_file()]
+        progress(Progress(done * len(colors), total, stored.frame.id))
+        paths = {color: out / hex_name(color) / f"{stored.frame.id}.png" for color in colors}
+        wanted = [color for color, path in paths.items() if not path.is_file()]
         if not wanted:
             continue
         maps = stored.maps("A", "B")
-        for colour, image in zip(wanted, recolour(maps["A"], maps["B"], np.array(wanted)), strict=True):
-            write_bytes(paths[colour], png_bytes(to_bytes(srgb_from_linear(image))))
+        for color, image in zip(wanted, recolor(maps["A"], maps["B"], np.array(wanted)), strict=True):
+            write_bytes(paths[color], png_bytes(to_bytes(srgb_from_linear(image))))
             written += 1
     progress(Progress(total, total, ""))
     return written
 
 
 def _claim(folder: Path, origins: dict[str, str]) -> int:
-    """Bind a colour's ``folder`` to light maps, by their hashes; images of others are removed.
+    """Bind a color's ``folder`` to light maps, by their hashes; images of others are removed.
 
     Frames of all data sets have the same names, so these would be mistaken for this one's.
 

@@ -1,4 +1,4 @@
-"""Optimise a camouflage in the external Python, beside the window."""
+"""Optimize a camouflage in the external Python, beside the window."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from bpy.app.translations import pgettext_rpt as rpt
 from ..background import watch
 from ..background.folders import chosen_folder, refuse_foreign
 from ..background.job import Job
-from ..background.optimise_task import HISTORY, OptimiseTask, begun
+from ..background.optimize_task import HISTORY, OptimizeTask, begun
 from ..core import contract
 from ..preferences import preferences
 from .background_operator import BackgroundOperator
 from .generate_dataset import JOB as DATASET_JOB
 
-JOB = "optimise"
+JOB = "optimize"
 
 
-class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """Optimise a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
+class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Optimize a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
 
-    bl_idname = "rauca.optimise"
-    bl_label = "Optimise"
+    bl_idname = "rauca.optimize"
+    bl_label = "Optimize"
     job = JOB
-    running = "A camouflage is being optimised; stop it first"
+    running = "A camouflage is being optimized; stop it first"
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -36,26 +36,26 @@ class RAUCA_OT_optimise(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
             return rpt("Press Check: the chosen Python is not known to have what it needs")
         if not found.chosen_detectors():
             return rpt("Choose a detector")
-        if not steps.optimise.dataset_folder(context):
+        if not steps.optimize.dataset_folder(context):
             return rpt("Choose a dataset")
-        if not steps.optimise.folder:
+        if not steps.optimize.folder:
             return rpt("Choose a folder for the camouflage")
         return super().obstacle(context)
 
     def begin(self, context: bpy.types.Context) -> None:
-        settings, found = context.scene.rauca.optimise, preferences(context)
+        settings, found = context.scene.rauca.optimize, preferences(context)
         assert found is not None  # poll
         dataset = Path(bpy.path.abspath(settings.dataset_folder(context))).absolute()
         _check_dataset(dataset)
         folder = chosen_folder(settings.folder, rpt("the camouflage"))
         if not begun(folder) and not (folder / HISTORY).is_file():
             refuse_foreign(folder, "camouflage.json", rpt("camouflage"))
-        task = OptimiseTask(folder, _command(settings, found.program(), found.chosen_detectors(), dataset, folder))
+        task = OptimizeTask(folder, _command(settings, found.program(), found.chosen_detectors(), dataset, folder))
         watch.begin(JOB, task, _offer)
 
 
 def _check_dataset(folder: Path) -> None:
-    """Raise :class:`RaucaError` for a folder that cannot be optimised on."""
+    """Raise :class:`RaucaError` for a folder that cannot be optimized on."""
     making = watch.job(DATASET_JOB)
     if making is not None and making.alive and making.task.folder == folder:
         raise contract.RaucaError(rpt("The dataset is still being rendered; wait for it, or stop it"))
@@ -83,4 +83,4 @@ def _offer(job: Job) -> None:
         scene.rauca.camouflage.file = str(job.task.folder / "camouflage.json")
 
 
-CLASSES = (RAUCA_OT_optimise,)
+CLASSES = (RAUCA_OT_optimize,)

@@ -1,7 +1,7 @@
 """torch's Adam and AdamW, bit for bit, without torch's compiler.
 
 The first step of torch's own imports ``torch._dynamo`` to keep the compiler out of it: 1.9 CPU seconds in every process
-that optimises, and nothing here is compiled. Underneath its decorators each method is as it is written in torch.
+that optimizes, and nothing here is compiled. Underneath its decorators each method is as it is written in torch.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from typing import Any, TypeVar
 
 import torch
 
-Optimiser = TypeVar("Optimiser", bound=type[torch.optim.Optimizer])
+Optimizer = TypeVar("Optimizer", bound=type[torch.optim.Optimizer])
 DECORATED = ("add_param_group", "state_dict", "load_state_dict", "zero_grad")
 
 
-def _uncompiled(optimiser: Optimiser) -> Optimiser:
+def _uncompiled(optimizer: Optimizer) -> Optimizer:
     for name in DECORATED:
-        setattr(optimiser, name, _undecorated(optimiser, name))
-    optimiser.step = torch.no_grad()(_undecorated(optimiser, "step"))  # type: ignore[method-assign]
-    return optimiser
+        setattr(optimizer, name, _undecorated(optimizer, name))
+    optimizer.step = torch.no_grad()(_undecorated(optimizer, "step"))  # type: ignore[method-assign]
+    return optimizer
 
 
-def _undecorated(optimiser: type, name: str) -> Callable[..., Any]:
-    method = getattr(optimiser, name)
+def _undecorated(optimizer: type, name: str) -> Callable[..., Any]:
+    method = getattr(optimizer, name)
     return getattr(method, "__wrapped__", method)
 
 

@@ -1,4 +1,4 @@
-"""Optimising a camouflage end to end, from an empty folder to a UV map anyone can load."""
+"""Optimizing a camouflage end to end, from an empty folder to a UV map anyone can load."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from .panel import Panel
 from .preview import Preview
 from .result import write_result
 from .run import Run, identity_of
-from .settings import OptimiserSettings
+from .settings import OptimizerSettings
 
 CHECKPOINTS, TAPS = "checkpoints", "taps"
 OnStep = Callable[[StepReport], None]
 OnView = Callable[[int, int], None]
 
 
-def optimise(
+def optimize(
     dataset: Dataset,
     detectors: Sequence[Detector],
-    settings: OptimiserSettings,
+    settings: OptimizerSettings,
     out: Path,
     on_step: OnStep | None = None,
     resume: bool = False,
     on_view: OnView | None = None,
     team: Team = ALONE,
 ) -> Path:
-    """Optimise a camouflage on a data set against detectors.
+    """Optimize a camouflage on a data set against detectors.
 
     ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
     the run goes on, the pictures of `preview`. A run resumed on the same machine ends in the same bits as one that
@@ -89,8 +89,8 @@ def optimise(
             return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, panel.name)
 
 
-def unlike(dataset: Dataset, detectors: Sequence[Detector], settings: OptimiserSettings, out: Path) -> list[str]:
-    """What the finished run in ``out`` depends on that :func:`optimise` would do otherwise, by name."""
+def unlike(dataset: Dataset, detectors: Sequence[Detector], settings: OptimizerSettings, out: Path) -> list[str]:
+    """What the finished run in ``out`` depends on that :func:`optimize` would do otherwise, by name."""
     panel = Panel(detectors, settings.target, settings.weights, settings.precision, settings.objective)
     wanted = identity_of(dataset, FrameStore(dataset, settings), panel, settings)
     checkpoint = load_checkpoint(out / CHECKPOINTS)

@@ -19,5 +19,5 @@ def linear_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def to_bytes(unit: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Quantise values in [0, 1] to 8 bits, rounding to nearest."""
+    """Quantize values in [0, 1] to 8 bits, rounding to nearest."""
     return (np.clip(unit, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

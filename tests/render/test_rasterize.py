@@ -1,4 +1,4 @@
-"""What the rasteriser shows: the right samples, whatever the pattern, and where they lie."""
+"""What the rasterizer shows: the right samples, whatever the pattern, and where they lie."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def test_rows_that_read_the_texture_are_spread_as_evenly_as_all(samples: int) ->
 
 @pytest.mark.parametrize("device", [None, "cpu"])
 def test_triangles_smaller_than_a_snap_show_nothing(device: str | None) -> None:
-    centres = np.stack(np.meshgrid(np.arange(4) + 0.5, np.arange(4) + 0.5), 2).reshape(-1, 1, 2)
-    corners = centres + np.array([[0.0, 0.0], [1e-7, 0.0], [0.0, 1e-7]])
+    centers = np.stack(np.meshgrid(np.arange(4) + 0.5, np.arange(4) + 0.5), 2).reshape(-1, 1, 2)
+    corners = centers + np.array([[0.0, 0.0], [1e-7, 0.0], [0.0, 1e-7]])
     points = np.concatenate([corners, np.ones((16, 3, 1))], 2).reshape(-1, 3)
     faces = np.arange(48).reshape(16, 3)
     for order in (faces, faces[:, ::-1]):

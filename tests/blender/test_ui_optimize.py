@@ -37,10 +37,10 @@ def ready(addon, settings, box_vehicle, tmp_path):
     for detector in settings.detectors:
         detector.use = detector.name == min((d.name for d in settings.detectors), key=_lightness)
     make_dataset(tmp_path / "data", box_vehicle, 64, (40.0, 130.0))
-    step = addon.context.scene.rauca.optimise
+    step = addon.context.scene.rauca.optimize
     step.dataset, step.folder = str(tmp_path / "data"), str(tmp_path / "made")
     step.steps, step.batch, step.map_size = STEPS, 1, 64
-    return lambda: addon.context.scene.rauca.optimise
+    return lambda: addon.context.scene.rauca.optimize
 
 
 def _lightness(name: str) -> tuple[bool, str]:
@@ -49,31 +49,31 @@ def _lightness(name: str) -> tuple[bool, str]:
 
 def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path):
     from blender_addon.background import pictures, watch
-    from blender_addon.ui.optimise import state
+    from blender_addon.ui.optimize import state
 
-    assert state(addon.context).words == "Ready to optimise"
-    assert addon.ops.rauca.optimise(wait=False) == {"FINISHED"}
-    job = watch.job("optimise")
+    assert state(addon.context).words == "Ready to optimize"
+    assert addon.ops.rauca.optimize(wait=False) == {"FINISHED"}
+    job = watch.job("optimize")
     assert state(addon.context).words == "Reading the dataset and the detectors"
     longest = until(lambda: job.done >= 2)
     assert state(addon.context).words.startswith(f"{job.done} of {STEPS} steps, about ")
-    assert not addon.ops.rauca.optimise.poll()
+    assert not addon.ops.rauca.optimize.poll()
 
-    addon.ops.rauca.pause_job(job="optimise")
+    addon.ops.rauca.pause_job(job="optimize")
     longest = max(longest, until(lambda: job.phase == "paused"))
     stood = json.loads((tmp_path / "made" / "checkpoints" / "checkpoint.json").read_text())["step"]
     assert 2 <= stood < STEPS
     addon.ops.wm.read_homefile(use_empty=True, load_ui=False)
-    addon.ops.rauca.continue_job(job="optimise")
+    addon.ops.rauca.continue_job(job="optimize")
     longest = max(longest, until(lambda: not job.alive))
 
     assert job.phase == "done", job.ending
     written = [json.loads(line) for line in (tmp_path / "made" / "history.jsonl").read_text().splitlines()]
     assert [line["step"] for line in written] == list(range(1, STEPS + 1))
     assert job.history["loss"] == [line["loss"] for line in written]
-    assert tuple(pictures.shown("optimise.uv_map").image_size) == (64, 64)
+    assert tuple(pictures.shown("optimize.uv_map").image_size) == (64, 64)
     for kind in ("painted", "loss"):
-        assert pictures.shown(f"optimise.{kind}") is not None
+        assert pictures.shown(f"optimize.{kind}") is not None
     made, _ = load_camouflage(tmp_path / "made" / "camouflage.json")
     assert made.size == 64
     assert addon.context.scene.rauca.camouflage.file == str(tmp_path / "made" / "camouflage.json")
@@ -83,28 +83,28 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
 def test_a_stopped_run_goes_on_and_another_one_is_refused(addon, ready, tmp_path):
     from blender_addon.background import watch
 
-    addon.ops.rauca.optimise(wait=False)
-    until(lambda: watch.job("optimise").done >= 2)
-    addon.ops.rauca.stop_job(job="optimise")
-    until(lambda: not watch.busy("optimise"))
-    first = list(watch.job("optimise").history["loss"])
-    assert watch.job("optimise").phase == "stopped"
+    addon.ops.rauca.optimize(wait=False)
+    until(lambda: watch.job("optimize").done >= 2)
+    addon.ops.rauca.stop_job(job="optimize")
+    until(lambda: not watch.busy("optimize"))
+    first = list(watch.job("optimize").history["loss"])
+    assert watch.job("optimize").phase == "stopped"
     ready().seed = 1
     with pytest.raises(RuntimeError, match="seed"):
-        addon.ops.rauca.optimise()
+        addon.ops.rauca.optimize()
     ready().seed = 0
-    assert addon.ops.rauca.optimise() == {"FINISHED"}
-    whole = watch.job("optimise").history["loss"]
+    assert addon.ops.rauca.optimize() == {"FINISHED"}
+    whole = watch.job("optimize").history["loss"]
     assert len(whole) == STEPS
     assert whole[: len(first)] == first
 
 
 def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
-    step = addon.context.scene.rauca.optimise
+    step = addon.context.scene.rauca.optimize
 
     def refusal() -> str:
         with pytest.raises(RuntimeError) as refused:
-            addon.ops.rauca.optimise()
+            addon.ops.rauca.optimize()
         return str(refused.value)
 
     assert "Choose the Python in which rauca is installed" in refusal()
@@ -140,10 +140,10 @@ def test_a_data_set_in_the_making_is_waited_for(addon, settings, tmp_path):
         "dataset",
         DatasetTask(tmp_path / "data", [sys.executable, "-c", "import time; time.sleep(600)"], tmp_path / "none"),
     )
-    step = addon.context.scene.rauca.optimise
+    step = addon.context.scene.rauca.optimize
     step.dataset, step.folder = str(tmp_path / "data"), str(tmp_path / "made")
     with pytest.raises(RuntimeError, match="still being rendered; wait for it"):
-        addon.ops.rauca.optimise()
+        addon.ops.rauca.optimize()
 
 
 def a_python(folder: Path) -> Path:
@@ -196,7 +196,7 @@ def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path):
 
 def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
     from blender_addon.background import watch
-    from blender_addon.ui.optimise import state
+    from blender_addon.ui.optimize import state
 
     settings.python = sys.executable
     assert state(addon.context).words == "Check the chosen Python"

@@ -1,4 +1,4 @@
-"""The rasteriser in plain torch, for any device with float64: the same faces as `scanline`, sample for sample.
+"""The rasterizer in plain torch, for any device with float64: the same faces as `scanline`, sample for sample.
 
 Every operation is elementwise, in the compiled path's order, so that it rounds alike; the order in which a device
 scatters never shows.

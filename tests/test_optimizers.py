@@ -9,19 +9,19 @@ from typing import Any
 import pytest
 import torch
 
-from rauca_core.optimisers import Adam, AdamW
+from rauca_core.optimizers import Adam, AdamW
 
 SETTINGS: tuple[dict[str, Any], ...] = ({"fused": True}, {"weight_decay": 0.1}, {"weight_decay": 0.1, "fused": True})
 STEP = """
 import sys, torch
-from rauca_core.optimisers import Adam, AdamW
+from rauca_core.optimizers import Adam, AdamW
 for kind in (Adam, AdamW):
     value = torch.ones(3, requires_grad=True)
-    optimiser = kind([value])
-    optimiser.zero_grad()
+    optimizer = kind([value])
+    optimizer.zero_grad()
     value.sum().backward()
-    optimiser.step()
-    optimiser.load_state_dict(optimiser.state_dict())
+    optimizer.step()
+    optimizer.load_state_dict(optimizer.state_dict())
     assert (value < 1).all()
 sys.exit("torch._dynamo" in sys.modules)
 """
@@ -29,16 +29,16 @@ sys.exit("torch._dynamo" in sys.modules)
 
 def trained(kind: type[torch.optim.Optimizer], settings: dict[str, Any]) -> tuple[torch.Tensor, dict[str, Any]]:
     value = torch.linspace(-2, 2, 40, requires_grad=True)
-    optimiser = kind([value], lr=0.03, **settings)
+    optimizer = kind([value], lr=0.03, **settings)
     for step in range(12):
         if step == 6:
-            state = optimiser.state_dict()
-            optimiser = kind([value], lr=0.5, **settings)
-            optimiser.load_state_dict(state)
-        optimiser.zero_grad()
+            state = optimizer.state_dict()
+            optimizer = kind([value], lr=0.5, **settings)
+            optimizer.load_state_dict(state)
+        optimizer.zero_grad()
         (value - 1).pow(4).sum().backward()
-        optimiser.step()
-    return value.detach(), optimiser.state_dict()
+        optimizer.step()
+    return value.detach(), optimizer.state_dict()
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rauca_core.contract import Camera
 from rauca_core.render import rasterize
-from rauca_core.render.raster import rasterise_torch
+from rauca_core.render.raster import rasterize_torch
 from rauca_core.render.raster.pattern import pattern
 
 DEVICES = ["cpu"] + (["cuda"] if torch.cuda.is_available() else [])
@@ -61,7 +61,7 @@ def test_paths_see_the_same_faces(
 ) -> None:
     with warnings.catch_warnings(), pytest.MonkeyPatch.context() as patch:
         warnings.simplefilter("ignore", UserWarning)
-        patch.setattr(rasterise_torch, "CHUNK", chunk)
+        patch.setattr(rasterize_torch, "CHUNK", chunk)
         chosen = pattern(samples, kind)
         compiled = rasterize(*mesh, camera, margin=margin, pattern=chosen)
         plain = rasterize(*mesh, camera, margin=margin, pattern=chosen, device=device)
@@ -114,7 +114,7 @@ CELLS = st.integers(-31, 31)
 @example([(0, 0), (1, 1), (3, 3)], 1)
 def test_a_partition_owns_each_sample_once(inner: list[tuple[int, int]], samples: int) -> None:
     points, faces = triangulated(inner, 32)
-    flat = np.pad(points / 4 + 8, ((0, 0), (0, 1)), constant_values=1.0)  # vertices on centres, edges and quarters
+    flat = np.pad(points / 4 + 8, ((0, 0), (0, 1)), constant_values=1.0)  # vertices on centers, edges and quarters
     camera = Camera(np.eye(3), np.eye(3), np.zeros(3), 16, 16)
     assert (owners(flat, faces, camera, samples) == 1).all()
 

@@ -58,15 +58,15 @@ def test_ciede2000_of_the_published_pairs(one: tuple[float], other: tuple[float]
 
 
 def test_lab_has_the_slope_of_finite_differences() -> None:
-    colours = torch.rand(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) * 0.98 + 0.01
-    colours[0] = 0.002  # on the straight part, beside black
-    assert torch.autograd.gradcheck(lab, colours.requires_grad_(), eps=1e-7, atol=1e-4)
+    colors = torch.rand(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)) * 0.98 + 0.01
+    colors[0] = 0.002  # on the straight part, beside black
+    assert torch.autograd.gradcheck(lab, colors.requires_grad_(), eps=1e-7, atol=1e-4)
 
 
-def test_black_and_a_colour_that_is_its_own_reference_have_finite_gradients() -> None:
-    for colour in (0.0, 1.0, 0.5):
-        paint = torch.full((5, 3), colour, requires_grad=True)
-        loss = NearReference(torch.full((5, 3), colour), torch.ones(5))(paint)
+def test_black_and_a_color_that_is_its_own_reference_have_finite_gradients() -> None:
+    for color in (0.0, 1.0, 0.5):
+        paint = torch.full((5, 3), color, requires_grad=True)
+        loss = NearReference(torch.full((5, 3), color), torch.ones(5))(paint)
         loss.backward()
         assert float(loss.detach()) == pytest.approx(0, abs=1e-6)
         assert paint.grad is not None
@@ -84,28 +84,28 @@ def test_closeness_to_a_reference_against_finite_differences() -> None:
     assert torch.autograd.gradcheck(near, paint.requires_grad_(), eps=1e-7, atol=1e-5)
 
 
-def test_palette_shows_the_nearest_colour() -> None:
+def test_palette_shows_the_nearest_color() -> None:
     palette, free = Palette(OLIVE), torch.rand(500, 3, generator=torch.Generator().manual_seed(3))
-    squares = ((free.numpy()[:, None] - palette.colours.numpy()[None]) ** 2).sum(-1)
-    torch.testing.assert_close(palette.hard(free), palette.colours[squares.argmin(1)])
+    squares = ((free.numpy()[:, None] - palette.colors.numpy()[None]) ** 2).sum(-1)
+    torch.testing.assert_close(palette.hard(free), palette.colors[squares.argmin(1)])
     allowed = torch.zeros(500, 4, dtype=torch.bool)
     allowed[:, 3] = True
-    assert (palette.hard(free, allowed) == palette.colours[3]).all()
+    assert (palette.hard(free, allowed) == palette.colors[3]).all()
 
 
-@pytest.mark.parametrize("colours", [OLIVE, ("#000000", "#ffffff"), ("#336699",)])
-def test_hard_colours_have_the_slope_of_soft_ones(colours: tuple[str, ...]) -> None:
-    palette = Palette(colours, torch.float64)
+@pytest.mark.parametrize("colors", [OLIVE, ("#000000", "#ffffff"), ("#336699",)])
+def test_hard_colors_have_the_slope_of_soft_ones(colors: tuple[str, ...]) -> None:
+    palette = Palette(colors, torch.float64)
     generator = torch.Generator().manual_seed(4)
     free = torch.rand(20, 3, dtype=torch.float64, generator=generator).requires_grad_()
     asked = torch.rand(20, 3, dtype=torch.float64, generator=generator)
-    allowed = torch.rand(20, len(colours), generator=generator) > 0.3
+    allowed = torch.rand(20, len(colors), generator=generator) > 0.3
     allowed[:, 0] = True
     assert torch.autograd.gradcheck(lambda c: palette.soft(c, allowed), free)
     (wanted,) = torch.autograd.grad(palette.soft(free, allowed), free, asked)
     (found,) = torch.autograd.grad(palette.hard(free, allowed), free, asked)
     torch.testing.assert_close(found, wanted)
-    assert len(colours) > 1 or (found == 0).all()  # one colour: nothing to choose, nothing infinite
+    assert len(colors) > 1 or (found == 0).all()  # one color: nothing to choose, nothing infinite
 
 
 def test_palettes_from_text_files_and_photographs(tmp_path: Path) -> None:
@@ -122,24 +122,24 @@ def test_palettes_from_text_files_and_photographs(tmp_path: Path) -> None:
     ]:  # fmt: skip
         with pytest.raises(RaucaError, match=words):
             read_palette(bad, 4)
-    with pytest.raises(RaucaError, match="palette-colours"):
+    with pytest.raises(RaucaError, match="palette-colors"):
         read_palette(str(tmp_path / "photo.png"), 0)
 
 
 @given(st.integers(0, 2**31), st.floats(0, 60), st.sampled_from(["any", "black", "white"]))
 @settings(max_examples=60)
-def test_no_colour_stays_beyond_the_bound(seed: int, bound: float, kind: str) -> None:
+def test_no_color_stays_beyond_the_bound(seed: int, bound: float, kind: str) -> None:
     rng = np.random.default_rng(seed)
     home = {"any": rng.integers(0, 256, (50, 3)), "black": np.zeros((50, 3)), "white": np.full((50, 3), 255)}[kind]
     home = home.astype(np.uint8)
-    colours = rng.random((50, 3))
-    before = distances(colours, home / 255.0)
-    moved = colours.copy()
+    colors = rng.random((50, 3))
+    before = distances(colors, home / 255.0)
+    moved = colors.copy()
     draw_back(moved, home / 255.0, bound)
     after = distances(moved, home / 255.0)
     assert ((moved >= 0) & (moved <= 1)).all()
     assert (after <= bound + 1e-9).all()
-    assert (moved[before <= bound] == colours[before <= bound]).all()
+    assert (moved[before <= bound] == colors[before <= bound]).all()
     assert (after[before > bound] >= 0.99 * bound - 1e-9).all()  # no farther back than it has to go
     if bound == 0:
         assert np.array_equal(np.rint(moved * 255), home)
