@@ -16,7 +16,7 @@ from pipelines.evaluate import render_camouflages
 from pipelines.renderers import REFERENCE
 from rauca_core.contract import Dataset, load_camouflage
 from rauca_core.contract.files import write_json
-from rauca_core.evaluate.agreement import Agreement, measure_agreement
+from rauca_core.study.agreement import Agreement, measure_agreement
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -27,7 +27,7 @@ from rauca_core.contract import Plan, Quality, Ring, Shard, chunks, claim_folder
 from rauca_core.contract import load_vehicle as load
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 SIZE = 48
 SMALL = f"--elevations 15 --distances 6 --size {SIZE} --samples 1 --no-denoise --json-progress".split()

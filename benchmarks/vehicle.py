@@ -18,7 +18,7 @@ from pipelines.console import output, progress_bar
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import write_json
 from rauca_core.detect import car_score, load_detector
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 RING = (
     "--weathers single --azimuths 8 --elevations 12 --distances 6.5 --size 416 --samples 8 --no-light --min-visible 0"

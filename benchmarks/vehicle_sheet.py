@@ -17,7 +17,7 @@ from blender_addon.scene.vehicle import SceneVehicle
 from rauca_core.contract import Camera, Quality, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.color import srgb_from_linear, to_bytes
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 # Name, camera azimuth and distance over the vehicle's size, paint (linear albedo).
 SHOWN = [

@@ -26,13 +26,14 @@ from rauca_core.attack import OptimizerSettings, make_settings, random_camouflag
 from rauca_core.attack.methods import settings_of
 from rauca_core.contract import Progress, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
-from rauca_core.evaluate import DetectionSettings, evaluate, reference_images
-from rauca_core.evaluate.ablations import DEFAULT, Experiment, Findings, Sizes, Variant, write_ablation
-from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, keep_copy
-from rauca_core.evaluate.images_of import ImageOf
-from rauca_core.evaluate.study import FILE_NAME, Entry, load_study, save_study
-from rauca_core.folder_lock import alone_in
-from rauca_core.images import read_image
+from rauca_core.report import write_ablation
+from rauca_core.runtime.folder_lock import alone_in
+from rauca_core.runtime.images import read_image
+from rauca_core.study import DetectionSettings, evaluate, reference_images
+from rauca_core.study.ablations import DEFAULT, Experiment, Findings, Sizes, Variant
+from rauca_core.study.contestants import NORMAL, RANDOM, Contestant, keep_copy
+from rauca_core.study.images_of import ImageOf
+from rauca_core.study.study import FILE_NAME, Entry, load_study, save_study
 
 RANDOM_SEED, RANDOM_CELL = 1, 8  # as in `rauca evaluate`
 CHECKPOINT_EVERY = 100

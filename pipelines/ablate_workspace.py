@@ -29,7 +29,6 @@ from pipelines.blender_process import run_blender
 from pipelines.console import console, progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import (
     Dataset,
     Plan,
@@ -44,11 +43,12 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import atomic_folder, open_to_append, write_bytes
 from rauca_core.detect.weights_file import sha256_of
 from rauca_core.environment.published_fit import fit_published
-from rauca_core.evaluate.ablations.sizes import Sizes
-from rauca_core.evaluate.ablations.training_sets import chosen_frames, training_set
-from rauca_core.evaluate.contestants import Contestant, VehicleChoice, check_vehicle, keep_copy
-from rauca_core.evaluate.renders import discard_damaged
-from rauca_core.images import read_image
+from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.images import read_image
+from rauca_core.study.ablations.sizes import Sizes
+from rauca_core.study.ablations.training_sets import chosen_frames, training_set
+from rauca_core.study.contestants import Contestant, VehicleChoice, check_vehicle, keep_copy
+from rauca_core.study.renders import discard_damaged
 
 PRESETS = {"seen": "enhanced", "unseen": "unseen"}
 

@@ -163,7 +163,7 @@ def optimize(
 ) -> None:
     """Optimize a camouflage UV map against one or several detectors."""
     from rauca_core.attack import make_settings
-    from rauca_core.evaluate.contestants import read_vehicle_choice
+    from rauca_core.study.contestants import read_vehicle_choice
 
     from .methods import chosen_settings
     from .optimize_camouflage import optimize_camouflage

@@ -22,8 +22,8 @@ from rauca_core.attack.methods import settings_of
 from rauca_core.contract import load_vehicle
 from rauca_core.detect import fetch
 from rauca_core.detect.weights_file import sha256_of
-from rauca_core.evaluate.contestants import read_vehicle_choice
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.contestants import read_vehicle_choice
 
 WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")

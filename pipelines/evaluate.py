@@ -12,9 +12,9 @@ from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, Progress, load_camouflage
 from rauca_core.detect import load_detector
-from rauca_core.evaluate import DetectionSettings, Results, evaluate, reference_images
-from rauca_core.evaluate.contestants import NORMAL
-from rauca_core.evaluate.images_of import ImageOf
+from rauca_core.study import DetectionSettings, Results, evaluate, reference_images
+from rauca_core.study.contestants import NORMAL
+from rauca_core.study.images_of import ImageOf
 
 
 def render_camouflages(

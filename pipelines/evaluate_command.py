@@ -21,9 +21,9 @@ from .going_on import goes_on_by_itself
 
 if TYPE_CHECKING:
     from rauca_core.detect import Detector
-    from rauca_core.evaluate.contestants import VehicleChoice
-    from rauca_core.evaluate.study import Entry
-    from rauca_core.evaluate.views import HeldOut
+    from rauca_core.study.contestants import VehicleChoice
+    from rauca_core.study.study import Entry
+    from rauca_core.study.views import HeldOut
 
 ALL = "all"
 Given = Annotated[
@@ -81,8 +81,8 @@ def evaluate(
     blender: Blender = None,
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
-    from rauca_core.evaluate.contestants import match, read_contestants
-    from rauca_core.evaluate.defences import make_defence
+    from rauca_core.study.contestants import match, read_contestants
+    from rauca_core.study.defences import make_defence
 
     from .protocol import RandomPaint, Request, run_study
 
@@ -133,7 +133,7 @@ def split_defences(given: Sequence[str] | None) -> list[str]:
 
 
 def _vehicles(named: Sequence[str] | None, datasets: Sequence[Dataset]) -> list[VehicleChoice]:
-    from rauca_core.evaluate.contestants import find_vehicles, read_vehicle_choice
+    from rauca_core.study.contestants import find_vehicles, read_vehicle_choice
 
     if not datasets:
         return find_vehicles(named or ())
@@ -180,7 +180,7 @@ def _held_out(
     samples: int,
     seed: int | None,
 ) -> HeldOut:
-    from rauca_core.evaluate.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
+    from rauca_core.study.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
 
     named = find_ring(ring_name)
     ring = replace(
@@ -209,7 +209,7 @@ def _detectors(
     """
     from rauca_core.detect import find_class, load_detector
     from rauca_core.detect.listing import ready_names
-    from rauca_core.evaluate.evaluate import check_detectors
+    from rauca_core.study.evaluate import check_detectors
 
     named = [name for name in names if name != ALL]
     ready = [name for name in ready_names() if name not in named] if ALL in names or not names else []

@@ -21,15 +21,14 @@ from pipelines.console import console, progress_bar
 from pipelines.protocol import RandomPaint, Request, run_study
 from pipelines.train_detector import command_line, score
 from rauca_core.attack import OptimizerSettings, StepReport, make_settings, optimize
-from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset, Progress, RaucaError, load_camouflage, read_plan
 from rauca_core.contract.seeding import named_seed
-from rauca_core.cpu import threads
 from rauca_core.detect import Detector, load_detector
-from rauca_core.detect.training.harden import Hardening, HardenReport, harden
-from rauca_core.detect.training.harden_settings import HardenSettings
 from rauca_core.detect.weights_file import sha256_of
-from rauca_core.evaluate.contestants import (
+from rauca_core.report.hardening_page import HardeningNotes, write_hardening
+from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.cpu import threads
+from rauca_core.study.contestants import (
     NORMAL,
     RANDOM,
     Contestant,
@@ -38,11 +37,12 @@ from rauca_core.evaluate.contestants import (
     read_contestants,
     read_vehicle_choice,
 )
-from rauca_core.evaluate.defences import make_defence
-from rauca_core.evaluate.hardening import Gains, gains_of
-from rauca_core.evaluate.hardening_page import HardeningNotes, write_hardening
-from rauca_core.evaluate.study import Entry
-from rauca_core.evaluate.views import HeldOut
+from rauca_core.study.defences import make_defence
+from rauca_core.study.hardening import Gains, gains_of
+from rauca_core.study.study import Entry
+from rauca_core.study.views import HeldOut
+from rauca_core.training.harden import Hardening, HardenReport, harden
+from rauca_core.training.harden_settings import HardenSettings
 
 ADAPTIVE = "adaptive"
 RESERVED = (NORMAL, RANDOM, ADAPTIVE)

@@ -16,7 +16,7 @@ from .console import console, output
 from .dataset_commands import Blender
 
 if TYPE_CHECKING:
-    from rauca_core.evaluate.hardening import Gains
+    from rauca_core.study.hardening import Gains
 
 Held = Annotated[
     list[str],
@@ -58,8 +58,8 @@ def harden(
     blender: Blender = None,
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
-    from rauca_core.detect.training.harden_settings import make_harden_settings
-    from rauca_core.evaluate.views import HeldOut
+    from rauca_core.study.views import HeldOut
+    from rauca_core.training.harden_settings import make_harden_settings
 
     from .harden import Wish, harden_detector
 
@@ -94,7 +94,7 @@ def _check(views: Sequence[Path], weathers: Sequence[str]) -> None:
 
 
 def _print(gains: Gains) -> None:
-    from rauca_core.evaluate.hardening_page import HEAD, spoken
+    from rauca_core.report.hardening_page import HEAD, spoken
 
     table = Table(*HEAD, title=f"{gains.vehicle}, {gains.weathers}: {gains.frames} held-out views")
     for gain in (gains.clean, *gains.rows, gains.held_out):

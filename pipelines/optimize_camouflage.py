@@ -17,7 +17,7 @@ from rauca_core.attack import OptimizerSettings, StepReport, optimize
 from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset, OptimizeProgress, Progress
 from rauca_core.detect import load_detector
-from rauca_core.team import team
+from rauca_core.runtime.team import team
 
 RECENT_STEPS = 50  # that the time left is judged by
 

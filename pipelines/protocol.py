@@ -25,15 +25,15 @@ from rauca_core.contract import Dataset, Plan, Progress, balanced_frames, find_p
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_bytes
 from rauca_core.detect import Detector
-from rauca_core.evaluate import DetectionSettings, evaluate, reference_images
-from rauca_core.evaluate.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, check_vehicle, keep_copy
-from rauca_core.evaluate.defences import Defence
-from rauca_core.evaluate.images_of import ImageOf
-from rauca_core.evaluate.renders import RenderRecord, discard_damaged
-from rauca_core.evaluate.study import FILE_NAME, Entry, save_study
-from rauca_core.evaluate.views import HeldOut
-from rauca_core.folder_lock import alone_in
-from rauca_core.images import read_image
+from rauca_core.runtime.folder_lock import alone_in
+from rauca_core.runtime.images import read_image
+from rauca_core.study import DetectionSettings, evaluate, reference_images
+from rauca_core.study.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, check_vehicle, keep_copy
+from rauca_core.study.defences import Defence
+from rauca_core.study.images_of import ImageOf
+from rauca_core.study.renders import RenderRecord, discard_damaged
+from rauca_core.study.study import FILE_NAME, Entry, save_study
+from rauca_core.study.views import HeldOut
 
 FRAMES = "frames.txt"
 PRESETS = {"seen": "enhanced", "unseen": "unseen"}  # the paper's weathers of training, and 16 others

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipelines.evaluate import render_camouflages
 from rauca_core.contract import Dataset, load_camouflage
-from rauca_core.evaluate.agreement import Agreement, measure_agreement, save_agreement
+from rauca_core.study.agreement import Agreement, measure_agreement, save_agreement
 
 AGREEMENT = "agreement.json"
 # One frame in so many is rendered anew in the camouflage; unfiltered and with many samples, since a denoised render

@@ -8,8 +8,9 @@ from pipelines.stages import Stages
 from rauca_core.attack import read_history
 from rauca_core.contract import Dataset, RaucaError, load_camouflage
 from rauca_core.contract.schema import read_json
-from rauca_core.evaluate import ReportNotes, load_results, save_showcase, write_report
-from rauca_core.evaluate.study import FILE_NAME, Entry, Study, load_study
+from rauca_core.report import ReportNotes, save_showcase, write_report
+from rauca_core.study import load_results
+from rauca_core.study.study import FILE_NAME, Entry, Study, load_study
 
 
 def report_run(folder: Path, latex: bool = False) -> Path:

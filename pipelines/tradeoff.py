@@ -22,13 +22,13 @@ from pipelines.tradeoff_page import Curve, measure_points, write_curve
 from rauca_core.attack import OptimizerSettings, make_settings
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.optimizer import unlike
-from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, load_detector
-from rauca_core.evaluate.contestants import VehicleChoice, read_contestants, read_vehicle_choice
-from rauca_core.evaluate.defences import make_defence
-from rauca_core.evaluate.evaluate import check_detectors
-from rauca_core.evaluate.views import HeldOut
+from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.study.contestants import VehicleChoice, read_contestants, read_vehicle_choice
+from rauca_core.study.defences import make_defence
+from rauca_core.study.evaluate import check_detectors
+from rauca_core.study.views import HeldOut
 
 FREE = "free"
 

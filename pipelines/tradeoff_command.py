@@ -96,7 +96,7 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
 def _measured(given: str | None, attacked: list[str], quick: bool) -> tuple[str, ...]:
     """The detectors that judge, the attacked ones first."""
     from rauca_core.detect.listing import ready_names
-    from rauca_core.evaluate.tables.families import is_own
+    from rauca_core.study.families import is_own
 
     if given is None and quick:
         others = [name for name in ("yolov4-tiny",) if name in ready_names()]

@@ -17,19 +17,19 @@ from rauca_core.attack.naturalness.finish import Distance, distance_of_map
 from rauca_core.attack.naturalness.granulometry import measure_patches
 from rauca_core.contract import load_camouflage, load_vehicle
 from rauca_core.contract.files import write_bytes, write_json
-from rauca_core.evaluate import pages
-from rauca_core.evaluate.colors import GREY, PALETTE, Style
-from rauca_core.evaluate.contestants import NORMAL
-from rauca_core.evaluate.grid import FramePicker
-from rauca_core.evaluate.maps import maps_of
-from rauca_core.evaluate.plots import curve_svg, themed
-from rauca_core.evaluate.recorded import Recorded
-from rauca_core.evaluate.results import Estimate
-from rauca_core.evaluate.study import Entry
-from rauca_core.evaluate.tables import Table
-from rauca_core.evaluate.tables.html import TableWriter
-from rauca_core.evaluate.tables.model import Block, Cell, Column, Row
-from rauca_core.images import read_image
+from rauca_core.report import pages
+from rauca_core.report.colors import GREY, PALETTE, Style
+from rauca_core.report.grid import FramePicker
+from rauca_core.report.maps import maps_of
+from rauca_core.report.plots import curve_svg, themed
+from rauca_core.report.tables import Table
+from rauca_core.report.tables.html import TableWriter
+from rauca_core.report.tables.model import Block, Cell, Column, Row
+from rauca_core.runtime.images import read_image
+from rauca_core.study.contestants import NORMAL
+from rauca_core.study.recorded import Recorded
+from rauca_core.study.results import Estimate
+from rauca_core.study.study import Entry
 
 FORMAT = ("rauca-tradeoff", 1)
 WHITE, BLACK = "white-box", "black-box, mean"

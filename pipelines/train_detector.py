@@ -11,12 +11,12 @@ from typing import Any
 
 from pipelines.console import console, progress_bar
 from rauca_core.contract import Progress
-from rauca_core.detect.training.fit import Fit, fit
-from rauca_core.detect.training.loop import RoundReport
-from rauca_core.detect.training.measure import ALL, Findings, Judged
-from rauca_core.detect.training.networks import find_recipe
-from rauca_core.detect.training.settings import make_detector_settings
-from rauca_core.evaluate.average_precision import Sample, average_precision
+from rauca_core.detect.synth.networks import find_recipe
+from rauca_core.study.average_precision import Sample, average_precision
+from rauca_core.training.fit import Fit, fit
+from rauca_core.training.loop import RoundReport
+from rauca_core.training.measure import ALL, Findings, Judged
+from rauca_core.training.settings import make_detector_settings
 
 
 def score(judged: Sequence[Judged]) -> float:

@@ -7,7 +7,7 @@ import platform
 import pytest
 import torch
 
-from rauca_core.cpu import keep_large_blocks, threads
+from rauca_core.runtime.cpu import keep_large_blocks, threads
 
 
 def test_threads_come_back_even_after_an_error() -> None:

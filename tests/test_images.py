@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from rauca_core.contract import RaucaError
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 GREYS = np.array([[0, 255, 256, 32768, 65535]])
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 import torch
 
-from rauca_core.optimizers import Adam, AdamW
+from rauca_core.runtime.optimizers import Adam, AdamW
 
 SETTINGS: tuple[dict[str, Any], ...] = ({"fused": True}, {"weight_decay": 0.1}, {"weight_decay": 0.1, "fused": True})
 STEP = """
 import sys, torch
-from rauca_core.optimizers import Adam, AdamW
+from rauca_core.runtime.optimizers import Adam, AdamW
 for kind in (Adam, AdamW):
     value = torch.ones(3, requires_grad=True)
     optimizer = kind([value])

@@ -17,7 +17,7 @@ from pipelines.extras import EXTRAS, missing
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
-    "rauca_core/evaluate/report.css",
+    "rauca_core/report/report.css",
     "rauca_core/assets/vehicles/sedan/vehicle.json",
     "rauca_core/assets/weathers/base.json",
     "blender_addon/blender_manifest.toml",

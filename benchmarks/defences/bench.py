@@ -17,8 +17,8 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.files import write_json
 from rauca_core.detect import Detector, car_score, class_index, load_detector
-from rauca_core.evaluate.average_precision import Sample, average_precision
-from rauca_core.evaluate.defences import Defence, defence_names, make_defence
+from rauca_core.study.average_precision import Sample, average_precision
+from rauca_core.study.defences import Defence, defence_names, make_defence
 
 from .patch import optimize_patch, paste
 from .results import Outcome, Results, grids

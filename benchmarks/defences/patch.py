@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from rauca_core.attack.losses import attack_loss
 from rauca_core.detect import Detector, car_score
-from rauca_core.optimizers import Adam
+from rauca_core.runtime.optimizers import Adam
 
 from .views import Views
 

@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from rauca_core.contract.files import write_bytes
-from rauca_core.evaluate.defences import Defence
-from rauca_core.evaluate.defences.interface import to_pixels
+from rauca_core.study.defences import Defence
+from rauca_core.study.defences.interface import to_pixels
 
 from .views import Views
 

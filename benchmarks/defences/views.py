@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import Dataset, Frame, RaucaError
-from rauca_core.evaluate.images_of import read_frame_image
+from rauca_core.study.images_of import read_frame_image
 
 
 @dataclass(frozen=True, eq=False)

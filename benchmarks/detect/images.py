@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 USUAL = Path("runs") / "demo" / "held-out"  # the demo's frames, when it has been run here
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from benchmarks.page import fill_page
 from rauca_core.contract.files import write_json
-from rauca_core.cpu import keep_large_blocks, threads
 from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render
+from rauca_core.runtime.cpu import keep_large_blocks, threads
 
 from .compare import compare, methods_of
 from .curve import measure_curve

@@ -21,8 +21,8 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import EpochReport, Job, Outcome, train
-from rauca_core.optimizers import AdamW
-from rauca_core.team import ALONE
+from rauca_core.runtime.optimizers import AdamW
+from rauca_core.runtime.team import ALONE
 
 from .neural_renderer import seconds_per_image
 from .settings import Settings

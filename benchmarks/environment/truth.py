@@ -18,8 +18,8 @@ from rauca_core.contract import Dataset
 from rauca_core.contract.color import srgb_from_linear
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.metrics import Error
-from rauca_core.images import read_image
 from rauca_core.render import Pyramid, build_taps
+from rauca_core.runtime.images import read_image
 
 from .cycles import Render, render_anew
 from .settings import Settings

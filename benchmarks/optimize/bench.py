@@ -17,9 +17,9 @@ from rauca_core.attack.run import Run
 from rauca_core.attack.stopwatch import STAGES
 from rauca_core.contract import Dataset, Progress
 from rauca_core.contract.files import write_json
-from rauca_core.cpu import keep_large_blocks, threads
 from rauca_core.detect import fetch, load_detector
 from rauca_core.render import Sampler
+from rauca_core.runtime.cpu import keep_large_blocks, threads
 
 from .algorithm2 import Algorithm2Run
 from .settings import FULL, QUICK, Settings

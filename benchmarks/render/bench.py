@@ -10,7 +10,7 @@ from benchmarks.page import fill_page
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress, Vehicle
 from rauca_core.contract.files import write_json
-from rauca_core.cpu import keep_large_blocks, threads
+from rauca_core.runtime.cpu import keep_large_blocks, threads
 
 from .accuracy import reference_check
 from .blender_agreement import compare_with_blender

@@ -13,7 +13,7 @@ from benchmarks.tables import Grid, markdown_tables, print_tables
 from pipelines.console import progress_bar
 from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
-from rauca_core.cpu import threads
+from rauca_core.runtime.cpu import threads
 
 from .catalogue import catalogue
 from .checks import DTYPES, Check, Outcome, name_of, outcome

@@ -11,8 +11,8 @@ import torch
 from rauca_core.attack import Panel, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, Vehicle
-from rauca_core.cpu import threads
-from rauca_core.optimizers import Adam
+from rauca_core.runtime.cpu import threads
+from rauca_core.runtime.optimizers import Adam
 
 from .cases import SIZE, HardCase
 from .detectors import Answering

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..contract import Dataset
 from ..contract.seeding import named_rng
-from ..images import read_image
+from ..runtime.images import read_image
 from .frames import FrameStore
 
 FRAMES, PIXELS, ROUNDS = 64, 512, 30  # looked at, of each, of k-means

@@ -8,9 +8,9 @@ from typing import Any
 
 from torch import Tensor
 
-from ..checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 from ..contract import RaucaError
 from ..contract.schema import read_json
+from ..runtime.checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 
 FORMAT = ("rauca-checkpoint", 2)
 OTHER_RUN = "start the run in a new folder"

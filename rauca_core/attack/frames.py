@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
-from ..images import read_image
 from ..render import Canvas, Taps, composite, display, saturate
+from ..runtime.images import read_image
 from .lights import light_source
 from .media import make_medium
 from .settings import OptimizerSettings

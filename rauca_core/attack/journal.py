@@ -8,10 +8,10 @@ from pathlib import Path
 
 from torch import Tensor
 
-from ..board import Board
 from ..contract import RaucaError
 from ..contract.files import append_line, write_bytes
 from ..contract.reading import parse_json, read_limited
+from ..runtime.board import Board
 from .preview import SIDE, shrunk
 
 HISTORY = "history.jsonl"

@@ -7,14 +7,14 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..checkpoint_files import POINTER, differences
 from ..contract import Dataset, RaucaError, StoppedError
 from ..contract.files import sweep_partials
-from ..cpu import keep_large_blocks, threads
 from ..detect import Detector
-from ..folder_lock import alone_in
-from ..stopping import stop_request
-from ..team import ALONE, Team
+from ..runtime.checkpoint_files import POINTER, differences
+from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.folder_lock import alone_in
+from ..runtime.stopping import stop_request
+from ..runtime.team import ALONE, Team
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .frames import FrameStore
 from .journal import Journal, StepReport

@@ -14,10 +14,10 @@ from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
-from ..cpu import threads
-from ..optimizers import Adam
 from ..render import Canvas, tap_format, undisplay
-from ..team import ALONE, Team
+from ..runtime.cpu import threads
+from ..runtime.optimizers import Adam
+from ..runtime.team import ALONE, Team
 from .augmentation import RANGES, Augmentation
 from .background import background_colors
 from .checkpoint import Checkpoint

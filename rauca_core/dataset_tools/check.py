@@ -25,7 +25,7 @@ from ..contract import (
     read_ledger,
 )
 from ..contract.files import TEMPORARY_PREFIX, disk_errors
-from ..images import read_image
+from ..runtime.images import read_image
 from .check_frame import FrameResult, check_frame, checksums
 from .findings import MAKE_AGAIN, RENDER_AGAIN, Finding
 from .ledger_lines import check_ledgers

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, load_passes
-from ..images import read_image
+from ..runtime.images import read_image
 
 GREY = ("vehicle.png", "paint.png", "semantic.png", "instances.png")
 

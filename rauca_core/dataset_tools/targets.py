@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..contract import Box, Dataset, load_vehicle
 from ..contract.instances import MIN_BOX_PIXELS
-from ..images import read_image
+from ..runtime.images import read_image
 from .stored_frame import StoredFrame
 
 COCO_VEHICLES = ("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat")

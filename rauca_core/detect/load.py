@@ -178,7 +178,7 @@ def _mmdet(found: Resolved, size: int | None) -> Detector:
 
 
 def _synth(found: Resolved, size: int | None) -> Detector:
-    from .training import load_weights
+    from .synth import load_weights
 
     _refuse_size(found, size)
     return load_weights(found.files[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..cpu import threads
+from ..runtime.cpu import threads
 from .interface import DensePredictions, Detections
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.

@@ -11,7 +11,7 @@ import torch
 
 from ..contract import RaucaError
 from ..contract.seeding import named_seed
-from ..team import team
+from ..runtime.team import team
 from .extractor import LightSplitter
 from .frames import LightFrames
 from .learner import SplitterLearner

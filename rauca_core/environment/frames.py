@@ -20,8 +20,8 @@ from torch.nn import functional
 from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, load_vehicle
 from ..contract.color import linear_from_srgb
 from ..contract.seeding import named_rng
-from ..images import read_image
 from ..render import display
+from ..runtime.images import read_image
 from .exact import load_exact, require_light
 from .shading import PlainShading, plain_shading
 

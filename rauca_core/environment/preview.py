@@ -11,7 +11,7 @@ from ..contract import RaucaError
 from ..contract.color import linear_from_srgb, srgb_from_linear, to_bytes
 from ..contract.recolor import Color, recolor
 from ..contract.seeding import named_rng
-from ..images import read_image
+from ..runtime.images import read_image
 from .estimate import estimate_image
 from .exact import Light
 from .extractor import LightSplitter

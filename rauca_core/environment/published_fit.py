@@ -7,10 +7,10 @@ from pathlib import Path
 
 import torch
 
-from ..checkpoint_files import POINTER
 from ..contract.files import write_json
 from ..contract.seeding import named_seed
-from ..team import ALONE
+from ..runtime.checkpoint_files import POINTER
+from ..runtime.team import ALONE
 from .frames import LightFrames
 from .metrics import Error, total
 from .published import PublishedEfe

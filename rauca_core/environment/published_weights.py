@@ -8,10 +8,10 @@ from typing import Any
 
 import safetensors.torch
 
-from ..carded_weights import read_carded, require_weights, save_carded
-from ..checkpoint_files import TENSOR_DAMAGE
 from ..contract import RaucaError
 from ..contract.schema import read_json
+from ..runtime.carded_weights import read_carded, require_weights, save_carded
+from ..runtime.checkpoint_files import TENSOR_DAMAGE
 from .published import PublishedEfe
 
 FORMAT = ("rauca-published-efe-weights", 1)

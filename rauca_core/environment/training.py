@@ -16,17 +16,17 @@ import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
 
-from ..board import Board
-from ..checkpoint_files import POINTER
 from ..contract import RaucaError, StoppedError
 from ..contract.files import append_line
 from ..contract.recolor import TEST
 from ..contract.seeding import named_rng
-from ..cpu import keep_large_blocks, threads
-from ..folder_lock import alone_in
-from ..optimizers import AdamW
-from ..stopping import StopRequest, stop_request
-from ..team import Team
+from ..runtime.board import Board
+from ..runtime.checkpoint_files import POINTER
+from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.folder_lock import alone_in
+from ..runtime.optimizers import AdamW
+from ..runtime.stopping import StopRequest, stop_request
+from ..runtime.team import Team
 from .averaging import WeightAverage
 from .convergence import converged_epoch
 from .frames import LightFrames

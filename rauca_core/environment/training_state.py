@@ -9,9 +9,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ..checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 from ..contract import RaucaError
 from ..contract.schema import read_json
+from ..runtime.checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 
 FORMAT = ("rauca-efe-checkpoint", 1)
 OTHER_RUN = "start the training in a new folder"

@@ -10,11 +10,11 @@ import safetensors.torch
 from torch import Tensor, nn
 
 from .. import __version__
-from ..carded_weights import read_carded, require_weights, save_carded
-from ..checkpoint_files import TENSOR_DAMAGE
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Fields, read_json
+from ..runtime.carded_weights import read_carded, require_weights, save_carded
+from ..runtime.checkpoint_files import TENSOR_DAMAGE
 from .extractor import LightSplitter
 
 FORMAT = ("rauca-efe-weights", 1)

@@ -8,8 +8,8 @@ import pytest
 from rauca_core.attack import plain_camouflage, random_camouflage
 from rauca_core.attack.baselines import texel_metres
 from rauca_core.contract import RaucaError, Vehicle, load_camouflage
-from rauca_core.images import read_image
 from rauca_core.render.coverage import texel_coverage
+from rauca_core.runtime.images import read_image
 
 
 def test_random_paint_is_uniform_per_cell(box_vehicle: Vehicle, tmp_path: Path) -> None:

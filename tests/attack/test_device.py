@@ -15,7 +15,7 @@ from rauca_core.attack import make_settings, optimize
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
-from rauca_core.team import ALONE, Team
+from rauca_core.runtime.team import ALONE, Team
 
 from .pretend_device import DEVICE, PretendDevice
 

@@ -15,7 +15,7 @@ from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import TEMPORARY_PREFIX
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 SETTINGS = {"steps": 9, "batch": 2, "map_size": 32, "samples": 2, "checkpoint_every": 2, "lr": 0.03, "rest": 1}
 
@@ -27,7 +27,7 @@ from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, optimize
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.checkpoint_files import POINTER
+from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)

@@ -15,8 +15,8 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
 from rauca_core.environment.published import PublishedEfe
 from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
-from rauca_core.images import read_image
 from rauca_core.render import Canvas, display
+from rauca_core.runtime.images import read_image
 
 SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
 

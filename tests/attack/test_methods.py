@@ -30,8 +30,8 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.detect import DensePredictions
-from rauca_core.images import read_image
 from rauca_core.render import Canvas, undisplay
+from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
 

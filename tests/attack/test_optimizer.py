@@ -22,7 +22,7 @@ from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
 from rauca_core.contract.seeding import named_seed
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 
 def settings(**chosen: Any) -> OptimizerSettings:
@@ -250,7 +250,7 @@ import sys
 from pathlib import Path
 from rauca_core.attack import make_settings, optimize
 from rauca_core.contract import Dataset
-from rauca_core.team import team
+from rauca_core.runtime.team import team
 from benchmarks.stability.detectors import SmallDetector
 with team() as processes:
     for number, chosen in enumerate({settings}):

@@ -13,8 +13,8 @@ from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import Detector, car_score, load_detector
-from rauca_core.images import read_image
 from rauca_core.render import Canvas, undisplay
+from rauca_core.runtime.images import read_image
 from tests.published import published_weights
 
 

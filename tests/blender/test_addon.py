@@ -12,7 +12,7 @@ import pytest
 from rauca_core.contract import Camouflage, Dataset, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 

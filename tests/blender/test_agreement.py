@@ -8,7 +8,7 @@ import pytest
 
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
-from rauca_core.evaluate.agreement import measure_agreement
+from rauca_core.study.agreement import measure_agreement
 
 
 @pytest.mark.parametrize(("weather", "inside_db"), [(Weather("day", 45), 32.0), (Weather("fog", 45, 60, 50), 32.0)])

@@ -122,7 +122,7 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
     from rauca_core.contract import PlannedFrame, load_frame, load_passes
     from rauca_core.contract.color import srgb_from_linear
     from rauca_core.contract.recolor import TEST, recolor
-    from rauca_core.images import read_image
+    from rauca_core.runtime.images import read_image
 
     session.plan = replace(session.plan, recolor_share=1.0)
     task = PlannedFrame(*session.plan.frame_ids()[0])

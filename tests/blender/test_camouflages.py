@@ -9,7 +9,7 @@ import pytest
 
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 from tests.hostile.nasty import DEEP
 
 

@@ -8,7 +8,7 @@ import pytest
 from rauca_core.contract import Camera, Quality, RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.color import srgb_from_linear
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 RED = (0.5, 0.1, 0.05)
 SUN_RADIANCE = 3.0

@@ -86,7 +86,7 @@ def test_a_uv_map_lands_where_the_uvs_say(session, box_vehicle):
 
 
 def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
-    from rauca_core.images import read_image
+    from rauca_core.runtime.images import read_image
 
     linear = session.render(0, 0, session.plan.weathers[0])
     scene = session.scene

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 from tests.blender.disks import fill
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")

@@ -10,8 +10,8 @@ import pytest
 
 from rauca_core.contract import Camera, Frame, Weather
 from rauca_core.contract.files import write_json
-from rauca_core.evaluate.detection_cache import DetectionSettings
-from rauca_core.evaluate.results import AXES, Estimate, FrameRow, ImageRow, Results, save_results
+from rauca_core.study.detection_cache import DetectionSettings
+from rauca_core.study.results import AXES, Estimate, FrameRow, ImageRow, Results, save_results
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 

@@ -10,7 +10,7 @@ import pytest
 from rauca_core.contract import RaucaError, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.geometry import atlas_report, repack
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 

@@ -12,7 +12,7 @@ from rauca_core.contract.color import linear_from_srgb
 from rauca_core.contract.instances import Instance, find_instances, mask_box
 from rauca_core.contract.recolor import TEST, TRAIN, check_color, find_colors, hex_name, recolor
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 SIZE = 32
 TRUCK = Instance(7, "truck", (0.0, 0.0, 4.0, 6.0), 24)

@@ -32,7 +32,7 @@ from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.progress import Progress, parse_progress
 from rauca_core.contract.seeding import named_rng, named_seed
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 PLAN = Plan(
     name="p",

@@ -15,7 +15,7 @@ from rauca_core.contract import Dataset, LedgerEntry, RaucaError, append_entry, 
 from rauca_core.contract.color import linear_from_srgb
 from rauca_core.contract.frame import FramePasses
 from rauca_core.dataset_tools import CheckResult, check_dataset
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 
 def told(result: CheckResult) -> list[str]:

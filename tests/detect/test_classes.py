@@ -9,7 +9,7 @@ import pytest
 from rauca_core.contract import RaucaError
 from rauca_core.detect import DarknetDetector, canonical, class_index, class_list, find_class
 from rauca_core.detect.classes import GAP, unusual_names
-from rauca_core.detect.training import read_card, shipped_weights
+from rauca_core.detect.synth import read_card, shipped_weights
 
 DARKNET = ("aeroplane", "motorbike", "diningtable", "sofa", "pottedplant", "tvmonitor")
 COCO = ("airplane", "motorcycle", "dining table", "couch", "potted plant", "tv")

@@ -15,19 +15,19 @@ import torch
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import make_settings, optimize, random_camouflage
 from rauca_core.attack.frames import FrameStore, render_batch
-from rauca_core.checkpoint_files import POINTER
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import Detector, load_detector
-from rauca_core.detect.training import read_card
-from rauca_core.detect.training.camouflaged import CamouflagedSights, read_texels, vary
-from rauca_core.detect.training.harden import Hardening, harden
-from rauca_core.detect.training.harden_settings import make_harden_settings
-from rauca_core.detect.training.measure import Judged
+from rauca_core.detect.synth import read_card
 from rauca_core.environment.frames import LightFrames
-from rauca_core.images import read_image
 from rauca_core.render import Canvas, TapSettings
+from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.images import read_image
+from rauca_core.training.camouflaged import CamouflagedSights, read_texels, vary
+from rauca_core.training.harden import Hardening, harden
+from rauca_core.training.harden_settings import make_harden_settings
+from rauca_core.training.measure import Judged
 
 torch.set_num_threads(1)
 

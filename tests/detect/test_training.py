@@ -29,16 +29,17 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.contract.seeding import named_rng
-from rauca_core.detect.training import fit as fitting
-from rauca_core.detect.training import load_weights, read_card, sights
-from rauca_core.detect.training.fit import Fit, fit
-from rauca_core.detect.training.loop import Job, train
-from rauca_core.detect.training.measure import Findings, Judged, measure
-from rauca_core.detect.training.networks import build_network
-from rauca_core.detect.training.paint import draw_color, draw_paint
-from rauca_core.detect.training.settings import make_detector_settings
-from rauca_core.detect.training.sights import Sights
+from rauca_core.detect.synth import load_weights, read_card
+from rauca_core.detect.synth.networks import build_network
 from rauca_core.environment.frames import LightFrames
+from rauca_core.training import fit as fitting
+from rauca_core.training import sights
+from rauca_core.training.fit import Fit, fit
+from rauca_core.training.loop import Job, train
+from rauca_core.training.measure import Findings, Judged, measure
+from rauca_core.training.paint import draw_color, draw_paint
+from rauca_core.training.settings import make_detector_settings
+from rauca_core.training.sights import Sights
 
 torch.set_num_threads(1)
 

@@ -15,10 +15,10 @@ from torch import Tensor
 from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import detections
-from rauca_core.detect.training.assignment import assign
-from rauca_core.detect.training.criterion import centered, corners, generalized_iou, layer_losses, match
-from rauca_core.detect.training.network import Truth
-from rauca_core.detect.training.networks import build_network
+from rauca_core.detect.synth.assignment import assign
+from rauca_core.detect.synth.criterion import centered, corners, generalized_iou, layer_losses, match
+from rauca_core.detect.synth.network import Truth
+from rauca_core.detect.synth.networks import build_network
 
 torch.set_num_threads(1)
 

@@ -14,9 +14,9 @@ from torch import Tensor
 from rauca_core.contract import Camera, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import car_score, load_detector
-from rauca_core.detect.training import load_synth, read_card, shipped_weights
+from rauca_core.detect.synth import load_synth, read_card, shipped_weights
 from rauca_core.environment.shading import plain_shading
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 torch.set_num_threads(1)
 

@@ -30,9 +30,9 @@ from rauca_core.contract.dataset import FINISHES
 from rauca_core.contract.recolor import find_colors
 from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
-from rauca_core.evaluate.ablations import experiment_named
-from rauca_core.evaluate.defences import make_defence
-from rauca_core.evaluate.views import find_ring, frames_of_scale
+from rauca_core.study.ablations import experiment_named
+from rauca_core.study.defences import make_defence
+from rauca_core.study.views import find_ring, frames_of_scale
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

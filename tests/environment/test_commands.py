@@ -16,7 +16,7 @@ from rauca_core.environment import LightSplitter, ModelCard, estimate, load_exac
 from rauca_core.environment.fit import WEIGHTS, Fit, fit
 from rauca_core.environment.preview import preview
 from rauca_core.environment.weights import load_extractor, save_extractor
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 GREY = (140, 140, 140)
 

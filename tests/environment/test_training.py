@@ -23,7 +23,7 @@ from rauca_core.environment.learner import SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import Job, Outcome, train
 from rauca_core.environment.training_state import load_state
-from rauca_core.team import team
+from rauca_core.runtime.team import team
 
 COLORS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
 TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}

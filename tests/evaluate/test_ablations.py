@@ -20,8 +20,11 @@ from pipelines.ablate import Ablation, Repeat, _optimize, own_settings, settings
 from pipelines.ablate_workspace import Workspace
 from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
-from rauca_core.evaluate import evaluate, reference_images
-from rauca_core.evaluate.ablations import (
+from rauca_core.report import write_ablation
+from rauca_core.report.tables import paper_tables
+from rauca_core.runtime.images import read_image
+from rauca_core.study import evaluate, reference_images
+from rauca_core.study.ablations import (
     DEFAULT,
     EXPERIMENTS,
     QUICK,
@@ -30,25 +33,23 @@ from rauca_core.evaluate.ablations import (
     Findings,
     Variant,
     experiment_named,
-    write_ablation,
 )
-from rauca_core.evaluate.ablations.paired import Scores, score_rows
-from rauca_core.evaluate.ablations.training_sets import TRAINING_SETS, chosen_frames
-from rauca_core.evaluate.ablations.verdicts import Comparison, Verdict, judge
-from rauca_core.evaluate.average_precision import Sample
-from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
-from rauca_core.evaluate.detection_cache import DetectionSettings
-from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
-from rauca_core.evaluate.scores import Bootstrap, score_table
-from rauca_core.evaluate.study import Entry, Study, save_study
-from rauca_core.evaluate.tables import paper_tables
-from rauca_core.images import read_image
+from rauca_core.study.ablations.paired import Scores, score_rows
+from rauca_core.study.ablations.training_sets import TRAINING_SETS, chosen_frames
+from rauca_core.study.ablations.verdicts import Comparison, Verdict, judge
+from rauca_core.study.average_precision import Sample
+from rauca_core.study.contestants import Contestant, find_vehicles, keep_copy
+from rauca_core.study.detection_cache import DetectionSettings
+from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
+from rauca_core.study.scores import Bootstrap, score_table
+from rauca_core.study.study import Entry, Study, save_study
 
 # The ablation of the study in this folder, by a process of its own.
 WRITE_AGAIN = """
 from pathlib import Path
-from rauca_core.evaluate.ablations import Findings, experiment_named, write_ablation
-from rauca_core.evaluate.study import load_study
+from rauca_core.study.ablations import (Findings, experiment_named)
+from rauca_core.report import (write_ablation)
+from rauca_core.study.study import load_study
 
 study, experiment = load_study(Path(".")), experiment_named("augmentation")
 runs = {name: [name] for name in study.entries[0].results.paints}
@@ -144,7 +145,7 @@ def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[
     )  # fmt: skip
     entry = Entry(weathers, "none", "sedan", "car", results, Path(weathers))
     monkeypatch.setattr(
-        "rauca_core.evaluate.ablations.paired.Recorded",
+        "rauca_core.study.ablations.paired.Recorded",
         lambda entry: type("R", (), {"sample": staticmethod(lambda d, p, i: samples[p][d][i])}),
     )
     return entry

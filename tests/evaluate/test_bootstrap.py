@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rauca_core.evaluate import Sample, average_precision
-from rauca_core.evaluate.bootstrap import Clusters, Ranking, interval
+from rauca_core.study import Sample, average_precision
+from rauca_core.study.bootstrap import Clusters, Ranking, interval
 
 TRUTH = np.array([10.0, 10.0, 50.0, 50.0])
 

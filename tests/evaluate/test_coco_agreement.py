@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rauca_core.evaluate import Sample, average_precision
-from rauca_core.evaluate.bootstrap import Ranking
+from rauca_core.study import Sample, average_precision
+from rauca_core.study.bootstrap import Ranking
 
 coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is part of the extra `dev`")
 cocoeval = pytest.importorskip("pycocotools.cocoeval")

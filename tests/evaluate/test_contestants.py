@@ -15,10 +15,10 @@ from pipelines.protocol import Request, _held_out
 from rauca_core.contract import Camouflage, Plan, Quality, RaucaError, Vehicle, Weather, load_camouflage
 from rauca_core.contract.camouflage import save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
-from rauca_core.evaluate.ablations.sizes import QUICK
-from rauca_core.evaluate.contestants import find_vehicles, keep_copy, match, read_contestants, read_vehicle_choice
-from rauca_core.evaluate.renders import FILE_NAME, RenderRecord
-from rauca_core.evaluate.views import RING
+from rauca_core.study.ablations.sizes import QUICK
+from rauca_core.study.contestants import find_vehicles, keep_copy, match, read_contestants, read_vehicle_choice
+from rauca_core.study.renders import FILE_NAME, RenderRecord
+from rauca_core.study.views import RING
 from tests.hostile.nasty import DEEP
 
 

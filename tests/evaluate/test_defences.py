@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.evaluate.defences import BitDepth, Jpeg, Median, Pad, defence_names, make_defence
+from rauca_core.study.defences import BitDepth, Jpeg, Median, Pad, defence_names, make_defence
 
 NAMES = [
     *defence_names(),

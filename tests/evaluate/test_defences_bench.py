@@ -15,7 +15,7 @@ from benchmarks.defences.bench import Extent, run_bench
 from benchmarks.defences.patch import SIDE, paste, patch_area
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
-from rauca_core.evaluate.defences import defence_names
+from rauca_core.study.defences import defence_names
 
 
 def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.evaluate.defences import LocalGradientsSmoothing
+from rauca_core.study.defences import LocalGradientsSmoothing
 
 
 def slow_lgs(

@@ -10,10 +10,10 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.evaluate.defences import GraphSegments, Pad, recompression
-from rauca_core.evaluate.defences.mutual_information import mutual_information_map, window_side
-from rauca_core.evaluate.defences.recompression import recompression_map
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.defences import GraphSegments, Pad, recompression
+from rauca_core.study.defences.mutual_information import mutual_information_map, window_side
+from rauca_core.study.defences.recompression import recompression_map
 
 TOWN = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "town.jpg"
 SIDE = 320

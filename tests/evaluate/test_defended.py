@@ -9,9 +9,9 @@ import torch
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
-from rauca_core.evaluate import evaluate, load_results, reference_images
-from rauca_core.evaluate.defences import Defence, make_defence
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study import evaluate, load_results, reference_images
+from rauca_core.study.defences import Defence, make_defence
 
 
 class Counted:

@@ -13,17 +13,10 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detections, Detector
-from rauca_core.evaluate import (
-    DetectionSettings,
-    Results,
-    average_precision,
-    evaluate,
-    load_results,
-    reference_images,
-)
-from rauca_core.evaluate.average_precision import Sample
-from rauca_core.evaluate.results import AXES
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study import DetectionSettings, Results, average_precision, evaluate, load_results, reference_images
+from rauca_core.study.average_precision import Sample
+from rauca_core.study.results import AXES
 
 
 class Counting:

@@ -15,10 +15,10 @@ from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import DensePredictions, Detections
-from rauca_core.evaluate import evaluate
-from rauca_core.evaluate.hardening import gains_of
-from rauca_core.evaluate.hardening_page import HardeningNotes, write_hardening
-from rauca_core.evaluate.study import Entry
+from rauca_core.report.hardening_page import HardeningNotes, write_hardening
+from rauca_core.study import evaluate
+from rauca_core.study.hardening import gains_of
+from rauca_core.study.study import Entry
 
 SIZE = 64
 RED, BLUE, GREEN = (220, 20, 20), (20, 20, 220), (20, 220, 20)

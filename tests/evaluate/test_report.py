@@ -23,13 +23,14 @@ from pipelines.report import report_run
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
-from rauca_core.evaluate import ReportNotes, evaluate, reference_images, save_showcase, write_report
-from rauca_core.evaluate.defences import make_defence
-from rauca_core.evaluate.frame_choice import PLACES, frame_scores, placed_frames, strongest_paint
-from rauca_core.evaluate.grid import FramePicker
-from rauca_core.evaluate.recorded import Recorded
-from rauca_core.evaluate.study import Entry, Study, load_study, save_study
-from rauca_core.evaluate.tables import shown, tables_of
+from rauca_core.report import ReportNotes, save_showcase, write_report
+from rauca_core.report.frame_choice import PLACES, frame_scores, placed_frames, strongest_paint
+from rauca_core.report.grid import FramePicker
+from rauca_core.report.tables import shown, tables_of
+from rauca_core.study import evaluate, reference_images
+from rauca_core.study.defences import make_defence
+from rauca_core.study.recorded import Recorded
+from rauca_core.study.study import Entry, Study, load_study, save_study
 
 VOID = {"meta", "img", "br", "wbr", "link", "input"}
 HOSTILE = "<script>alert(1)</script>"

@@ -16,11 +16,8 @@ import pytest
 
 from rauca_core.contract import Camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
-from rauca_core.evaluate.headline import headline
-from rauca_core.evaluate.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
-from rauca_core.evaluate.study import Entry, Study, load_study, save_study
-from rauca_core.evaluate.tables import (
+from rauca_core.report.headline import headline
+from rauca_core.report.tables import (
     BEST,
     SECOND,
     Block,
@@ -38,8 +35,11 @@ from rauca_core.evaluate.tables import (
     tables_latex,
     tables_of,
 )
-from rauca_core.evaluate.tables.families import family_of, in_table_order
-from rauca_core.evaluate.tables.latex import escape
+from rauca_core.report.tables.latex import escape
+from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.study.families import family_of, in_table_order
+from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from rauca_core.study.study import Entry, Study, load_study, save_study
 
 HOSTILE = "<script>alert(1)</script> & 50%_{x}\\end"
 PAINTS = ("normal", "random", "ours")

@@ -12,10 +12,10 @@ import pytest
 from benchmarks.stability.drawn import make_dataset
 from pipelines import report
 from rauca_core.contract import RaucaError, Vehicle
-from rauca_core.evaluate import ReportNotes
-from rauca_core.evaluate.detection_cache import DetectionSettings
-from rauca_core.evaluate.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, load_results, save_results
-from rauca_core.evaluate.study import Entry, load_study, save_study
+from rauca_core.report import ReportNotes
+from rauca_core.study.detection_cache import DetectionSettings
+from rauca_core.study.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, load_results, save_results
+from rauca_core.study.study import Entry, load_study, save_study
 
 FRAME = FrameRow("L00-V000-clear", "clear", 0.0, 10.0, 5.0, 45.0, 0.0, (1.0, 2.0, 30.0, 20.0), 0, 0)
 

@@ -11,7 +11,7 @@ import pytest
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Plan, RaucaError, balanced_frames, find_preset
 from rauca_core.contract.assets import assets_folder
-from rauca_core.evaluate.views import SCALES, HeldOut, find_ring, frames_of_scale
+from rauca_core.study.views import SCALES, HeldOut, find_ring, frames_of_scale
 
 WEATHERS = find_preset("enhanced", assets_folder() / "weathers")
 

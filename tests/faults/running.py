@@ -22,7 +22,7 @@ SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
     [
         *("pipelines.cli", "pipelines.train_efe", "pipelines.optimize_camouflage", "pipelines.protocol"),
-        *("rauca_core.evaluate.defences", "rauca_core.detect.darknet", "torch.utils.tensorboard", "cv2"),
+        *("rauca_core.study.defences", "rauca_core.detect.darknet", "torch.utils.tensorboard", "cv2"),
         *("numba.experimental", "numba.np.arrayobj", "numba.np.linalg"),  # at the first step
     ]
 )

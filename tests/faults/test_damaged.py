@@ -16,8 +16,8 @@ from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.dataset_tools import check_dataset
 from rauca_core.environment import load_extractor
-from rauca_core.evaluate.renders import discard_damaged
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.renders import discard_damaged
 from tests.faults.jobs import EVALUATE, MAKE, NO_BLENDER, OPTIMIZE, POINTER, TRAIN, Content, Inputs, Job
 from tests.faults.running import rauca
 

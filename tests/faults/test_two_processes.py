@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from rauca_core.contract import RaucaError
-from rauca_core.folder_lock import LOCK_FILE, alone_in
+from rauca_core.runtime.folder_lock import LOCK_FILE, alone_in
 from tests.faults.jobs import LEARNING, Content, Inputs, Job, each
 from tests.faults.running import Running, rauca
 

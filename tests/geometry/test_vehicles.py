@@ -13,7 +13,7 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.geometry import atlas_report, covered
 from rauca_core.geometry.build import BUILDERS, main
 from rauca_core.geometry.mesh import face_normals
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 # Category; length, width and height in metres: low, high.
 KINDS = {

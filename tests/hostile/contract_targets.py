@@ -38,10 +38,10 @@ from rauca_core.contract.files import png_bytes
 from rauca_core.contract.reading import read_limited
 from rauca_core.dataset_tools.check_frame import checksums
 from rauca_core.dataset_tools.ledger_lines import check_ledgers
-from rauca_core.evaluate.detection_cache import DetectionCache, DetectionSettings
-from rauca_core.evaluate.results import load_results
-from rauca_core.evaluate.study import load_study
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.study.results import load_results
+from rauca_core.study.study import load_study
 
 from .mutate import mutate_json, mutate_lines, mutate_text
 from .target import Target

@@ -18,7 +18,7 @@ from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import load_model
 from rauca_core.detect.graphs import CaffeSsdDetector, TfSsdDetector
 from rauca_core.detect.onnx_detector import OnnxDetector
-from rauca_core.detect.training.card import load_network
+from rauca_core.detect.synth.card import load_network
 from tests.detect.conftest import EVERY_LAYER, write_random_weights
 from tests.detect.graphs.conftest import PROTO, ssd_graph
 

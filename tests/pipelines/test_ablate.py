@@ -21,10 +21,10 @@ from rauca_core.contract import Dataset, RaucaError, StoppedError, load_camoufla
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import load_detector
 from rauca_core.detect.load import resolve
-from rauca_core.evaluate.ablations.sizes import QUICK
-from rauca_core.evaluate.contestants import Contestant, find_vehicles, keep_copy
-from rauca_core.evaluate.study import load_study
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.ablations.sizes import QUICK
+from rauca_core.study.contestants import Contestant, find_vehicles, keep_copy
+from rauca_core.study.study import load_study
 from tests.published import published_weights
 
 

@@ -14,8 +14,8 @@ from pipelines import demo
 from pipelines.demo import DemoChoice, DemoScale, run_demo
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import load_camouflage, load_vehicle
-from rauca_core.evaluate import load_results
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study import load_results
 
 SMALL = DemoScale(
     frames="--weathers demo --size 128 --samples 2",

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.stability.box import painted_box
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import read_history
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 from tests.published import published_weights
 
 STEPS = 3

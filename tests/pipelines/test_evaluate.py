@@ -14,8 +14,8 @@ from pipelines.protocol import Request
 from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
-from rauca_core.evaluate.study import load_study
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
+from rauca_core.study.study import load_study
 from tests.published import published_weights
 
 SEDAN = assets_folder() / "vehicles" / "sedan"

@@ -16,7 +16,7 @@ from pipelines.cli import app
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Camouflage, RaucaError, Vehicle, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 
 @pytest.fixture

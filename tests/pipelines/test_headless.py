@@ -27,7 +27,7 @@ from rauca_core.contract import (
     save_camouflage,
 )
 from rauca_core.contract.files import png_bytes
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 MAKE = REPOSITORY / "pipelines" / "make_dataset.py"

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from rauca_core.contract import OptimizeProgress, Vehicle, parse_optimize_progress
-from rauca_core.images import read_image
+from rauca_core.runtime.images import read_image
 from tests.published import published_weights
 
 

@@ -9,8 +9,8 @@ import torch
 from benchmarks.render.blender import Job, render_jobs
 from rauca_core.contract import Camera, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.images import read_image
 from rauca_core.render import Pyramid, build_taps
+from rauca_core.runtime.images import read_image
 
 SIZE = 256  # at half this, pixels at exactly half coverage decide the overlap
 MAP = 512

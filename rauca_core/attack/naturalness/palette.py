@@ -17,7 +17,7 @@ from torch import Tensor
 from ...contract import RaucaError
 from ...contract.reading import read_text
 from ...contract.seeding import named_rng
-from ...images import read_image
+from ...runtime.images import read_image
 from ..background import cluster
 from .choice import is_color, parse_color
 

@@ -13,8 +13,8 @@ from torch import Tensor
 from ...contract import RaucaError, Vehicle, load_camouflage
 from ...contract.checksums import file_digest
 from ...contract.color import to_bytes
-from ...images import read_image
 from ...render import Pyramid, display, pattern_pyramid, project_pattern, undisplay
+from ...runtime.images import read_image
 from .choice import Naturalness, is_color, parse_color
 
 PHOTO = 512  # texels across a photograph

@@ -16,8 +16,8 @@ from rauca_core.attack.naturalness.surface import TexelPoints, link
 from rauca_core.attack.naturalness.texture import Constraints, NaturalColors
 from rauca_core.contract import Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.images import read_image
 from rauca_core.render import Pyramid
+from rauca_core.runtime.images import read_image
 
 SIZE = 128
 

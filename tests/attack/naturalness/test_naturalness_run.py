@@ -27,8 +27,8 @@ from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_camouflage, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes
-from rauca_core.images import read_image
 from rauca_core.render import Pyramid
+from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
 PALETTE = ("#101010", "#4b5320", "#c8c0a0", "#f0f0f0")

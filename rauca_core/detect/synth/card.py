@@ -1,0 +1,181 @@
+"""Weights of our own detectors on disk: a safetensors file in half precision, and the card that says what it is."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import safetensors.torch
+import torch
+from torch import Tensor, nn
+
+from ... import __version__
+from ...contract import RaucaError
+from ...contract.assets import assets_folder
+from ...contract.schema import Fields, read_json
+from ...runtime.carded_weights import read_carded, save_carded
+from ...runtime.checkpoint_files import TENSOR_DAMAGE
+from ..batch_norm import freeze_batch_norms
+from ..classes import unusual_names
+from .adapter import SynthDetector
+from .networks import RECIPES, build_network, find_recipe, is_darknet
+
+FORMAT = ("rauca-detector-weights", 1)
+MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203
+REMEDY = "train it again with `rauca detectors train`"
+LICENCE = "Apache-2.0; the body began as YOLOv4-tiny's (public domain, darknet)"
+CAUTION = (
+    "Trained on this project's synthetic frames alone: not a COCO detector, and no judge of photographs. Its body "
+    "began with YOLOv4-tiny's COCO weights, so attacks may transfer between the two more easily than between "
+    "strangers. It saw plain paints only and is not hardened against anything."
+)
+
+HARDENED = (
+    "Fine-tuned on this project's synthetic frames, in plain paint and in camouflage: what it gained was measured "
+    "on renders of the vehicles that its card names, and on camouflages of the kind it was trained on."
+)
+
+
+@dataclass(frozen=True)
+class DetectorCard:
+    """Where weights come from and what they are good for.
+
+    Attributes:
+        name: of the network, a key of :data:`networks.RECIPES` or a darknet network of the catalogue.
+        architecture, licence, caution: for people.
+        class_names: in the network's order.
+        size: the network's square input, pixels.
+        body: sha256 of the weights that the body, or the whole network, began with.
+        data: per data set: name, use, vehicle, frames, size, weathers, seed.
+        command: that made them, folders by their last names.
+        seed, steps, settings: of the training.
+        cpu_minutes: that it took, tests included.
+        metrics: on the test frames, see ``measure.Findings``.
+        remarks: for people.
+        rauca: version that wrote them.
+        called: the detector's name in tables; ``name`` unless given.
+        hardened: against what, for weights of `harden`.
+    """
+
+    name: str
+    class_names: tuple[str, ...]
+    size: int
+    architecture: str = ""
+    licence: str = LICENCE
+    caution: str = CAUTION
+    body: str = ""
+    data: list[dict[str, Any]] = field(default_factory=list)
+    command: str = ""
+    seed: int = 0
+    steps: int = 0
+    settings: dict[str, Any] = field(default_factory=dict)
+    cpu_minutes: float = 0.0
+    metrics: dict[str, Any] = field(default_factory=dict)
+    remarks: str = ""
+    rauca: str = __version__
+    called: str = ""
+    hardened: dict[str, Any] = field(default_factory=dict)
+
+
+def shipped_weights(name: str) -> Path:
+    """Where rauca brings the weights of that name."""
+    return assets_folder() / "detectors" / f"{name}.safetensors"
+
+
+def load_synth(name: str) -> SynthDetector:
+    """A detector of our own that rauca ships.
+
+    Raises:
+        RaucaError: unknown name, weights missing or damaged, ``rauca[detectors]`` not installed.
+    """
+    find_recipe(name)
+    return load_weights(shipped_weights(name))
+
+
+def save_weights(path: Path, network: nn.Module, card: DetectorCard) -> None:
+    """Write weights and card; the card, which names the weights' sha256, comes last."""
+    tensors = {name: _half(t) for name, t in network.state_dict().items()}
+    save_carded(path, path.with_suffix(".json"), FORMAT, tensors, asdict(card))
+
+
+def load_weights(path: Path) -> SynthDetector:
+    """The detector of a weights file and its card, ready to infer on the CPU.
+
+    Raises:
+        RaucaError: missing, damaged, or not what the card describes.
+    """
+    network, card, digest = load_network(path)
+    settings = f"{digest} {card.name} {card.size}{unusual_names(card.class_names)}"
+    fingerprint = hashlib.sha256(settings.encode()).hexdigest()
+    return as_detector(card, freeze_batch_norms(network).requires_grad_(False), fingerprint)
+
+
+def as_detector(card: DetectorCard, network: nn.Module, fingerprint: str = "") -> SynthDetector:
+    """A network in evaluation mode as the detector that its card describes."""
+    return SynthDetector(card.called or card.name, network, card.class_names, card.size, fingerprint)
+
+
+def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
+    """The network of a weights file, ready to learn on, its card, and the file's sha256; see :func:`load_weights`."""
+    card, digest = read_card(path.with_suffix(".json"))
+    if not path.is_file():
+        raise RaucaError(f"{path}: no such weights; {REMEDY}")
+    data = read_carded(path, digest, REMEDY)
+    network = build_network(card.name, len(card.class_names))
+    try:
+        tensors = safetensors.torch.load(data)
+        network.load_state_dict({name: t.float() if t.dtype == torch.half else t for name, t in tensors.items()})
+    except TENSOR_DAMAGE as error:
+        raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
+    if not all(t.isfinite().all() for t in network.state_dict().values()):
+        raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
+    return network, card, digest
+
+
+def read_card(path: Path) -> tuple[DetectorCard, str]:
+    """The card and the sha256 of the weights it describes."""
+    if not path.is_file():
+        raise RaucaError(f"{path}: the weights' card is missing; keep the two files together, or {REMEDY}")
+    fields = read_json(path)
+    fields.format(*FORMAT)
+    digest = fields.text("sha256")
+    card = DetectorCard(
+        name=fields.text("name"),
+        class_names=tuple(str(name) for name in fields.items("class_names")),
+        size=fields.integer("size", 64, 2048),
+        data=list(fields.items("data")),
+        seed=fields.integer("seed"),
+        steps=fields.integer("steps"),
+        settings=_object(fields, "settings"),
+        cpu_minutes=fields.number("cpu_minutes", 0),
+        metrics=_object(fields, "metrics"),
+        **{n: fields.text(n) for n in ("architecture", "licence", "caution", "body", "command", "remarks", "rauca")},
+        called=_called(fields),
+        hardened=_object(fields, "hardened") if fields.has("hardened") else {},
+    )
+    fields.done()
+    if len(card.class_names) > MAX_CLASSES:
+        raise RaucaError(f"{path}: names {len(card.class_names)} classes; at most {MAX_CLASSES} are read; {REMEDY}")
+    if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
+        known = ", ".join(RECIPES)
+        raise RaucaError(f"{path}: must name one of {known} or a darknet network, and its classes; {REMEDY}")
+    return card, digest
+
+
+def _half(tensor: Tensor) -> Tensor:
+    tensor = tensor.detach().cpu().contiguous()
+    return tensor.half() if tensor.dtype.is_floating_point else tensor
+
+
+def _called(fields: Fields) -> str:
+    """The detector's name in tables; files of detections bear it, so it must be no path."""
+    return fields.plain_name("called") if fields.has("called") and fields.text("called") else ""
+
+
+def _object(fields: Fields, name: str) -> dict[str, Any]:
+    value = fields.raw(name)
+    if not isinstance(value, dict):
+        raise RaucaError(f"{fields.where}: {name} must be a JSON object; {REMEDY}")
+    return value

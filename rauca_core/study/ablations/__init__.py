@@ -1,0 +1,18 @@
+"""Ablations: variants of the optimization, all measured on the same held-out views, beside what the paper printed."""
+
+from .catalogue import EXPERIMENTS, experiment_named
+from .experiment import Claim, Experiment, Variant
+from .findings import Findings
+from .sizes import DEFAULT, QUICK, Sizes
+
+__all__ = [
+    "DEFAULT",
+    "EXPERIMENTS",
+    "QUICK",
+    "Claim",
+    "Experiment",
+    "Findings",
+    "Sizes",
+    "Variant",
+    "experiment_named",
+]

@@ -1,0 +1,165 @@
+"""Which camouflages take part in a study, and on which vehicles; mistakes are found before anything is rendered."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..contract import Camouflage, RaucaError, load_camouflage, load_vehicle, save_camouflage
+from ..contract.assets import assets_folder
+from ..contract.schema import read_json
+from ..runtime.images import read_image
+
+NORMAL = "normal"  # the vehicle in its reference paint
+RANDOM = "random"  # random paint made for the study
+_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+ -]*")  # it names folders and table rows
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A camouflage under the label it has in tables; ``path`` is its JSON."""
+
+    label: str
+    path: Path
+    record: Camouflage
+
+
+@dataclass(frozen=True)
+class VehicleChoice:
+    """A vehicle that a study is about; ``category`` is the class that detectors are asked for."""
+
+    name: str
+    category: str
+    atlas_id: str
+    folder: Path
+
+    @property
+    def target(self) -> str:
+        """The class that a camouflage hides it from; of a plain shape, which is in no detector's list, a car's."""
+        return "car" if self.category == "shape" else self.category
+
+
+def read_contestants(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) -> list[Contestant]:
+    """Read camouflages given as ``FILE`` or ``LABEL=FILE`` (JSON or PNG path).
+
+    Raises:
+        RaucaError: a missing or damaged file, a map of another size than its JSON says, a label that is reserved or
+            cannot name a folder, two of one label on the same vehicle.
+    """
+    contestants = [_read(one) for one in given]
+    seen: dict[tuple[str, str], Contestant] = {}
+    for contestant in contestants:
+        label, path = contestant.label, contestant.path
+        if label.lower() in set(reserved) or not _LABEL.fullmatch(label):
+            raise RaucaError(f"{path}: cannot be called {label!r} in a study; name it: LABEL={path}")
+        twin = seen.setdefault((contestant.record.atlas_id, label), contestant)
+        if twin is not contestant:
+            raise RaucaError(f"{path}: called {label!r} as {twin.path} is; name one: LABEL={path}")
+    return contestants
+
+
+def _read(given: str) -> Contestant:
+    label, equals, path = given.partition("=")
+    if not equals or Path(given).exists():
+        label, path = "", given
+    record, image = load_camouflage(Path(path))
+    height, width = read_image(image).shape[:2]
+    if (height, width) != (record.size, record.size):
+        raise RaucaError(
+            f"{image}: is {width}x{height}, its .json says {record.size}x{record.size}; keep the two files together"
+        )
+    return Contestant(label or record.name, Path(path).with_suffix(".json"), record)
+
+
+def find_vehicles(names: Sequence[str]) -> list[VehicleChoice]:
+    """Vehicles by shipped name or vehicle folder; every shipped one when ``names`` is empty.
+
+    Raises:
+        RaucaError: neither a shipped vehicle nor a vehicle folder.
+    """
+    shipped = {path.parent.name: path.parent for path in sorted((assets_folder() / "vehicles").glob("*/vehicle.json"))}
+    vehicles = []
+    for name in names or shipped:
+        folder = shipped.get(name, Path(name))
+        if not (folder / "vehicle.json").is_file():
+            raise RaucaError(
+                f"--vehicle {name}: no vehicle folder; give one, such as the `vehicle` folder of the data set that the "
+                f"camouflage was optimized on, or one of {', '.join(shipped)}"
+            )
+        vehicles.append(read_vehicle_choice(folder))
+    return vehicles
+
+
+def read_vehicle_choice(folder: Path) -> VehicleChoice:
+    """What a vehicle folder says of itself."""
+    fields = read_json(folder / "vehicle.json")
+    return VehicleChoice(fields.plain_name("name"), fields.text("category"), fields.text("atlas_id"), folder)
+
+
+def check_vehicle(dataset: Path, vehicle: VehicleChoice, option: str) -> None:
+    """Refuse a data set that was begun with another vehicle; its plan knows a vehicle by name and UV atlas alone.
+
+    Args:
+        option: that names the folder of all, for the user to choose another.
+    """
+    if not (dataset / "vehicle" / "vehicle.json").is_file():  # not begun, or damaged and about to be written again
+        return
+    given = load_vehicle(vehicle.folder, read_image)
+    try:
+        kept = load_vehicle(dataset / "vehicle", read_image)
+    except RaucaError:  # damaged: a job that needs it says so, and what is rendered already does not
+        return
+    if changed := kept.changed(given):
+        raise RaucaError(
+            f"{dataset}: holds another vehicle of the name {vehicle.name} (changed: {', '.join(changed)}); choose "
+            f"another {option}"
+        )
+
+
+def match(
+    contestants: Sequence[Contestant], vehicles: Sequence[VehicleChoice], everyone: bool
+) -> Mapping[VehicleChoice, list[Contestant]]:
+    """Which camouflages each vehicle is evaluated in.
+
+    Args:
+        everyone: evaluate vehicles that no camouflage fits, too (in their other paints).
+
+    Raises:
+        RaucaError: a camouflage that fits none of the vehicles, two vehicles of one name.
+    """
+    by_atlas = {vehicle.atlas_id: vehicle for vehicle in vehicles}
+    matched: dict[VehicleChoice, list[Contestant]] = {vehicle: [] for vehicle in vehicles}
+    for contestant in contestants:
+        record = contestant.record
+        if record.atlas_id not in by_atlas:
+            known = ", ".join(f"{v.name} ({v.atlas_id})" for v in vehicles)
+            raise RaucaError(
+                f"{contestant.path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, there are {known}; "
+                "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimized on"
+            )
+        matched[by_atlas[record.atlas_id]].append(contestant)
+    result = {vehicle: some for vehicle, some in matched.items() if some or everyone}
+    names = [vehicle.name for vehicle in result]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise RaucaError(f"--vehicle: two different vehicles are called {min(twice)!r}; evaluate them in two studies")
+    return result
+
+
+def keep_copy(contestant: Contestant, folder: Path) -> Path:
+    """Copy a camouflage to ``folder/<label>.json`` under its label, so that a study holds what it judged."""
+    target = folder / f"{contestant.label}.json"
+    record, image = load_camouflage(contestant.path)
+    record, png = replace(record, name=contestant.label), image.read_bytes()
+    if not _is_copy(target, record, png):
+        save_camouflage(target, record, png)
+    return target
+
+
+def _is_copy(target: Path, record: Camouflage, png: bytes) -> bool:
+    try:
+        found, image = load_camouflage(target)
+    except RaucaError:
+        return False
+    return found == record and image.read_bytes() == png

@@ -1,0 +1,1 @@
+"""Training of detectors: one resumable loop, hardening, and what they are shown."""

@@ -1,0 +1,130 @@
+"""What a detector is shown to be hardened: frames whose vehicle wears a camouflage, a share of the time.
+
+The exact light maps turn any UV map into the frame that Cycles would render, in milliseconds: the optimizer's own
+renderer looks the texels up, ``A * x + B`` lights them. What is not painted, and vehicles that no camouflage fits, stay
+as plain sights show them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..contract import RaucaError, load_camouflage
+from ..contract.color import linear_from_srgb
+from ..environment.frames import LightFrames
+from ..render import Canvas, Pyramid, TapCache, TapSettings
+from ..runtime.images import read_image
+from .paint import draw_color
+from .sights import Sights
+
+VARIED = 0.5  # share of camouflages that are shown in other colors
+FADED = 0.5  # and of these, blended with a plain paint
+FAINTEST = 0.6  # largest weight of the plain paint
+
+
+class CamouflagedSights(Sights):
+    """Sights of which a share wears one of the camouflages that fit the frame's vehicle.
+
+    Args:
+        camouflages: JSON paths; one that fits no data set's vehicle is an error.
+        taps: folder of tap files, made as needed.
+        share: of frames that wear one, where one fits.
+        recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
+        varied: also show camouflages in permuted colors and faded, so that no single palette is learnt by heart.
+        memory_mb: of taps kept in memory for each vehicle, MiB.
+
+    Raises:
+        RaucaError: a camouflage that is damaged or fits none of the vehicles.
+    """
+
+    def __init__(
+        self,
+        frames: LightFrames,
+        class_names: Sequence[str],
+        size: int,
+        camouflages: Sequence[Path],
+        taps: Path,
+        share: float,
+        recipe: TapSettings,
+        varied: bool = True,
+        memory_mb: int = 2048,
+    ) -> None:
+        super().__init__(frames, class_names, size)
+        self._share, self._recipe, self._folder, self._varied = share, recipe, taps, varied
+        self._memory = memory_mb * 2**20
+        self._caches: dict[str, TapCache] = {}
+        self._geometries: dict[int, str] = {}
+        self._texels = self._read(camouflages)
+
+    def painted(self, index: int, rng: np.random.Generator) -> Tensor:
+        """The frame in one of the camouflages, or in a plain paint: (3, H, W) float32 linear, not clipped."""
+        worn = self._texels.get(self._atlas(index), [])
+        if not worn or rng.random() >= self._share:
+            return super().painted(index, rng)
+        texels = worn[rng.integers(len(worn))]
+        return self._wear(index, vary(texels, rng) if self._varied else texels)
+
+    def _wear(self, index: int, texels: Tensor) -> Tensor:
+        """The frame with paintable texels (P, 3) linear on its vehicle."""
+        frame, cache = self.frames.get(index), self._cache(index)
+        taps = cache.get(self.frames.camera(index))
+        albedo = Canvas(cache.pyramid, texels).see([taps.rows])
+        A, B = (light.float().reshape(3, -1) for light in (frame.A, frame.B))
+        pixels = torch.from_numpy(taps.pixels.astype(np.int64))
+        lit = A[:, pixels] * albedo.T + B[:, pixels]
+        return (A * frame.reference[:, None] + B).index_copy(1, pixels, lit).reshape(frame.A.shape)
+
+    def _cache(self, index: int) -> TapCache:
+        """Taps of the frame's vehicle, which data sets may share."""
+        number, vehicle = self.frames.places[index].dataset, self.frames.vehicle(index)
+        key = self._geometries.get(number) or self._geometries.setdefault(number, vehicle.geometry_id)
+        if key not in self._caches:
+            self._caches[key] = TapCache(self._folder, vehicle, self._recipe, self._memory)
+        return self._caches[key]
+
+    def _atlas(self, index: int) -> str:
+        return self.frames.datasets[self.frames.places[index].dataset].plan.atlas_id
+
+    def _read(self, camouflages: Sequence[Path]) -> dict[str, list[Tensor]]:
+        """Texels of the camouflages by UV atlas."""
+        first: dict[str, int] = {}
+        for index, place in enumerate(self.frames.places):
+            first.setdefault(self.frames.datasets[place.dataset].plan.atlas_id, index)
+        found: dict[str, list[Tensor]] = {}
+        for path in camouflages:
+            record, image = load_camouflage(path)
+            if record.atlas_id not in first:
+                raise RaucaError(
+                    f"{path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, which no data set shows; "
+                    "add a data set of that vehicle with --data"
+                )
+            pyramid = self._cache(first[record.atlas_id]).pyramid
+            found.setdefault(record.atlas_id, []).append(read_texels(image, pyramid))
+        return found
+
+
+def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
+    """The paintable texels (P, 3) linear of a UV map's PNG, resampled to the pyramid's size."""
+    linear: NDArray[Any] = linear_from_srgb(read_image(image).astype(np.float32) / 255).astype(np.float32)
+    if linear.shape[0] != pyramid.size:
+        how = cv2.INTER_AREA if linear.shape[0] > pyramid.size else cv2.INTER_LINEAR
+        linear = cv2.resize(linear, (pyramid.size, pyramid.size), interpolation=how)
+    return pyramid.from_map(torch.from_numpy(np.ascontiguousarray(linear.transpose(2, 0, 1))))
+
+
+def vary(texels: Tensor, rng: np.random.Generator) -> Tensor:
+    """The same pattern (P, 3) linear, half the time in permuted colors, and of these half faded into a plain paint."""
+    if rng.random() >= VARIED:
+        return texels
+    texels = texels[:, torch.from_numpy(rng.permutation(3))].contiguous()
+    if rng.random() < FADED:
+        texels = torch.lerp(texels, torch.from_numpy(draw_color(rng)), float(rng.uniform(0, FAINTEST)))
+    return texels

@@ -1,0 +1,189 @@
+"""From data sets to a detector with a card: the training as users start it."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import nn
+
+from ..contract import RaucaError, read_plan
+from ..detect.catalogue import find_source
+from ..detect.store import stored_path, verify
+from ..detect.synth.adapter import SynthDetector
+from ..detect.synth.card import DetectorCard, load_network, save_weights
+from ..detect.synth.networks import BODY, build_network, find_recipe
+from ..detect.weights_file import sha256_of
+from ..environment.frames import LightFrames
+from .loop import Job, RoundReport, train
+from .measure import CAR, Findings, Score, measure
+from .settings import DetectorSettings
+from .sights import Sights
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a training is given.
+
+    Attributes:
+        name: of the detector, a key of ``networks.RECIPES``.
+        datasets: folders to train on, with light maps and of one image size.
+        out: folder for the weights and checkpoints.
+        tests: folders to test on; without any, a share of the locations of ``datasets`` is held out.
+        start: weights of an earlier training of the same detector to begin with.
+        classes: to tell apart, beside ``car``, each in the data unless ``start`` knows it; without any, those with
+            ``settings.fewest`` boxes in the data.
+        command, remarks: for the card.
+    """
+
+    name: str
+    datasets: Sequence[Path]
+    out: Path
+    settings: DetectorSettings
+    score: Score
+    tests: Sequence[Path] = ()
+    start: Path | None = None
+    classes: Sequence[str] = ()
+    command: str = ""
+    remarks: str = ""
+
+
+def fit(
+    wanted: Fit,
+    resume: bool = False,
+    on_round: Callable[[RoundReport], None] = lambda report: None,
+    on_step: Callable[[int, int, float], None] = lambda done, steps, loss: None,
+) -> tuple[Path, Findings]:
+    """Train, or go on; the averaged weights of the last step end in ``out`` as ``NAME.safetensors`` with their card.
+
+    Raises:
+        RaucaError: unusable data sets, settings, folder or weights; a loss that is not finite; a stop.
+    """
+    find_recipe(wanted.name)
+    _check_folders(wanted)
+    settings, began = wanted.settings, time.process_time()
+    frames = LightFrames([*wanted.datasets, *wanted.tests], settings.memory_mb)
+    chosen, held_out = _split(frames, wanted)
+    class_names = _class_names(frames, chosen, wanted)
+    network, origin = _start(wanted, class_names)
+    sights = Sights(frames, class_names, settings.size)
+
+    def test(average: nn.Module) -> Findings:
+        detector = SynthDetector(wanted.name, average, class_names, settings.size)
+        return measure(detector, sights, held_out, wanted.score, settings.seed)
+
+    identity = {
+        "name": wanted.name, "classes": list(class_names), "data": frames.digest, "datasets": len(wanted.datasets),
+        "start": origin,
+    }  # fmt: skip
+    job = Job(network, sights, chosen, test, settings, wanted.out, identity)
+    average, findings = train(job, resume, on_round, on_step)
+    weights = wanted.out / f"{wanted.name}.safetensors"
+    card = DetectorCard(
+        name=wanted.name,
+        class_names=class_names,
+        size=settings.size,
+        architecture=find_recipe(wanted.name).architecture,
+        body=origin,
+        data=_describe(frames, held_out),
+        command=wanted.command,
+        seed=settings.seed,
+        steps=settings.steps,
+        settings=settings.model_dump(mode="json"),
+        cpu_minutes=round((time.process_time() - began) / 60, 1),
+        metrics=findings.to_json(),
+        remarks=wanted.remarks,
+    )
+    save_weights(weights, average, card)
+    return weights, findings
+
+
+def _check_folders(wanted: Fit) -> None:
+    """Refuse what would be tested on what it was trained on, and frames that differ in size."""
+    folders = [folder.resolve() for folder in (*wanted.datasets, *wanted.tests)]
+    for folder, times in Counter(folders).items():
+        if times > 1:
+            raise RaucaError(f"{folder}: given more than once; what is trained on cannot be tested on")
+    sizes = {folder: read_plan(folder).size for folder in folders}
+    usual = Counter(sizes.values()).most_common(1)[0][0]
+    for folder, size in sizes.items():
+        if size != usual:
+            raise RaucaError(f"{folder}: frames of {size} pixels, the others have {usual}; render them at one size")
+
+
+def _split(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
+    """Indices to train on and to test on; refuses what teaches or tests nothing."""
+    if wanted.tests:
+        chosen, held_out = (
+            [i for i, place in enumerate(frames.places) if (place.dataset >= len(wanted.datasets)) == test]
+            for test in (False, True)
+        )
+    else:
+        chosen, held_out = frames.split("location", wanted.settings.test_share, wanted.settings.seed)
+    for what, indices in (("train", chosen), ("test", held_out)):
+        if not any(frames.vehicle(i).category == CAR for i in indices):
+            raise RaucaError(f"data sets: no frame to {what} on shows a car; add a data set of one, e.g. of the sedan")
+    return chosen, held_out
+
+
+def _class_names(frames: LightFrames, chosen: Sequence[int], wanted: Fit) -> tuple[str, ...]:
+    """``car``, then the classes asked for, or those annotated often enough by name.
+
+    A class that no frame shows can be kept from the weights to begin with, but not be learnt.
+    """
+    count: Counter[str] = Counter()
+    for index in chosen:
+        count[frames.vehicle(index).category] += 1
+        count.update(instance.category for instance in frames.places[index].frame.instances)
+    if not wanted.classes:
+        usual = (name for name, boxes in count.items() if boxes >= wanted.settings.fewest)
+        return (CAR, *sorted(name for name in usual if name not in (CAR, "shape")))
+    unseen = [name for name in wanted.classes if name not in count]
+    if unseen and wanted.start is None:
+        raise RaucaError(f"--classes {unseen[0]}: in no frame to train on; choose among {', '.join(sorted(count))}")
+    return tuple(dict.fromkeys((CAR, *wanted.classes)))
+
+
+def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
+    """The network to begin with, and the sha256 of the weights that went into it."""
+    if wanted.start is None:
+        body = _yolo_body()
+        return build_network(wanted.name, len(class_names), body, wanted.settings.seed), sha256_of(body)
+    network, card, digest = load_network(wanted.start)
+    if (card.name, card.class_names) != (wanted.name, class_names):
+        raise RaucaError(
+            f"{wanted.start}: holds a {card.name} of the classes {', '.join(card.class_names)}, but a {wanted.name} of "
+            f"{', '.join(class_names)} is to be trained; start without it"
+        )
+    return network, digest
+
+
+def _yolo_body() -> Path:
+    """The fetched weights that a body begins with."""
+    source = find_source(BODY)
+    verify(source)
+    return stored_path(source)
+
+
+def _describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any]]:
+    described, tested = [], Counter(frames.places[i].dataset for i in held_out)
+    whole = Counter(place.dataset for place in frames.places)
+    for number, dataset in enumerate(frames.datasets):
+        plan = dataset.plan
+        described.append(
+            {
+                "name": plan.name,
+                "vehicle": plan.vehicle_name,
+                "frames": whole[number],
+                "tested on": tested[number],
+                "size": plan.size,
+                "samples": plan.quality.samples,
+                "weathers": [weather.name for weather in plan.weathers],
+                "seed": plan.seed,
+            }
+        )
+    return described

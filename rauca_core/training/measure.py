@@ -1,0 +1,105 @@
+"""How well a detector finds the cars of frames that it was not trained on, and what it wrongly takes for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import Weather
+from ..contract.seeding import named_rng
+from ..detect.interface import Detections, Detector
+from ..detect.nms import box_iou
+from ..detect.scoring import class_index
+from .sights import Sights
+
+CAR = "car"
+ALL = "all"
+SURE = 0.5  # the score of a false alarm
+NEAR = 0.3  # overlap with the object that raised it
+_BATCH = 8
+
+GROUPS: dict[str, Callable[[Weather], bool]] = {
+    "clear day": lambda w: w.sun_altitude_angle >= 0 and w.fog_density <= 5 and w.precipitation == 0,
+    "foggy day": lambda w: w.sun_altitude_angle >= 0 and w.fog_density > 5,
+    "rainy day": lambda w: w.sun_altitude_angle >= 0 and w.precipitation > 0,
+    "night": lambda w: w.sun_altitude_angle < 0,
+    "dense fog": lambda w: w.fog_density >= 50,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """One frame: (4,) truth, (M, 4) boxes and (M,) scores of the class, xyxy pixels, float64."""
+
+    truth: NDArray[np.float64]
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64]
+
+
+Score = Callable[[Sequence[Judged]], float]
+"""Average precision at an overlap of 0.5, see `rauca_core.study.average_precision`: it is handed in because
+evaluation builds on detectors, and not the other way round."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a test came to.
+
+    Attributes:
+        ap50: AP@0.5 of cars over ``all`` frames and per group of weathers, in [0, 1].
+        by_vehicle: the same per car.
+        false_alarms: per object that is no car, the share of frames where it scores above 0.5 as one.
+        frames: how many are behind each group and object.
+    """
+
+    ap50: dict[str, float]
+    by_vehicle: dict[str, float] = field(default_factory=dict)
+    false_alarms: dict[str, float] = field(default_factory=dict)
+    frames: dict[str, int] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def measure(detector: Detector, sights: Sights, indices: Sequence[int], score: Score, seed: int = 0) -> Findings:
+    """Test on whole frames, each in a plain paint drawn for it by ``seed``."""
+    label = class_index(detector, CAR)
+    judged: dict[str, list[Judged]] = {}
+    alarms: dict[str, list[bool]] = {}
+    for first in range(0, len(indices), _BATCH):
+        chosen = indices[first : first + _BATCH]
+        images = torch.stack([sights.plain(i, named_rng(seed, "test paint", i)).image for i in chosen])
+        for index, found in zip(chosen, detector.detect(images), strict=True):
+            frame, vehicle = sights.frames.places[index].frame, sights.frames.vehicle(index)
+            assert frame.box_xyxy is not None  # LightFrames has none without
+            truth = np.array(frame.box_xyxy)
+            one = _of_class(found, label, truth)
+            if vehicle.category != CAR:
+                alarms.setdefault(vehicle.name, []).append(_alarm(one))
+                continue
+            names = [ALL, f"vehicle {vehicle.name}", *(n for n, belongs in GROUPS.items() if belongs(frame.weather))]
+            for name in names:
+                judged.setdefault(name, []).append(one)
+    ap = {name: score(found) for name, found in judged.items()}
+    return Findings(
+        {name: ap[name] for name in (ALL, *GROUPS) if name in ap},
+        {name.removeprefix("vehicle "): value for name, value in sorted(ap.items()) if name.startswith("vehicle ")},
+        {name: float(np.mean(raised)) for name, raised in sorted(alarms.items())},
+        {n.removeprefix("vehicle "): len(f) for n, f in judged.items()} | {n: len(f) for n, f in alarms.items()},
+    )
+
+
+def _of_class(found: Detections, label: int, truth: NDArray[np.float64]) -> Judged:
+    mine = found.labels == label
+    boxes, scores = (t[mine].cpu().numpy().astype(np.float64) for t in (found.boxes, found.scores))
+    return Judged(truth, boxes, scores)
+
+
+def _alarm(one: Judged) -> bool:
+    overlap = box_iou(torch.from_numpy(one.boxes), torch.from_numpy(one.truth)[None])[:, 0].numpy()
+    return bool(((one.scores > SURE) & (overlap > NEAR)).any())

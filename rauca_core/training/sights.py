@@ -1,0 +1,165 @@
+"""What a detector is shown: frames in plain paint, nearer or farther, in other light, alone or four in one image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ..contract.color import srgb_from_linear
+from ..detect.letterbox import PADDING_SRGB
+from ..detect.synth.network import Truth
+from ..environment.frames import LightFrame, LightFrames
+from .paint import draw_paint
+
+FOUR = 0.35  # share of images that show four frames
+ZOOM = (0.4, 1.8)  # of a frame that fills the image
+ZOOM_FOUR = (0.7, 1.5)  # of one in its quarter
+SMALLEST_SIDE = 5.0  # pixels; what is smaller could not be told from its surroundings
+SEEN = 0.35  # share of a box that must be left by a crop
+JPEG = 0.3
+BLUR = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """An image with its truth: (3, S, S) float32 sRGB in [0, 1]."""
+
+    image: Tensor
+    truth: Truth
+
+
+class Sights:
+    """Frames as detectors see them.
+
+    Args:
+        frames: data sets with light maps.
+        class_names: what is annotated; other vehicles stay unmarked, as background.
+        size: S of an image, pixels.
+    """
+
+    def __init__(self, frames: LightFrames, class_names: Sequence[str], size: int) -> None:
+        self.frames, self.size = frames, size
+        self.class_names = tuple(class_names)
+
+    def category(self, index: int) -> str:
+        """What the data set's own vehicle is."""
+        return self.frames.vehicle(index).category
+
+    def plain(self, index: int, rng: np.random.Generator) -> Sight:
+        """The whole frame at its own size in a random plain paint, nothing else changed: to test on."""
+        return Sight(srgb(self.painted(index, rng)), self.truth(index))
+
+    def painted(self, index: int, rng: np.random.Generator) -> Tensor:
+        """The frame in a paint drawn for it: (3, H, W) float32 linear, not clipped."""
+        return paint_frame(self.frames.get(index), self._rows(index), rng)
+
+    def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sight:
+        """One image of one frame, or of four; see the module."""
+        if len(indices) == 1:
+            found = self._placed(indices[0], self.size, ZOOM, rng)
+        else:
+            found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng) for i in indices])
+        return Sight(torch.from_numpy(_camera(found.image, rng)), found.truth)
+
+    def truth(self, index: int) -> Truth:
+        """Boxes of the frame's vehicles that have a class."""
+        frame = self.frames.places[index].frame
+        marked = [(self.category(index), frame.box_xyxy), *((i.category, i.box_xyxy) for i in frame.instances)]
+        known = [(self.class_names.index(name), box) for name, box in marked if name in self.class_names]
+        boxes = torch.tensor([box for _, box in known], dtype=torch.float32).view(-1, 4)
+        return Truth(boxes, torch.tensor([label for label, _ in known], dtype=torch.int64))
+
+    def _rows(self, index: int) -> tuple[float, float]:
+        box = self.frames.places[index].frame.box_xyxy
+        assert box is not None  # LightFrames has none without
+        return box[1], box[3]
+
+    def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sight:
+        """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
+        linear = self.painted(index, rng) * 2.0 ** rng.uniform(-0.8, 0.8)
+        image, truth = srgb(linear), self.truth(index)
+        own = image.shape[2]
+        if rng.random() < 0.5:
+            image, truth = image.flip(2), Truth(_mirrored(truth.boxes, own), truth.labels)
+        scale = side / own * float(np.exp(rng.uniform(*np.log(zooms))))
+        scaled = max(8, round(own * scale))
+        scale = scaled / own
+        image = functional.interpolate(image[None], size=(scaled, scaled), mode="bilinear", antialias=True)[0]
+        box = self.frames.places[index].frame.box_xyxy
+        focus = truth.boxes[0] if len(truth.boxes) else torch.tensor(box)
+        left, top = (_offset(float(focus[k]) * scale, float(focus[k + 2]) * scale, scaled, side, rng) for k in (0, 1))
+        canvas = torch.full((3, side, side), PADDING_SRGB)
+        x0, y0, x1, y1 = max(0, left), max(0, top), min(side, left + scaled), min(side, top + scaled)
+        canvas[:, y0:y1, x0:x1] = image[:, y0 - top : y1 - top, x0 - left : x1 - left]
+        return Sight(canvas, _cropped(truth, scale, (left, top), side))
+
+
+def paint_frame(frame: LightFrame, rows: tuple[float, float], rng: np.random.Generator) -> Tensor:
+    """The frame in a random plain paint, ``A * albedo + B``: (3, H, W) float32 linear, not clipped.
+
+    Args:
+        rows: top and bottom of the vehicle's box, pixels.
+    """
+    return frame.A.float() * draw_paint(rng, rows, frame.A.shape[1]) + frame.B.float()
+
+
+def srgb(linear: Tensor) -> Tensor:
+    """Linear light to sRGB in [0, 1], clipped."""
+    return torch.from_numpy(srgb_from_linear(linear.numpy()))
+
+
+def _offset(low: float, high: float, scaled: int, side: int, rng: np.random.Generator) -> int:
+    """Where the scaled frame begins along one axis, so that at least 60 % of ``low`` to ``high`` stays inside."""
+    slack = 0.4 * (high - low)
+    least, most = -low - slack, side - high + slack
+    if scaled >= side:  # no grey needed: stay within the frame where the vehicle allows it
+        least, most = max(least, side - scaled), min(most, 0.0)
+    else:
+        least, most = max(least, 0.0), min(most, float(side - scaled))
+    return round(rng.uniform(min(least, most), max(least, most)))
+
+
+def _mirrored(boxes: Tensor, width: int) -> Tensor:
+    left, top, right, bottom = boxes.unbind(1)
+    return torch.stack([width - right, top, width - left, bottom], 1)
+
+
+def _cropped(truth: Truth, scale: float, corner: tuple[int, int], side: int) -> Truth:
+    """Boxes in the square; those that it cuts down to too little are dropped."""
+    whole = truth.boxes * scale + torch.tensor([*corner, *corner], dtype=torch.float32)
+    boxes = whole.clamp(0, side)
+    extent, before = boxes[:, 2:] - boxes[:, :2], whole[:, 2:] - whole[:, :2]
+    kept = (extent.amin(1) >= SMALLEST_SIDE) & (extent.prod(1) >= SEEN * before.prod(1))
+    return Truth(boxes[kept], truth.labels[kept])
+
+
+def _quarters(parts: Sequence[Sight]) -> Sight:
+    """Four squares as one."""
+    side = parts[0].image.shape[1]
+    image = torch.cat([torch.cat([parts[k].image, parts[k + 1].image], 2) for k in (0, 2)], 1)
+    shifts = [torch.tensor([k % 2, k // 2, k % 2, k // 2]) * float(side) for k in range(4)]
+    boxes = torch.cat([part.truth.boxes + shift for part, shift in zip(parts, shifts, strict=True)])
+    return Sight(image, Truth(boxes, torch.cat([part.truth.labels for part in parts])))
+
+
+def _camera(image: Tensor, rng: np.random.Generator) -> np.ndarray:
+    """What cameras and their software do: contrast, saturation, white balance, blur, JPEG."""
+    pixels = image.numpy().transpose(1, 2, 0)
+    grey = pixels.mean(2, keepdims=True)
+    pixels = grey + (pixels - grey) * np.float32(rng.uniform(0.6, 1.3))
+    pixels = 0.5 + (pixels - 0.5) * np.float32(rng.uniform(0.75, 1.2)) + np.float32(rng.uniform(-0.08, 0.08))
+    pixels = pixels * rng.uniform(0.94, 1.06, 3).astype(np.float32)
+    if rng.random() < BLUR:
+        pixels = cv2.GaussianBlur(pixels, (0, 0), rng.uniform(0.3, 1.2))
+    pixels = np.clip(pixels, 0, 1)
+    if rng.random() < JPEG:
+        quality = int(rng.integers(35, 95))
+        _, coded = cv2.imencode(".jpg", (pixels * 255 + 0.5).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])
+        pixels = cv2.imdecode(coded, cv2.IMREAD_COLOR).astype(np.float32) / 255
+    return np.ascontiguousarray(pixels.transpose(2, 0, 1), dtype=np.float32)
