@@ -16,7 +16,7 @@ from blender_addon.scene import camera, nodes, render
 from blender_addon.scene.vehicle import SceneVehicle
 from rauca_core.contract import Camera, Quality, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract.color import linear_to_srgb, to_bytes
 from rauca_core.runtime.images import read_image
 
 # Name, camera azimuth and distance over the vehicle's size, paint (linear albedo).
@@ -65,7 +65,7 @@ def picture(
     ahead = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
     eye = placed.center + distance * max(vehicle.size()) * ahead
     camera.place(scene, Camera.look_at(eye, placed.center, 40, WIDTH, HEIGHT))
-    return to_bytes(srgb_from_linear(render.render_linear(scene, Quality(samples=16), 1)[..., :3]))
+    return to_bytes(linear_to_srgb(render.render_linear(scene, Quality(samples=16), 1)[..., :3]))
 
 
 def _surroundings(scene: bpy.types.Scene) -> None:

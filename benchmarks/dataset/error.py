@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 
 Image = NDArray[np.float32]
 SMALLEST = 1e-8  # of a mean square error: 80 dB
@@ -35,7 +35,7 @@ def squared_errors(found: Image, reference: Halves, painted: NDArray[np.bool_]) 
     The noise of the halves is independent, so it averages out of the product; squaring the error against their mean
     would count it in full.
     """
-    display = _product(srgb_from_linear(found), *(srgb_from_linear(half) for half in reference))
+    display = _product(linear_to_srgb(found), *(linear_to_srgb(half) for half in reference))
     linear = _product(np.clip(found, 0, 1), *(np.clip(half, 0, 1) for half in reference))
     paint = float(display[painted].mean()) if painted.any() else 0.0
     return SquaredErrors(float(display.mean()), float(linear.mean()), paint)

@@ -22,7 +22,7 @@ from blender_addon.scene.render import render_linear
 from blender_addon.scene.session import Session
 from blender_addon.vehicles import find_vehicle
 from rauca_core.contract import Quality, Weather
-from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.color import srgb_to_linear
 from rauca_core.contract.recolor import Color
 from rauca_core.contract.seeding import named_seed
 
@@ -93,7 +93,7 @@ class Studio:
 
     def paint(self, color: Color) -> None:
         """Paint the vehicle all over."""
-        red, green, blue = (float(c) for c in linear_from_srgb(np.array(color) / 255))
+        red, green, blue = (float(c) for c in srgb_to_linear(np.array(color) / 255))
         self.session.vehicle.paint.set_color((red, green, blue))
 
     def settle(self, view: int, weather: Weather) -> None:
@@ -116,7 +116,7 @@ class Studio:
     def maps(self, view: int, weather: Weather) -> tuple[Image, Image]:
         """A and B as the data set stores them, save for their rounding to half precision."""
         self.set_weather(weather)
-        grey = linear_from_srgb(np.array(self.session.plan.reference_srgb, np.float32) / 255)
+        grey = srgb_to_linear(np.array(self.session.plan.reference_srgb, np.float32) / 255)
         A, B, _ = light_maps(self.session, LOCATION, view, weather, self.painted(view), grey, self.sights[view])
         return A, B
 

@@ -69,7 +69,7 @@ def _rendered(
     if job["paint"] == "light":
         session.plan = replace(plan, quality=quality)
         session.memory = LightMemory(session.plan)  # no light of another job, of other samples
-        reference = color.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+        reference = color.srgb_to_linear(np.array(plan.reference_srgb) / 255)
         started = time.process_time()
         A, B, image = light_maps(session, frame.location, frame.view, frame.weather, coverage, reference)
         seen = _as_in_the_frame(session, dataset, frame, Light(image, A, B))

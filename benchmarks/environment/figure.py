@@ -15,7 +15,7 @@ from rauca_core.environment import LightSplitter
 from rauca_core.environment.estimate import estimate
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
-from rauca_core.render import display
+from rauca_core.render import linear_to_srgb
 
 from .curve import TEXTURE, Point
 from .truth import Truth
@@ -52,7 +52,7 @@ def _row(frames: LightFrames, truth: Truth, net: LightSplitter) -> np.ndarray:
     # The truth was rendered around the paint only; the rest of the frame is the data set's own.
     rendered = (truth.first + truth.second) / 2 * paint + frame.image / 255 * ~paint
     error = ((seen - rendered).abs() * paint * GAIN).clamp(max=1.0)
-    maps = (display(_tensor(m)) for m in (light.A, light.B))
+    maps = (linear_to_srgb(_tensor(m)) for m in (light.A, light.B))
     pictures = [frame.image / 255, *maps, seen, rendered, error]
     gap = np.full((frame.image.shape[1], GAP, 3), 255, np.uint8)
     return np.concatenate([part for p in pictures for part in (gap, _bytes(p))][1:], 1)

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from benchmarks.render.textures import uv_map
-from rauca_core.contract import Camouflage, Vehicle, save_camouflage
-from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract import Camouflage, Vehicle, color, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.seeding import named_rng
-from rauca_core.render import Pyramid, undisplay
+from rauca_core.render import Pyramid, srgb_to_linear
 
 TEXTURES = ("noise", "photograph-like", "saturated")
 CELL = 4  # texels; finer noise is grey from where cameras stand
@@ -24,7 +23,7 @@ SATURATED_CELL = 16
 def texture(kind: str, pyramid: Pyramid) -> NDArray[np.uint8]:
     """A UV map (size, size, 3), 8-bit sRGB, gutters filled."""
     if kind == "photograph-like":
-        return to_bytes(srgb_from_linear(uv_map(kind, pyramid)))
+        return color.to_bytes(color.linear_to_srgb(uv_map(kind, pyramid)))
     cell = CELL if kind == "noise" else SATURATED_CELL
     drawn = named_rng("bench environment", kind).random((-(-pyramid.size // cell),) * 2 + (3,), np.float32)
     if kind == "saturated":
@@ -32,7 +31,7 @@ def texture(kind: str, pyramid: Pyramid) -> NDArray[np.uint8]:
         drawn = np.clip((drawn - 0.5) * 5 + 0.5, 0, 1)
     whole = drawn.repeat(cell, 0).repeat(cell, 1)[: pyramid.size, : pyramid.size]
     texels = pyramid.from_map(torch.from_numpy(whole.transpose(2, 0, 1).copy()))
-    return to_bytes(srgb_from_linear(pyramid.to_map(texels.pow(2.2)).permute(1, 2, 0).numpy()))
+    return color.to_bytes(color.linear_to_srgb(pyramid.to_map(texels.pow(2.2)).permute(1, 2, 0).numpy()))
 
 
 def save_textures(vehicle: Vehicle, size: int, folder: Path) -> dict[str, Path]:
@@ -48,4 +47,4 @@ def save_textures(vehicle: Vehicle, size: int, folder: Path) -> dict[str, Path]:
 def texels_of(image_srgb: NDArray[np.uint8], pyramid: Pyramid) -> Tensor:
     """All levels (T, 3), linear, of an 8-bit sRGB UV map."""
     uv = torch.from_numpy(image_srgb.astype(np.float32) / 255).permute(2, 0, 1)
-    return pyramid(undisplay(pyramid.from_map(uv)))
+    return pyramid(srgb_to_linear(pyramid.from_map(uv)))

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import Dataset
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.metrics import Error
 from rauca_core.render import Pyramid, build_taps
@@ -104,7 +104,7 @@ def sample_textures(
 
 def displayed(linear: np.ndarray) -> Tensor:
     """(H, W, 3) linear -> (3, H, W) sRGB."""
-    return torch.from_numpy(srgb_from_linear(linear).transpose(2, 0, 1).copy())
+    return torch.from_numpy(linear_to_srgb(linear).transpose(2, 0, 1).copy())
 
 
 def regions(dataset: Dataset, frame_id: str) -> dict[str, Tensor]:

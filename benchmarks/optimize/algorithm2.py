@@ -13,7 +13,7 @@ from benchmarks.render.published import pixels_from_cells
 from rauca_core.attack.frames import ReadyFrame, light_up
 from rauca_core.attack.run import Run
 from rauca_core.attack.stopwatch import Stopwatch
-from rauca_core.render import SparseOperator, undisplay
+from rauca_core.render import SparseOperator, srgb_to_linear
 from rauca_core.render.sampling.facet_steps import texel_faces, uv_traversal_step, uv_traversal_step_back
 from rauca_core.render.sampling.sampler import TEXTURE_SIZE
 
@@ -37,7 +37,7 @@ class Algorithm2Run(Run):
     def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
         with watch.time("taps"):
             frames = [self._view(frame) for frame in batch]
-            uv_map = self._uv_map(undisplay(self.texture.texels()))
+            uv_map = self._uv_map(srgb_to_linear(self.texture.texels()))
             cells = _Fill.apply(uv_map, self._facets)
             albedo = torch.cat([frame.taps.rows(cells) for frame in frames])
         with watch.time("environment"):

@@ -18,7 +18,7 @@ from rauca_core.environment.extractor import LightSplitter
 from rauca_core.environment.focus import split_light, surroundings
 from rauca_core.environment.losses import light_loss, weighted_bce, weighted_mse
 from rauca_core.environment.published import PublishedEfe, fuse_published
-from rauca_core.render.composite import display, undisplay
+from rauca_core.render.composite import linear_to_srgb, srgb_to_linear
 
 from .box import painted_box
 from .checks import Check, expect
@@ -76,7 +76,7 @@ def _our_maps(kind: str) -> Callable[[torch.dtype], str]:
         expect((A >= 0).all() and (B >= 0).all(), "light below 0")
         expect((A[(mask == 0).expand_as(A)] == 0).all(), "A reaches beyond the paint")
         unclipped = image < 0.98
-        again = display(A * GREY[:, :, None, None] + B)
+        again = linear_to_srgb(A * GREY[:, :, None, None] + B)
         off = float((again - image)[unclipped].abs().max()) if unclipped.any() else 0.0
         expect(off <= BACK, f"the reference comes back {off:.1e} off")
         return f"reference off by {off:.0e}" if unclipped.any() else "finite; every pixel clipped"
@@ -97,14 +97,15 @@ def _around_the_vehicle(kind: str) -> Callable[[torch.dtype], str]:
             window = surroundings(mask[0] > 0)
             if window is None:
                 expect(kind == "no vehicle", "the vehicle is not found")
-                off = float((B - undisplay(image)).abs().max())
+                off = float((B - srgb_to_linear(image)).abs().max())
                 expect(off < 1e-6, f"B is {off:.1e} from the frame")
                 return "A = 0, B the frame"
             inside = (..., *window)
             alone = net(image[inside][None], mask[inside][None], GREY[:1])[0][0]
         expect(torch.equal(A[inside], alone), "differs from the vehicle's surroundings alone")
         expect(abs(float(mask.sum() - mask[inside].sum())) < 1e-6, "paint outside the window")
-        expect(torch.allclose(B[0, 0, 0].double(), undisplay(image[0, 0, 0]).double()), "the corner is not the frame's")
+        corner = srgb_to_linear(image[0, 0, 0]).double()
+        expect(torch.allclose(B[0, 0, 0].double(), corner), "the corner is not the frame's")
         return "as its surroundings alone, to the bit"
 
     return attempt
@@ -115,7 +116,7 @@ def _training(kind: str) -> Callable[[torch.dtype], str]:
         torch.manual_seed(1)
         net, published = LightSplitter().to(_wide(dtype)), PublishedEfe((4, 6, 8)).to(_wide(dtype))
         image, mask = (t.to(_wide(dtype)) for t in frames(kind))
-        A, B = undisplay(image) * mask, undisplay(image)
+        A, B = srgb_to_linear(image) * mask, srgb_to_linear(image)
         with _half(dtype):
             predicted, latent = net(image, mask, GREY), published(image * mask)
         losses = []

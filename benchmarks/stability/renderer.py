@@ -9,9 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rauca_core.contract import Camera, RaucaError
-from rauca_core.contract.color import srgb_from_linear
-from rauca_core.render import Canvas, Pyramid, build_taps, display, rasterize, undisplay
+from rauca_core.contract import Camera, RaucaError, color
+from rauca_core.render import Canvas, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
 from rauca_core.render.sampling.sampler import Sampler, look_up
 
 from .box import painted_box
@@ -140,9 +139,9 @@ def _constant(dtype: torch.dtype) -> str:
     box = painted_box()
     pyramid = Pyramid.of(box, MAP)
     taps = build_taps(box, ASIDE, MAP, pyramid=pyramid)
-    color = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
-    seen = taps.rows(pyramid(color.expand(len(pyramid.texels), 3).contiguous()))
-    off = float((seen - color).abs().max())
+    hue = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
+    seen = taps.rows(pyramid(hue.expand(len(pyramid.texels), 3).contiguous()))
+    off = float((seen - hue).abs().max())
     expect(off <= ROUNDING[dtype], f"{off:.1e} from the color")
     return f"the color, off by {off:.0e}"
 
@@ -190,25 +189,25 @@ def _nan_in_a_gradient(dtype: torch.dtype) -> str:
     return "shown in its own step, gone in the next"
 
 
-def _display_at_its_ends(dtype: torch.dtype) -> str:
+def _linear_to_srgb_at_its_ends(dtype: torch.dtype) -> str:
     linear = torch.tensor([-1.0, 0.0, 1e-9, 0.003, 0.0032, 0.2, 1.0, 1.5, 1e6], dtype=dtype, requires_grad=True)
-    shown = display(linear)
+    shown = linear_to_srgb(linear)
     shown.sum().backward()
     assert linear.grad is not None
-    off = np.abs(shown.detach().double().numpy() - srgb_from_linear(linear.detach().double().numpy())).max()
+    off = np.abs(shown.detach().double().numpy() - color.linear_to_srgb(linear.detach().double().numpy())).max()
     bound = {torch.bfloat16: 8e-3}.get(dtype, 1e-6)
     expect(off <= bound, f"{off:.1e} from the curve")
     expect(torch.isfinite(linear.grad).all(), "slopes are not finite")
     beyond = linear.grad[torch.tensor([0, 7, 8])]
     expect(not beyond.any(), "a slope beyond the range")
     expect(abs(float(linear.grad[1]) - 12.92) < 0.05, f"slope {float(linear.grad[1]):.3g} at black")
-    expect(display(torch.tensor(float("nan"), dtype=dtype)).isnan(), "NaN is hidden")
+    expect(linear_to_srgb(torch.tensor(float("nan"), dtype=dtype)).isnan(), "NaN is hidden")
     return f"off by {off:.0e}, slope 12.9 at black, 0 beyond the range, NaN shown"
 
 
-def _undisplay_at_its_ends(dtype: torch.dtype) -> str:
+def _srgb_to_linear_at_its_ends(dtype: torch.dtype) -> str:
     srgb = torch.tensor([-0.2, 0.0, 0.03, 0.5, 1.0, 1.3], dtype=dtype, requires_grad=True)
-    found = undisplay(srgb)
+    found = srgb_to_linear(srgb)
     found.sum().backward()
     assert srgb.grad is not None
     expect(found[0] == 0 and found[5] == 1, "not clipped")
@@ -239,6 +238,6 @@ CHECKS = (
     _check("operator and gradient", "adjoint, to rounding", _adjoint),
     _check("gradients of 1e-7", "summed without loss, in float32 at least", _small_gradients),
     _check("NaN in a gradient", "shown, and not kept for the next step", _nan_in_a_gradient),
-    _check("display: black, white, beyond, NaN", "the sRGB curve with finite slopes", _display_at_its_ends),
-    _check("decoding: black, white, beyond", "clipped, with finite slopes", _undisplay_at_its_ends),
+    _check("display: black, white, beyond, NaN", "the sRGB curve with finite slopes", _linear_to_srgb_at_its_ends),
+    _check("decoding: black, white, beyond", "clipped, with finite slopes", _srgb_to_linear_at_its_ends),
 )

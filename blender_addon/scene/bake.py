@@ -114,7 +114,7 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
         textured=np.array([m.textured for m in vehicle.materials]),
         camouflage=image_linear(camouflage),
         mask=image_linear(mask)[..., :1],
-        base=None if base is None else color.linear_from_srgb(base / np.float32(255)),
+        base=None if base is None else color.srgb_to_linear(base / np.float32(255)),
         size=size,
     )
 
@@ -122,8 +122,8 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
 def run_bake(task: Task, progress: Callable[[float], None]) -> Baked:
     """Carry the camouflage over; touches no Blender data, so it may run in a thread."""
     carried = bake.carry(task.source_uvs, task.target_uvs, task.size, task.color_at, len(task.camouflage), progress)
-    srgb = color.to_bytes(color.srgb_from_linear(carried.linear))
-    linear = color.linear_from_srgb(srgb / np.float32(255))
+    srgb = color.to_bytes(color.linear_to_srgb(carried.linear))
+    linear = color.srgb_to_linear(srgb / np.float32(255))
     return Baked(files.png_bytes(srgb), blender_pixels(linear), *_on_surface(task, linear))
 
 
@@ -221,6 +221,6 @@ def _on_surface(task: Task, linear: NDArray[np.float32]) -> tuple[float, float]:
     weights = np.stack([1 - a - b, a, b], axis=1)[..., None]
     wanted = task.color_at(face, (weights * task.source_uvs[face]).sum(axis=1))
     found = bake.bilinear(linear, (weights * task.target_uvs[face]).sum(axis=1))
-    error = color.srgb_from_linear(found) - color.srgb_from_linear(wanted)
+    error = color.linear_to_srgb(found) - color.linear_to_srgb(wanted)
     squared = float(np.mean(error.astype(np.float64) ** 2))
     return float(-10 * np.log10(max(squared, 1e-10))), float(np.abs(error).mean())

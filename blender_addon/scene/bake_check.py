@@ -60,7 +60,7 @@ def round_trip(scene: bpy.types.Scene, coat: Coat, views: Sequence[contract.Came
             coat.show(which)
             shown[which] = render_linear(scene, quality, seed=1)
         there = shown["CAMOUFLAGE"][..., 3] > 0.5
-        direct, baked = (color.srgb_from_linear(shown[w][..., :3][there]) for w in ("CAMOUFLAGE", "BAKED"))
+        direct, baked = (color.linear_to_srgb(shown[w][..., :3][there]) for w in ("CAMOUFLAGE", "BAKED"))
         changed = np.abs(shown["CAMOUFLAGE"] - shown["ORIGINAL"])[..., :3].max(axis=2) > CHANGED
         errors.append(((direct - baked).astype(np.float64) ** 2).mean(axis=1))
         painted.append(changed[there])

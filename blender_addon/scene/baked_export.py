@@ -55,7 +55,7 @@ def _as_bytes(image: bpy.types.Image) -> Iterator[bpy.types.Image]:
     copy = bpy.data.images.new(image.name, width, height, alpha=False)
     try:
         pixels = np.ones((height, width, 4), np.float32)
-        pixels[..., :3] = color.srgb_from_linear(image_linear(image)[::-1])
+        pixels[..., :3] = color.linear_to_srgb(image_linear(image)[::-1])
         copy.pixels.foreach_set(pixels.ravel())
         copy.pack()
         yield copy

@@ -99,7 +99,7 @@ def _in_paint(session: Session, dataset: contract.Dataset, frame: contract.Frame
     rain = rain_before(session, frame.location, frame.view, frame.weather, distance)
     if rain is not None:
         linear = contract.rain.over(linear, replace(rain, alpha=rain.alpha[crop.inside]))
-    pixels[crop.inside] = color.to_bytes(color.srgb_from_linear(linear))
+    pixels[crop.inside] = color.to_bytes(color.linear_to_srgb(linear))
     return pixels
 
 

@@ -60,7 +60,7 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, si
 def render_light(session: Session, task: contract.PlannedFrame, sight: Sight) -> Light:
     """The frame's radiance by path tracing: both light maps, or the reference paint alone."""
     plan = session.plan
-    reference = color.linear_from_srgb(np.array(plan.reference_srgb) / 255)
+    reference = color.srgb_to_linear(np.array(plan.reference_srgb) / 255)
     if plan.light:
         paint = sight.annotation.paint / np.float32(255)
         A, B, image = light_maps(session, task.location, task.view, task.weather, paint, reference, sight.annotation)
@@ -81,7 +81,7 @@ def render_check(
     """The frame in uniform paint for real, nothing composed or predicted: what the light maps are held against."""
     if frame.check_srgb is None:
         return None
-    red, green, blue = color.linear_from_srgb(np.array(frame.check_srgb) / 255).tolist()
+    red, green, blue = color.srgb_to_linear(np.array(frame.check_srgb) / 255).tolist()
     session.vehicle.paint.set_color((red, green, blue))
     rendered = Light(session.render(task.location, task.view, task.weather)).exposed(frame.exposure_stops)
     return add_weather_effects(session, task, sight, rendered).image

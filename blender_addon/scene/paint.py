@@ -26,7 +26,7 @@ class Paint:
         self._mask = float_image("rauca paint mask", mask)
         self._base: bpy.types.Image | None = None
         if vehicle.base_texture is not None:
-            self._base = float_image("rauca base", color.linear_from_srgb(vehicle.base_texture / np.float32(255)))
+            self._base = float_image("rauca base", color.srgb_to_linear(vehicle.base_texture / np.float32(255)))
         self._map: bpy.types.Image | None = None
         self._trees: list[bpy.types.NodeTree] = []
 
@@ -43,7 +43,7 @@ class Paint:
         stale pixels when an image is edited in place: each map is a new image.
         """
         previous = self._map
-        self._map = float_image("rauca camouflage", color.linear_from_srgb(uv_map_srgb / np.float32(255)))
+        self._map = float_image("rauca camouflage", color.srgb_to_linear(uv_map_srgb / np.float32(255)))
         for tree in self._trees:
             tree.nodes["paint map"].image = self._map
             tree.nodes["paint source"].outputs[0].default_value = 1.0

@@ -35,7 +35,7 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
             write_layer(piece, surface.paint[span], surface.vehicle.uvs[span])
         _mark(piece.owner.data, _painted_polygons(surface, piece, span))
     mask = np.repeat(surface.vehicle.paint_mask[..., None], 3, axis=2) / np.float32(255)
-    camouflage = color.linear_from_srgb(paintwork.uv_map_srgb / np.float32(255))
+    camouflage = color.srgb_to_linear(paintwork.uv_map_srgb / np.float32(255))
     images = float_image("rauca camouflage", camouflage), float_image("rauca paint mask", mask)
     for image in images:
         image.pack()

@@ -79,7 +79,7 @@ def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDAr
     image = _linked_image(material)
     if image is not None and image.size[0] and image.size[1]:
         if image.is_float:  # Blender keeps these in linear light, whatever their file holds
-            return color.to_bytes(color.srgb_from_linear(image_linear(image)))
+            return color.to_bytes(color.linear_to_srgb(image_linear(image)))
         pixels = image_pixels(image)
         return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
     if beside is not None and beside.is_file():
@@ -101,7 +101,7 @@ def describe(
             float(np.clip(shader.inputs[key].default_value, 0, 1)) for key in ("Roughness", "Metallic", "Coat Weight")
         )
     if base is not None:
-        linear = color.linear_from_srgb(base[:: max(1, len(base) // 256), :: max(1, len(base) // 256)] / 255.0)
+        linear = color.srgb_to_linear(base[:: max(1, len(base) // 256), :: max(1, len(base) // 256)] / 255.0)
         rgb = linear.reshape(-1, 3).mean(axis=0)
     red, green, blue = (float(c) for c in rgb)
     return contract.Material(name or "unnamed", kind, (red, green, blue), roughness, 0.0 if paint else metallic, coat)

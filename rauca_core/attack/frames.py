@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
-from ..render import Canvas, Taps, composite, display, saturate
+from ..render import Canvas, Taps, composite, linear_to_srgb, saturate
 from ..runtime.images import read_image
 from .lights import light_source
 from .media import make_medium
@@ -129,9 +129,9 @@ def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
     width, height = batch[0].taps.width, batch[0].taps.height
     A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
     if batch[0].linear:
-        paint = display(composite(albedo, albedo.new_ones(()), A, B))
+        paint = linear_to_srgb(composite(albedo, albedo.new_ones(()), A, B))
     else:
-        paint = saturate(A * display(albedo) + B)
+        paint = saturate(A * linear_to_srgb(albedo) + B)
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
     places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
     flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, Vehicle
-from ..contract.color import linear_from_srgb, srgb_from_linear, to_bytes
+from ..contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from ..environment import Light, estimate, load_exact, load_extractor
 from ..environment.affine_transfer import transfer_light
 from ..environment.frames import read_picture
@@ -46,7 +46,7 @@ class LightSource:
     """A way to light frames.
 
     Attributes:
-        linear: the image is ``display(A * x + B)``; else ``A * display(x) + B``, sRGB values.
+        linear: the image is ``linear_to_srgb(A * x + B)``; else ``A * linear_to_srgb(x) + B``, sRGB values.
         of: the light of one frame; raises :class:`RaucaError` when its files are missing or damaged.
     """
 
@@ -65,14 +65,14 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
     Raises:
         RaucaError: no usable weights.
     """
-    size, reference = dataset.plan.size, linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0)
+    size, reference = dataset.plan.size, srgb_to_linear(np.array(dataset.plan.reference_srgb) / 255.0)
 
     def image_of(frame: Frame) -> NDArray[np.uint8]:
         return read_picture(dataset.frame_folder(frame.id) / "image.png", size).permute(1, 2, 0).numpy()
 
     def exact(frame: Frame) -> Lit:
         light = load_exact(dataset, frame.id)
-        return Lit(light, to_bytes(srgb_from_linear(light.A * reference + light.B)))
+        return Lit(light, to_bytes(linear_to_srgb(light.A * reference + light.B)))
 
     def ours(frame: Frame) -> Lit:
         return Lit(estimate(dataset, frame.id, net), image_of(frame))
@@ -80,7 +80,7 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
     def transfer(frame: Frame) -> Lit:
         image = image_of(frame)
         paint = read_picture(dataset.frame_folder(frame.id) / "paint.png", size, grey=True)
-        linear = torch.from_numpy(linear_from_srgb(image / 255.0).astype(np.float32)).permute(2, 0, 1)
+        linear = torch.from_numpy(srgb_to_linear(image / 255.0).astype(np.float32)).permute(2, 0, 1)
         A, B = transfer_light(linear, paint.float() / 255, torch.from_numpy(reference).float())
         return Lit(Light(A.permute(1, 2, 0).numpy(), B.permute(1, 2, 0).numpy()), image)
 

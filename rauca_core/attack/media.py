@@ -23,9 +23,9 @@ from ..render import (
     TapRecipe,
     TapSettings,
     bake_facets,
-    display,
+    linear_to_srgb,
     project_pattern,
-    undisplay,
+    srgb_to_linear,
 )
 from .settings import OptimizerSettings
 
@@ -59,7 +59,7 @@ class Medium:
         """Colors (N, 3) sRGB of the list as texels (P, 3) sRGB of the UV map, differentiable; means are of light."""
         if self._operator is None:
             return colors
-        return display(self._operator(self.taps.pyramid(undisplay(colors))))
+        return linear_to_srgb(self._operator(self.taps.pyramid(srgb_to_linear(colors))))
 
 
 def make_medium(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, memory_bytes: int) -> Medium:

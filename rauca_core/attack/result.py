@@ -10,7 +10,7 @@ from torch import Tensor
 from ..contract import Camouflage, RaucaError, Vehicle, save_camouflage
 from ..contract.color import to_bytes
 from ..contract.files import png_bytes
-from ..render import Pyramid, display, undisplay
+from ..render import Pyramid, linear_to_srgb, srgb_to_linear
 from .journal import CURVES, HISTORY, read_history
 from .naturalness.finish import finish
 from .naturalness.texture import NaturalColors
@@ -22,7 +22,7 @@ AVERAGED_STEPS = 50
 
 def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
     """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign color."""
-    uv_map = display(pyramid.to_map(undisplay(texels_srgb.detach().cpu())))
+    uv_map = linear_to_srgb(pyramid.to_map(srgb_to_linear(texels_srgb.detach().cpu())))
     return png_bytes(to_bytes(uv_map.permute(1, 2, 0).numpy()))
 
 

@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
-from ..render import Canvas, tap_format, undisplay
+from ..render import Canvas, srgb_to_linear, tap_format
 from ..runtime.cpu import threads
 from ..runtime.optimizers import Adam
 from ..runtime.team import ALONE, Team
@@ -144,7 +144,7 @@ class Run:
     def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
-            albedo = see(batch, Canvas(self.store.medium.taps.pyramid, undisplay(self._painted())))
+            albedo = see(batch, Canvas(self.store.medium.taps.pyramid, srgb_to_linear(self._painted())))
         with watch.time("environment"):
             return light_up(batch, albedo)
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .checksums import write_sums
-from .color import srgb_from_linear, to_bytes
+from .color import linear_to_srgb, to_bytes
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .instances import Box, Instance
@@ -184,7 +184,7 @@ def _images(frame: Frame, passes: FramePasses) -> dict[str, NDArray[np.uint8]]:
     """The frame's PNGs by file name."""
     semantic, instances = passes.labels()
     images = {
-        "image.png": to_bytes(srgb_from_linear(passes.image_linear)),
+        "image.png": to_bytes(linear_to_srgb(passes.image_linear)),
         "vehicle.png": to_bytes(passes.vehicle),
         "paint.png": to_bytes(passes.paint),
         "semantic.png": semantic,
@@ -193,7 +193,7 @@ def _images(frame: Frame, passes: FramePasses) -> dict[str, NDArray[np.uint8]]:
     if (frame.check_srgb is None) != (passes.check_linear is None):
         raise ValueError("a frame has both a check color and its render, or neither")
     if passes.check_linear is not None:
-        images["check.png"] = to_bytes(srgb_from_linear(passes.check_linear))
+        images["check.png"] = to_bytes(linear_to_srgb(passes.check_linear))
     return images
 
 

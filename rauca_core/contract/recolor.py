@@ -12,7 +12,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from .color import linear_from_srgb
+from .color import srgb_to_linear
 from .errors import RaucaError
 from .seeding import named_rng
 
@@ -48,7 +48,7 @@ def recolor(
     Returns:
         (H, W, 3), or (N, H, W, 3) for N colors; float32 linear.
     """
-    albedo = linear_from_srgb(np.asarray(colors_srgb, np.float32) / 255)
+    albedo = srgb_to_linear(np.asarray(colors_srgb, np.float32) / 255)
     gain, rest = np.asarray(A, np.float32), np.asarray(B, np.float32)
     return gain * albedo[..., None, None, :] + rest
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Frame, Plan, PlannedFrame, Vehicle
-from ..contract.color import linear_from_srgb, srgb_from_linear
+from ..contract.color import linear_to_srgb, srgb_to_linear
 from ..contract.instances import find_instances, mask_box
 from ..contract.recolor import recolor
 from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES
@@ -115,7 +115,7 @@ def light(report: Report, plan: Plan, maps: dict[str, NDArray[np.floating]], pai
     stray = int((A[paint == 0] != 0).any(axis=-1).sum())
     if stray:
         report("passes.npz", f"A is not zero at {stray} pixels without paint")
-    predicted = srgb_from_linear(A * linear_from_srgb(np.array(plan.reference_srgb) / 255) + B) * 255
+    predicted = linear_to_srgb(A * srgb_to_linear(np.array(plan.reference_srgb) / 255) + B) * 255
     wrong = (np.abs(predicted - image) > IMAGE_TOLERANCE).any(axis=-1)
     if wrong.mean() > 1e-3:
         report("image.png", f"{int(wrong.sum())} pixels are not what A and B give in the reference paint")
@@ -125,7 +125,7 @@ def squared_error(frame: Frame, maps: dict[str, NDArray[np.floating]], paint: Im
     """Sum of squared display-space differences between predicted and rendered color, and how many, on the paint."""
     assert frame.check_srgb is not None
     painted = paint >= 128
-    predicted = srgb_from_linear(recolor(maps["A"][painted][None], maps["B"][painted][None], frame.check_srgb)[0])
+    predicted = linear_to_srgb(recolor(maps["A"][painted][None], maps["B"][painted][None], frame.check_srgb)[0])
     difference = predicted.astype(np.float64) - check[painted] / 255
     return float((difference**2).sum()), difference.size
 

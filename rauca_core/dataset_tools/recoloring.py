@@ -10,7 +10,7 @@ import numpy as np
 
 from ..contract import Dataset, Progress, RaucaError
 from ..contract.checksums import read_sums
-from ..contract.color import srgb_from_linear, to_bytes
+from ..contract.color import linear_to_srgb, to_bytes
 from ..contract.files import disk_errors, png_bytes, require_space, write_bytes, write_json
 from ..contract.recolor import Color, hex_name, recolor
 from ..contract.schema import read_json
@@ -48,7 +48,7 @@ def recolor_dataset(
             continue
         maps = stored.maps("A", "B")
         for color, image in zip(wanted, recolor(maps["A"], maps["B"], np.array(wanted)), strict=True):
-            write_bytes(paths[color], png_bytes(to_bytes(srgb_from_linear(image))))
+            write_bytes(paths[color], png_bytes(to_bytes(linear_to_srgb(image))))
             written += 1
     progress(Progress(total, total, ""))
     return written

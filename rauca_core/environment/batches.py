@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..render import display
+from ..render import linear_to_srgb
 from .frames import LightFrame
 
 EXPOSURES = (0.5, 2.0)  # factor on the light of a whole frame
@@ -95,7 +95,7 @@ def augment(batch: Batch, rng: np.random.Generator, share: float = 0.5) -> Batch
     batch, veiled = _veil(batch, rng, share / 2)
     reference = torch.where(repainted[:, None], torch.from_numpy(paint).float(), batch.reference)
     A, B = (light * factor[:, :, None, None] for light in (batch.A, batch.B))
-    image = (display(A * reference[:, :, None, None] + B) * 255).round() / 255
+    image = (linear_to_srgb(A * reference[:, :, None, None] + B) * 255).round() / 255
     changed = _wide(repainted | veiled | (factor != 1).any(dim=1))
     seen = replace(batch, image=torch.where(changed, image, batch.image), A=A, B=B, reference=reference)
     return seen.mirrored(mirrored)

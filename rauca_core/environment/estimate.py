@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..contract import Dataset
-from ..contract.color import linear_from_srgb
+from ..contract.color import srgb_to_linear
 from .exact import Light
 from .extractor import LightSplitter
 from .focus import split_light
@@ -44,6 +44,6 @@ def estimate_image(
         reference_srgb: 8-bit color of the paint in the image.
     """
     pixels = torch.from_numpy(image_srgb.transpose(2, 0, 1).astype(np.float32) / 255)
-    albedo = torch.from_numpy(linear_from_srgb(np.array(reference_srgb) / 255.0))
+    albedo = torch.from_numpy(srgb_to_linear(np.array(reference_srgb) / 255.0))
     mask = torch.from_numpy(np.asarray(paint, np.float32))[None]
     return Light(*(m.permute(1, 2, 0).numpy() for m in split_light(extractor, pixels, mask, albedo)))

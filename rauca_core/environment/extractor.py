@@ -16,7 +16,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..render.composite import undisplay
+from ..render.composite import srgb_to_linear
 
 DARKEST_ALBEDO = 0.02  # a photograph's "black" paint; below, A = share * I / r would be noise
 CLIPPED = 250.0 / 255.0
@@ -66,7 +66,7 @@ class LightSplitter(nn.Module):
             A and B, (B, 3, H, W) linear float32; A is 0 where the mask is.
         """
         share, excess = self._predict(image_srgb, mask, reference_linear)
-        image = undisplay(image_srgb.float())
+        image = srgb_to_linear(image_srgb.float())
         image = image * (1 + excess.float() * (image_srgb >= CLIPPED))
         through = share.float() * image * (mask > 0)
         reference = reference_linear.float()[:, :, None, None]
@@ -105,7 +105,7 @@ def _seen(image_srgb: Tensor, mask: Tensor) -> tuple[Tensor, ...]:
         Encoded image (B, 3, H, W); mask, where the image is clipped, the exposure in stops, (B, 1, H, W) each; how dark
         it gets around each pixel (B, 1, H, W), and in the frame, (B, 3, H, W).
     """
-    linear = undisplay(image_srgb.float())
+    linear = srgb_to_linear(image_srgb.float())
     light = _mean_where(linear, mask.float()).mean(dim=1)
     gain = METERED / light.clamp(min=DARKEST_LIGHT)
     exposed = (linear * gain[:, None, None, None]).clamp(max=BRIGHTEST).sqrt()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..render import undisplay
+from ..render import srgb_to_linear
 from .extractor import LightSplitter
 
 MARGIN = 0.5  # around the paint's box, in its longer sides
@@ -25,7 +25,7 @@ def split_light(
     Returns:
         A and B, (3, H, W) linear float32; away from the vehicle A is 0 and B the image.
     """
-    A, B = torch.zeros_like(image_srgb, dtype=torch.float32), undisplay(image_srgb.float())
+    A, B = torch.zeros_like(image_srgb, dtype=torch.float32), srgb_to_linear(image_srgb.float())
     window = surroundings(mask[0] > 0)
     if window is None:
         return A, B

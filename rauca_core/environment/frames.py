@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, load_vehicle
-from ..contract.color import linear_from_srgb
+from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, color, load_vehicle
 from ..contract.seeding import named_rng
-from ..render import display
+from ..render import linear_to_srgb
 from ..runtime.images import read_image
 from .exact import load_exact, require_light
 from .shading import PlainShading, plain_shading
@@ -192,7 +191,7 @@ class LightFrames:
         image = read_picture(folder / "image.png", own)
         paint, vehicle = (read_picture(folder / f"{name}.png", own, grey=True) for name in ("paint", "vehicle"))
         A, B = (torch.from_numpy(m.transpose(2, 0, 1).copy()) for m in (light.A, light.B))
-        reference = torch.from_numpy(linear_from_srgb(np.array(dataset.plan.reference_srgb) / 255.0))
+        reference = torch.from_numpy(color.srgb_to_linear(np.array(dataset.plan.reference_srgb) / 255.0))
         named = str(folder), frame.weather.name, frame.distance_m
         whole = LightFrame(*named, image, paint, vehicle, A.half(), B.half(), reference)
         return whole if own == self.size else shrink(whole, own // self.size)
@@ -205,7 +204,7 @@ def shrink(frame: LightFrame, factor: int) -> LightFrame:
         return functional.avg_pool2d(pixels.float(), factor)
 
     A, B = mean(frame.A), mean(frame.B)
-    image = display(A * frame.reference[:, None, None] + B)
+    image = linear_to_srgb(A * frame.reference[:, None, None] + B)
     paint, vehicle = (mean(mask).round().byte() for mask in (frame.paint, frame.vehicle))
     return replace(frame, image=(image * 255).round().byte(), paint=paint, vehicle=vehicle, A=A.half(), B=B.half())
 

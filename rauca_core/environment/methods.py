@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..render import display, undisplay
+from ..render import linear_to_srgb, srgb_to_linear
 from .affine_transfer import transfer_light
 from .extractor import LightSplitter
 from .focus import split_light
@@ -22,13 +22,13 @@ Render = Callable[[Tensor], Tensor]
 
 @dataclass(frozen=True, eq=False)
 class AffineRender:
-    """Light maps A and B, (3, H, W) linear, as a :data:`Render`: display(A * x + B)."""
+    """Light maps A and B, (3, H, W) linear, as a :data:`Render`: linear_to_srgb(A * x + B)."""
 
     A: Tensor
     B: Tensor
 
     def __call__(self, albedo: Tensor) -> Tensor:
-        return display(self.A * albedo + self.B)
+        return linear_to_srgb(self.A * albedo + self.B)
 
     def where(self, mask: Tensor) -> AffineRender:
         """The N pixels of a mask (H, W) alone, as an image of one row, (3, 1, N)."""
@@ -42,7 +42,7 @@ def exact_render(frame: LightFrame) -> AffineRender:
 
 def transfer_render(frame: LightFrame) -> AffineRender:
     """Color transfer without training; see `affine_transfer`."""
-    image = undisplay(frame.image.float() / 255)
+    image = srgb_to_linear(frame.image.float() / 255)
     return AffineRender(*transfer_light(image, frame.paint.float() / 255, frame.reference))
 
 
@@ -54,7 +54,7 @@ def splitter_render(net: LightSplitter, frame: LightFrame) -> AffineRender:
 def plain_render(frame: LightFrame, plain: PlainShading) -> Render:
     """No environment: Neural Renderer's shading, on the frame's own background."""
     background = frame.image.float() / 255 * (1 - plain.coverage)
-    return lambda albedo: plain.x_nr(display(albedo)) + background
+    return lambda albedo: plain.x_nr(linear_to_srgb(albedo)) + background
 
 
 def published_render(net: PublishedEfe, frame: LightFrame, plain: PlainShading) -> Render:
@@ -66,7 +66,7 @@ def published_render(net: PublishedEfe, frame: LightFrame, plain: PlainShading) 
 
     def render(albedo: Tensor) -> Tensor:
         # The network is taught images with a black background, so its own are dark by coverage already.
-        fused = fuse_published(plain.x_nr(display(albedo)), A, B) * (vehicle > 0)
+        fused = fuse_published(plain.x_nr(linear_to_srgb(albedo)), A, B) * (vehicle > 0)
         return (fused + image * (1 - vehicle)).clamp(max=1.0)
 
     return render

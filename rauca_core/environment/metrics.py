@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..contract.color import linear_from_srgb
+from ..contract.color import srgb_to_linear
 from ..contract.recolor import Color
 from .frames import LightFrame, LightFrames
 from .losses import EPSILON
@@ -75,7 +75,7 @@ def total(errors: Iterable[Error]) -> Error:
 
 def albedos(colors: Sequence[Color]) -> Tensor:
     """8-bit sRGB colors as linear albedo (C, 3, 1, 1)."""
-    return torch.from_numpy(linear_from_srgb(np.array(colors) / 255.0))[:, :, None, None]
+    return torch.from_numpy(srgb_to_linear(np.array(colors) / 255.0))[:, :, None, None]
 
 
 def measure(

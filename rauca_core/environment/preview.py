@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from ..contract.color import linear_from_srgb, srgb_from_linear, to_bytes
+from ..contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from ..contract.recolor import Color, recolor
 from ..contract.seeding import named_rng
 from ..runtime.images import read_image
@@ -60,7 +60,7 @@ def preview(image: Path, mask: Path, reference_srgb: Color, extractor: LightSpli
 def _sheet(image: Image, coverage: Image, light: Light) -> Image:
     shown = [image, np.repeat(coverage[..., None], 3, 2), _displayed(light.A), _displayed(light.B)]
     shown += [_displayed(color) for color in recolor(light.A, light.B, np.array(COLORS, np.float32))]
-    shown += [_displayed(light.A * linear_from_srgb(p) + light.B) for p in _patterns(*coverage.shape)]
+    shown += [_displayed(light.A * srgb_to_linear(p) + light.B) for p in _patterns(*coverage.shape)]
     rows = [_join(shown[i : i + COLUMNS], 1) for i in range(0, len(shown), COLUMNS)]
     return _join(rows, 0)
 
@@ -81,7 +81,7 @@ def _patterns(height: int, width: int) -> list[NDArray[np.float32]]:
 
 
 def _displayed(linear: NDArray[np.floating]) -> Image:
-    return to_bytes(srgb_from_linear(linear))
+    return to_bytes(linear_to_srgb(linear))
 
 
 def _join(pictures: list[Image], axis: int) -> Image:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from ..contract.recolor import TRAIN, Color
-from ..render import display
+from ..render import linear_to_srgb
 from .batches import Batch, collate
 from .frames import LightFrame, LightFrames
 from .learner import Draw, Item
@@ -41,7 +41,7 @@ class _Published:
         self._weighted = settings.weighted
         self._loss = weighted_bce if settings.loss == "bce" else weighted_mse
         self._albedos = albedos(colors)
-        self._colors_srgb = display(self._albedos)
+        self._colors_srgb = linear_to_srgb(self._albedos)
 
     def render_of(self, index: int, frame: LightFrame) -> Render:
         return published_render(self.net, frame, self._frames.plain(index))
@@ -52,7 +52,7 @@ class _Published:
 
     def _truth(self, batch: Batch, albedo: Tensor) -> Tensor:
         """Masked frames in a color per frame; albedo (B, 3, 1, 1)."""
-        return display(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
+        return linear_to_srgb(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
 
 
 class BaseLearner(_Published):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Camera, Vehicle
-from ..contract.color import srgb_from_linear
+from ..contract.color import linear_to_srgb
 from ..render import rasterize
 from ..render.raster.pattern import pattern
 from ..render.sampling.surface import find_surface
@@ -53,7 +53,7 @@ def plain_shading(vehicle: Vehicle, camera_in_vehicle: Camera) -> PlainShading:
     upward = surface.interpolate(vehicle.normals[..., 2:])[:, 0]
     light = AMBIENT + DIRECTIONAL * np.maximum(upward, 0.0)
     painted = vehicle.paint_faces()[surface.faces]
-    colors = srgb_from_linear(np.array([m.base_color for m in vehicle.materials]))[vehicle.material[surface.faces]]
+    colors = linear_to_srgb(np.array([m.base_color for m in vehicle.materials]))[vehicle.material[surface.faces]]
     values = np.concatenate(
         [(light * painted)[:, None], colors * (light * ~painted)[:, None], np.ones((len(light), 1))], 1
     )

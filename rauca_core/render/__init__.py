@@ -2,7 +2,7 @@
 
 from .cache import FacetSettings, PatternSettings, TapCache, TapRecipe, TapSettings
 from .canvas import Canvas
-from .composite import composite, display, saturate, undisplay
+from .composite import composite, linear_to_srgb, saturate, srgb_to_linear
 from .facet_texture import bake_facets, cell_positions
 from .pyramid import Pyramid
 from .raster.rasterize import Raster, rasterize
@@ -29,11 +29,11 @@ __all__ = [
     "build_world_aligned_taps",
     "cell_positions",
     "composite",
-    "display",
+    "linear_to_srgb",
     "pattern_pyramid",
     "project_pattern",
     "rasterize",
     "saturate",
+    "srgb_to_linear",
     "tap_format",
-    "undisplay",
 ]

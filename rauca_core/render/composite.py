@@ -45,7 +45,7 @@ def saturate(values: Tensor) -> Tensor:
     return torch.where((values >= 0.0) & (values <= 1.0), values, values.detach().clamp(0.0, 1.0))
 
 
-def display(linear: Tensor) -> Tensor:
+def linear_to_srgb(linear: Tensor) -> Tensor:
     """Encode linear light as sRGB in [0, 1] (IEC 61966-2-1).
 
     Light beyond [0, 1] is clipped and has zero gradient, as a camera that saturates; within, the gradient is exact and
@@ -57,7 +57,7 @@ def display(linear: Tensor) -> Tensor:
     return torch.where(x <= _KNEE_LINEAR, 12.92 * x, curve)
 
 
-def undisplay(srgb: Tensor) -> Tensor:
+def srgb_to_linear(srgb: Tensor) -> Tensor:
     """Decode sRGB values in [0, 1] to linear light; values beyond are clipped and have zero gradient."""
     decoded: Tensor = _Decode.apply(srgb)
     return decoded

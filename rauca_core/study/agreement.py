@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
 from ..contract.files import write_json
 from ..environment import Light, load_exact
-from ..render import Pyramid, Taps, TapSettings, build_taps, composite, display, undisplay
+from ..render import Pyramid, Taps, TapSettings, build_taps, composite, linear_to_srgb, srgb_to_linear
 from ..render.cache import tap_key
 from ..runtime.images import read_image
 
@@ -72,7 +72,7 @@ def measure_agreement(
     record.check_fits(vehicle.atlas_id, str(camouflage))
     pyramid = Pyramid.of(vehicle, size or record.size)
     uv_map = torch.from_numpy(read_image(image).astype(np.float32) / 255).permute(2, 0, 1)
-    texels = pyramid(undisplay(pyramid.from_map(uv_map)))
+    texels = pyramid(srgb_to_linear(pyramid.from_map(uv_map)))
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if not frames:
         raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
@@ -129,10 +129,10 @@ def _compare(
 def _predict(light: Light, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
     """The frame in the texture, (H, W, 3) sRGB."""
     A, B = (torch.from_numpy(m.reshape(-1, 3)) for m in (light.A, light.B))
-    flat = display(B)
+    flat = linear_to_srgb(B)
     pixels = torch.from_numpy(taps.pixels.astype(np.int64))
     albedo = taps.rows(texels)
-    paint = display(composite(albedo, albedo.new_ones(()), A[pixels], B[pixels]))
+    paint = linear_to_srgb(composite(albedo, albedo.new_ones(()), A[pixels], B[pixels]))
     return flat.index_copy(0, pixels, paint).reshape(taps.height, taps.width, 3).numpy()
 
 

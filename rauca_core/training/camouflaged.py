@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import RaucaError, load_camouflage
-from ..contract.color import linear_from_srgb
+from ..contract.color import srgb_to_linear
 from ..environment.frames import LightFrames
 from ..render import Canvas, Pyramid, TapCache, TapSettings
 from ..runtime.images import read_image
@@ -113,7 +113,7 @@ class CamouflagedSights(Sights):
 
 def read_texels(image: Path, pyramid: Pyramid) -> Tensor:
     """The paintable texels (P, 3) linear of a UV map's PNG, resampled to the pyramid's size."""
-    linear: NDArray[Any] = linear_from_srgb(read_image(image).astype(np.float32) / 255).astype(np.float32)
+    linear: NDArray[Any] = srgb_to_linear(read_image(image).astype(np.float32) / 255).astype(np.float32)
     if linear.shape[0] != pyramid.size:
         how = cv2.INTER_AREA if linear.shape[0] > pyramid.size else cv2.INTER_LINEAR
         linear = cv2.resize(linear, (pyramid.size, pyramid.size), interpolation=how)

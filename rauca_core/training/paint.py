@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ..contract.color import linear_from_srgb
+from ..contract.color import srgb_to_linear
 
 CAR_COLORS: tuple[tuple[int, int, int], ...] = (
     (238, 238, 235), (205, 207, 208), (160, 163, 166), (110, 113, 117), (64, 66, 70), (18, 18, 20),
@@ -29,9 +29,9 @@ def draw_color(rng: np.random.Generator) -> NDArray[np.float32]:
     """(3,) linear albedo of a car's paint."""
     kind = rng.choice(3, p=SHARES)
     if kind == 2:
-        return linear_from_srgb(rng.random(3))
+        return srgb_to_linear(rng.random(3))
     chosen = CAR_COLORS[rng.integers(NEUTRALS if kind == 0 else len(CAR_COLORS))]
-    return linear_from_srgb((np.array(chosen) + rng.normal(0, _SPREAD, 3)) / 255)
+    return srgb_to_linear((np.array(chosen) + rng.normal(0, _SPREAD, 3)) / 255)
 
 
 def draw_paint(rng: np.random.Generator, rows: tuple[float, float], size: int) -> Tensor:

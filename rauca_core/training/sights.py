@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..contract.color import srgb_from_linear
+from ..contract.color import linear_to_srgb
 from ..detect.letterbox import PADDING_SRGB
 from ..detect.synth.network import Truth
 from ..environment.frames import LightFrame, LightFrames
@@ -111,7 +111,7 @@ def paint_frame(frame: LightFrame, rows: tuple[float, float], rng: np.random.Gen
 
 def srgb(linear: Tensor) -> Tensor:
     """Linear light to sRGB in [0, 1], clipped."""
-    return torch.from_numpy(srgb_from_linear(linear.numpy()))
+    return torch.from_numpy(linear_to_srgb(linear.numpy()))
 
 
 def _offset(low: float, high: float, scaled: int, side: int, rng: np.random.Generator) -> int:

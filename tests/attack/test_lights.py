@@ -15,7 +15,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
 from rauca_core.environment.published import PublishedEfe
 from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
-from rauca_core.render import Canvas, display
+from rauca_core.render import Canvas, linear_to_srgb
 from rauca_core.runtime.images import read_image
 
 SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
@@ -65,7 +65,7 @@ def test_the_published_extractor_lights_as_in_the_comparison(dataset: Dataset, w
     light = published_light(net, frame.image.permute(1, 2, 0).numpy(), frame.vehicle.float() / 255, plain)
     albedo = torch.rand(3, *frame.image.shape[1:], generator=torch.Generator().manual_seed(1))
     A, B = (torch.from_numpy(m).permute(2, 0, 1) for m in (light.A, light.B))
-    found = (A * display(albedo) + B).clamp(0, 1)
+    found = (A * linear_to_srgb(albedo) + B).clamp(0, 1)
     torch.testing.assert_close(found, published_render(net, frame, plain)(albedo[None])[0], atol=1e-6, rtol=0)
 
 
@@ -92,7 +92,7 @@ def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weight
     assert images.min() >= 0
     assert images.max() <= 1
     assert boxes_of(batch).shape == (3, 4)
-    assert torch.isfinite(display(texels)).all()
+    assert torch.isfinite(linear_to_srgb(texels)).all()
 
 
 @pytest.mark.parametrize("sampler", ["area", "bilinear", "trilinear", "tensor-traversal", "uv-traversal"])

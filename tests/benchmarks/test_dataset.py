@@ -18,7 +18,7 @@ from benchmarks.dataset.naive import naive_samples
 from benchmarks.dataset.results import MAPS, SINGLE, Entry, Results
 from benchmarks.dataset.settings import FULL, KINDS, QUICK, Settings
 from benchmarks.dataset.targets import judge
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 
 TINY = Settings(
     size=48,
@@ -102,7 +102,7 @@ def test_a_references_own_noise_does_not_count() -> None:
     halves = Halves(*(truth + rng.normal(0, 0.02, truth.shape).astype(np.float32) for _ in range(2)))
     found = (truth + 0.01).astype(np.float32)
     errors = squared_errors(found, halves, np.ones(truth.shape[:2], bool))
-    exact = float(np.mean((srgb_from_linear(found) - srgb_from_linear(truth)) ** 2))
+    exact = float(np.mean((linear_to_srgb(found) - linear_to_srgb(truth)) ** 2))
     assert errors.linear == pytest.approx(1e-4, rel=0.05)
     assert errors.display == pytest.approx(exact, rel=0.1)  # sRGB's curve bends what is left of the noise
     assert errors.paint == pytest.approx(errors.display)

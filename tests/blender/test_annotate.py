@@ -120,7 +120,7 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
 
     from blender_addon.scene.frame import Sight, render_frame
     from rauca_core.contract import PlannedFrame, load_frame, load_passes
-    from rauca_core.contract.color import srgb_from_linear
+    from rauca_core.contract.color import linear_to_srgb
     from rauca_core.contract.recolor import TEST, recolor
     from rauca_core.runtime.images import read_image
 
@@ -132,7 +132,7 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
     frame, maps = load_frame(folder), load_passes(folder)
     assert frame.check_srgb in TEST
     painted = sight.annotation.paint == 255
-    predicted = srgb_from_linear(recolor(maps["A"], maps["B"], frame.check_srgb))[painted]
+    predicted = linear_to_srgb(recolor(maps["A"], maps["B"], frame.check_srgb))[painted]
     real = read_image(folder / "check.png")[painted] / 255
     assert -10 * np.log10(np.mean((predicted - real) ** 2)) > 34
     reference = read_image(folder / "image.png")[painted] / 255

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 
 CLEAR, FOG = Weather("clear", 45.0), Weather("fog", 45.0, 60.0, 50.0)
 GREY = np.full(3, 0.26, np.float32)
 
 
 def psnr(a, b):
-    return -10 * np.log10(np.mean((srgb_from_linear(a) - srgb_from_linear(b)) ** 2))
+    return -10 * np.log10(np.mean((linear_to_srgb(a) - linear_to_srgb(b)) ** 2))
 
 
 @pytest.fixture

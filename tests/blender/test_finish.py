@@ -7,7 +7,7 @@ import pytest
 
 from rauca_core.contract import Camera, Quality, RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 from rauca_core.runtime.images import read_image
 
 RED = (0.5, 0.1, 0.05)
@@ -60,7 +60,7 @@ def test_a_white_and_a_black_render_predict_a_color_they_never_saw(bpy_module, f
     set_wetness(wetness, 0.0)
     white, black, red = (studio.render(color) for color in ((0.8,) * 3, (0.0,) * 3, RED))
     predicted = black + (white - black) / np.float32(0.8) * np.float32(RED)
-    error = srgb_from_linear(predicted) - srgb_from_linear(red)
+    error = linear_to_srgb(predicted) - linear_to_srgb(red)
     assert len(red) > 500
     assert -10 * np.log10((error**2).mean()) > 40
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather
-from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract.color import linear_to_srgb, to_bytes
 
 
 def psnr(a, b):
@@ -60,8 +60,8 @@ def test_light_maps_predict_a_color_they_never_saw(session, weather):
     color = np.array([0.5, 0.1, 0.25], np.float32)
     A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
     session.vehicle.paint.set_color((0.5, 0.1, 0.25))
-    rendered = srgb_from_linear(session.render(0, 0, weather))
-    predicted = srgb_from_linear(A * color + B)
+    rendered = linear_to_srgb(session.render(0, 0, weather))
+    predicted = linear_to_srgb(A * color + B)
     assert np.isfinite(A).all()
     assert A[~painted].max() == 0
     assert psnr(rendered[painted], predicted[painted]) > 34
@@ -74,14 +74,14 @@ def test_a_uv_map_lands_where_the_uvs_say(session, box_vehicle):
     uv_map[32:, 32:] = (0, 0, 255)  # chart 1, u > 0.5 and v < 0.5, is the +x side: rows count from the top
     session.vehicle.paint.set_map(uv_map)
     image = session.render(0, 0, session.plan.weathers[0])
-    blue = srgb_from_linear(image)[..., 2] - srgb_from_linear(image)[..., 0]
+    blue = linear_to_srgb(image)[..., 2] - linear_to_srgb(image)[..., 0]
     pose = session.place.pose(0)
     side = np.array([[2.0, 0.0, 0.75], [0.0, 1.0, 0.75]]) @ pose[:3, :3].T + pose[:3, 3]
     (front, left), _ = session.viewpoint(0, 0).camera.project(side)
     assert blue[int(front[1]), int(front[0])] > 0.2
     assert abs(blue[int(left[1]), int(left[0])]) < 0.1
     session.vehicle.paint.set_map(np.zeros_like(uv_map))  # a second map must not show stale pixels
-    again = srgb_from_linear(session.render(0, 0, session.plan.weathers[0]))
+    again = linear_to_srgb(session.render(0, 0, session.plan.weathers[0]))
     assert again[int(front[1]), int(front[0]), 2] - again[int(front[1]), int(front[0]), 0] < 0.1
 
 
@@ -95,7 +95,7 @@ def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
     scene.render.dither_intensity = 0
     scene.render.filepath = str(tmp_path / "blender.png")
     bpy_module.ops.render.render(write_still=True, scene=scene.name)
-    difference = read_image(tmp_path / "blender.png").astype(int) - to_bytes(srgb_from_linear(linear))
+    difference = read_image(tmp_path / "blender.png").astype(int) - to_bytes(linear_to_srgb(linear))
     assert np.abs(difference).max() <= 1
 
 

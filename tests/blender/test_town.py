@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Plan, Quality, Ring, Weather
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES
 
 SEEDS, LOCATIONS = (1, 2), 6
@@ -203,7 +203,7 @@ def test_locations_look_different_and_show_different_things(town_session):
         counts = [np.bincount(seen[view].semantic.ravel(), minlength=len(CLASSES)) for view in (0, 1)]
         contents += [count / count.sum() for count in counts]
         session.set_weather(weather)
-        images += [srgb_from_linear(session.render(location, view, weather)) for view in (0, 1)]
+        images += [linear_to_srgb(session.render(location, view, weather)) for view in (0, 1)]
     for i in range(len(images)):
         for j in range(i):
             assert np.abs(images[i] - images[j]).mean() > 0.05, (i, j)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Quality, Weather, rain
-from rauca_core.contract.color import srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 FROM_ABOVE = Camera.look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3), 60, 16, 16)
@@ -238,7 +238,7 @@ def test_light_maps_with_rain_predict_a_color_rendered_in_rain(session):
     again = rain_before(session, 0, 0, weather, annotation.distance)
     assert np.array_equal(drops.alpha, again.alpha)
     session.vehicle.paint.set_color((0.5, 0.1, 0.25))
-    rendered = srgb_from_linear(rain.over(session.render(0, 0, weather), drops))
-    predicted = srgb_from_linear(rain.over_gain(A, drops) * color + rain.over(B, drops))
+    rendered = linear_to_srgb(rain.over(session.render(0, 0, weather), drops))
+    predicted = linear_to_srgb(rain.over_gain(A, drops) * color + rain.over(B, drops))
     error = np.mean((rendered[painted] - predicted[painted]) ** 2)
     assert -10 * np.log10(error) > 34

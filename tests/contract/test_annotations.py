@@ -8,7 +8,7 @@ import pytest
 
 from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, load_passes, save_frame
 from rauca_core.contract.checksums import file_digest, read_sums
-from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.color import srgb_to_linear
 from rauca_core.contract.instances import Instance, find_instances, mask_box
 from rauca_core.contract.recolor import TEST, TRAIN, check_color, find_colors, hex_name, recolor
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
@@ -113,7 +113,7 @@ def test_recoloring_is_the_affine_model_for_every_color_at_once():
     assert images.shape == (9, 5, 6, 3)
     assert np.array_equal(images[0], B)  # black adds nothing
     assert np.allclose(images[7], A + B)
-    albedo = linear_from_srgb(np.array([255, 136, 0]) / 255)
+    albedo = srgb_to_linear(np.array([255, 136, 0]) / 255)
     assert np.allclose(recolor(A, B, (255, 136, 0)), A * albedo + B)
     half = {"A": A.astype(np.float16), "B": B.astype(np.float16)}
     assert recolor(**half, colors_srgb=(9, 9, 9)).dtype == np.float32

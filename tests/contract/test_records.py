@@ -28,7 +28,7 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
+from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.progress import Progress, parse_progress
 from rauca_core.contract.seeding import named_rng, named_seed
@@ -133,7 +133,7 @@ def test_frame_round_trip(tmp_path):
     assert np.allclose(stored["A"], passes.A, rtol=1e-3, atol=1e-3)
     assert np.isfinite(stored["B"]).all()  # light beyond float16's range is clipped, not infinite
     image = read_image(tmp_path / frame.id / "image.png")
-    assert np.abs(image / 255 - srgb_from_linear(passes.image_linear)).max() <= 0.5 / 255 + 1e-6
+    assert np.abs(image / 255 - linear_to_srgb(passes.image_linear)).max() <= 0.5 / 255 + 1e-6
 
 
 def test_a_frame_without_light_has_no_light_maps(tmp_path):
@@ -243,8 +243,8 @@ def test_bad_weathers_are_named(tmp_path, weather, message):
 
 def test_transfer_function_inverts_itself():
     x = np.linspace(0, 1, 1001, dtype=np.float32)
-    assert np.allclose(srgb_from_linear(linear_from_srgb(x)), x, atol=1e-5)
-    assert srgb_from_linear(np.array([np.nan, -1.0, 7.0])) == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert np.allclose(linear_to_srgb(srgb_to_linear(x)), x, atol=1e-5)
+    assert linear_to_srgb(np.array([np.nan, -1.0, 7.0])) == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
 
 
 def test_seeds_depend_on_names_alone():

@@ -26,7 +26,7 @@ from rauca_core.contract import (
     save_frame,
     seal_dataset,
 )
-from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.color import srgb_to_linear
 from rauca_core.contract.instances import find_instances, mask_box
 from rauca_core.contract.recolor import check_color, recolor
 from rauca_core.contract.semantics import CLASS_IDS
@@ -71,7 +71,7 @@ def render(vehicle: Vehicle, plan: Plan, planned: PlannedFrame) -> tuple[Frame, 
     )  # fmt: skip
     noise = np.random.default_rng(planned.view).normal(0, 0.002, B.shape)
     real = None if checked is None else recolor(A, B, checked) + noise.astype(np.float32)
-    image = A * linear_from_srgb(np.array(GREY) / 255) + B
+    image = A * srgb_to_linear(np.array(GREY) / 255) + B
     coverage = (seen.astype(np.float32), paint.astype(np.float32))
     return frame, FramePasses(image, *coverage, distance, A, B, semantic, instances, real)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Dataset, LedgerEntry, RaucaError, append_entry, load_frame, load_passes, save_frame
-from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.color import srgb_to_linear
 from rauca_core.contract.frame import FramePasses
 from rauca_core.dataset_tools import CheckResult, check_dataset
 from rauca_core.runtime.images import read_image
@@ -32,10 +32,10 @@ def stored(dataset: Dataset, frame_id: str) -> FramePasses:
 
     check = folder / "check.png"
     return FramePasses(
-        linear_from_srgb(unit("image.png")), unit("vehicle.png"), unit("paint.png"),
+        srgb_to_linear(unit("image.png")), unit("vehicle.png"), unit("paint.png"),
         maps["distance"].astype(np.float32),
         maps["A"].astype(np.float32), maps["B"].astype(np.float32), read_image(folder / "semantic.png").copy(),
-        read_image(folder / "instances.png").copy(), linear_from_srgb(unit("check.png")) if check.is_file() else None,
+        read_image(folder / "instances.png").copy(), srgb_to_linear(unit("check.png")) if check.is_file() else None,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError, load_passes
-from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract.color import linear_to_srgb, to_bytes
 from rauca_core.contract.recolor import TEST, recolor
 from rauca_core.dataset_tools import export_dataset, recolor_dataset, recoloring
 from rauca_core.dataset_tools.rle import encode_mask
@@ -104,7 +104,7 @@ def test_recolored_files_are_the_affine_images_and_are_kept(mini, tmp_path):
     maps = load_passes(mini.frame_folder(frame.id))
     for color in colors:
         path = tmp_path / "out" / bytes(color).hex() / f"{frame.id}.png"
-        assert np.array_equal(read_image(path), to_bytes(srgb_from_linear(recolor(maps["A"], maps["B"], color))))
+        assert np.array_equal(read_image(path), to_bytes(linear_to_srgb(recolor(maps["A"], maps["B"], color))))
     path.unlink()
     moves = []
     assert recolor_dataset(mini.folder, colors, tmp_path / "out", moves.append) == 1

@@ -23,7 +23,7 @@ from rauca_core.contract import (
     claim_folder,
     save_frame,
 )
-from rauca_core.contract.color import linear_from_srgb
+from rauca_core.contract.color import srgb_to_linear
 from rauca_core.render import rasterize
 
 torch.set_num_threads(1)
@@ -43,7 +43,7 @@ def draw_frame(vehicle: Vehicle, camera: Camera, light: np.ndarray, fog: float) 
     A[paint], B[paint] = shade[ids[paint], None], 0.02
     passes = FramePasses(A, seen.astype(np.float32), paint.astype(np.float32), seen * np.float32(7))
     passes.A, passes.B = A * (1 - fog), B * (1 - fog) + fog * 0.6
-    passes.image_linear = passes.A * linear_from_srgb(np.array(REFERENCE) / 255) + passes.B
+    passes.image_linear = passes.A * srgb_to_linear(np.array(REFERENCE) / 255) + passes.B
     return passes
 
 

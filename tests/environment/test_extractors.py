@@ -9,17 +9,17 @@ from benchmarks.stability.light import GREY, frames
 from rauca_core.environment.extractor import CLIPPED, LightSplitter
 from rauca_core.environment.losses import tone, vehicle_weight, weighted_bce
 from rauca_core.environment.published import PublishedEfe
-from rauca_core.render.composite import display, undisplay
+from rauca_core.render.composite import linear_to_srgb, srgb_to_linear
 
 
 def test_what_the_network_says_does_not_depend_on_the_exposure():
     torch.manual_seed(0)
     net = LightSplitter()
     torch.nn.init.normal_(net.head.weight, std=0.1)
-    linear = undisplay(frames("plain")[0]) * 0.4
+    linear = srgb_to_linear(frames("plain")[0]) * 0.4
     mask = frames("plain")[1]
-    A, _ = net(display(linear), mask, GREY)
-    net_stops = [net(display(linear * factor), mask, GREY)[0] / factor for factor in (0.5, 2.0)]
+    A, _ = net(linear_to_srgb(linear), mask, GREY)
+    net_stops = [net(linear_to_srgb(linear * factor), mask, GREY)[0] / factor for factor in (0.5, 2.0)]
     # Only the channel that tells the exposure itself differs.
     assert all(((other - A).abs().mean() / A.mean()) < 0.2 for other in net_stops)
 
@@ -33,7 +33,7 @@ def test_the_reference_comes_back_in_channels_that_are_not_clipped(albedo):
     assert ((image >= CLIPPED).any(1) & (image < CLIPPED).any(1)).any()  # clipped in some channels only
     reference = torch.full((2, 3), albedo)
     A, B = net(image, mask, reference)
-    again = display(A * reference[:, :, None, None] + B)
+    again = linear_to_srgb(A * reference[:, :, None, None] + B)
     assert torch.allclose(again[image < CLIPPED], image[image < CLIPPED], atol=1e-5)
     assert again[image >= CLIPPED].min() >= CLIPPED - 1e-5
     assert B.min() >= 0
@@ -56,7 +56,7 @@ def test_bce_is_torchs_away_from_the_ends():
 
 def test_the_tone_is_the_displays_and_never_flat():
     x = torch.linspace(0, 1, 1001, dtype=torch.float64)
-    assert torch.allclose(tone(x), display(x))
+    assert torch.allclose(tone(x), linear_to_srgb(x))
     bright = torch.tensor([1.0, 2.0, 1e4], dtype=torch.float64, requires_grad=True)
     tone(bright).sum().backward()
     assert (bright.grad > 0.4).all()

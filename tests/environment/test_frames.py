@@ -9,7 +9,7 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.environment.batches import augment, collate, crop, draw_albedos, join
 from rauca_core.environment.frames import LightFrames
-from rauca_core.render import display
+from rauca_core.render import linear_to_srgb
 
 
 def test_a_frame_holds_the_data_set(dataset):
@@ -17,7 +17,7 @@ def test_a_frame_holds_the_data_set(dataset):
     frame = frames.get(0)
     assert len(frames) == 8
     assert frame.A.dtype == frame.B.dtype == torch.float16
-    again = display(frame.A.float() * frame.reference[:, None, None] + frame.B.float())
+    again = linear_to_srgb(frame.A.float() * frame.reference[:, None, None] + frame.B.float())
     assert torch.allclose(again, frame.image / 255, atol=0.01)
     assert frame.weather == "clear"
     assert (frame.paint <= frame.vehicle).all()
@@ -29,7 +29,7 @@ def test_frames_work_at_a_smaller_size(dataset):
     assert shrunk.image.shape == (3, 16, 16)
     mean = torch.nn.functional.avg_pool2d(frame.A.float(), 2)
     assert torch.allclose(shrunk.A.float(), mean, atol=1e-3)
-    again = display(shrunk.A.float() * shrunk.reference[:, None, None] + shrunk.B.float())
+    again = linear_to_srgb(shrunk.A.float() * shrunk.reference[:, None, None] + shrunk.B.float())
     assert torch.allclose(again, shrunk.image / 255, atol=0.005)
     # The vehicle's picture is that of the same camera with larger pixels.
     coverage = torch.nn.functional.avg_pool2d(own.plain(0).coverage[None], 2)[0]
@@ -93,7 +93,7 @@ def test_augmented_frames_are_frames(dataset):
     frames = LightFrames([dataset.folder])
     batch = collate([frames.get(i) for i in range(8)])
     seen = augment(batch, np.random.default_rng(0), share=1.0)
-    assert torch.allclose(display(seen.A * seen.reference[:, :, None, None] + seen.B), seen.image, atol=0.003)
+    assert torch.allclose(linear_to_srgb(seen.A * seen.reference[:, :, None, None] + seen.B), seen.image, atol=0.003)
     assert not torch.allclose(seen.reference, batch.reference)
     assert (seen.A[(seen.paint == 0).expand_as(seen.A)] == 0).all()
     same = augment(batch, np.random.default_rng(0), share=0.0)

@@ -27,7 +27,7 @@ from rauca_core.contract import (
     save_camouflage,
     save_frame,
 )
-from rauca_core.contract.color import srgb_from_linear, to_bytes
+from rauca_core.contract.color import linear_to_srgb, to_bytes
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detector, load_detector
 from tests.published import published_weights
@@ -111,7 +111,7 @@ def _draw_frame(dataset: Dataset, frame_id: str, view: int, weather: Weather, nu
         frame,
         FramePasses(image, coverage, coverage, np.full((SIZE, SIZE), distance, np.float32)),
     )
-    write_bytes(noise / f"{frame_id}.png", png_bytes(to_bytes(srgb_from_linear(camouflaged))))
+    write_bytes(noise / f"{frame_id}.png", png_bytes(to_bytes(linear_to_srgb(camouflaged))))
 
 
 # Outline of a sedan's left side, front at the left: x right, y up, in units of its length.

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ...contract import Vehicle
 from ...contract.color import to_bytes
-from ...render import Pyramid, display, undisplay
+from ...render import Pyramid, linear_to_srgb, srgb_to_linear
 from .bound import distances, round_within
 from .choice import Naturalness
 from .lab import delta_e_2000, lab
@@ -73,8 +73,8 @@ def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.ui
 
 def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDArray[np.uint8]:
     """The whole map: far from paint a mean of what is near, beside it no color that the paint does not have."""
-    light = undisplay(torch.from_numpy(texels.astype(np.float32) / 255))
-    uv_map = to_bytes(display(atlas.to_map(light)).permute(1, 2, 0).numpy())
+    light = srgb_to_linear(torch.from_numpy(texels.astype(np.float32) / 255))
+    uv_map = to_bytes(linear_to_srgb(atlas.to_map(light)).permute(1, 2, 0).numpy())
     flat = uv_map.reshape(-1, 3)
     if wanted.palette:
         few, place = np.unique(flat, axis=0, return_inverse=True)

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ...render import undisplay
+from ...render import srgb_to_linear
 
 # IEC 61966-2-1: linear sRGB to XYZ; rows are divided by the white point, so that white is exactly (100, 0, 0).
 XYZ = np.array(
@@ -21,7 +21,7 @@ FROM_ROOTS = np.array([[0.0, 116.0, 0.0], [500.0, -500.0, 0.0], [0.0, 200.0, -20
 
 def lab(srgb: Tensor) -> Tensor:
     """CIELAB (..., 3) of sRGB values (..., 3) in [0, 1]; finite values and gradients everywhere, black included."""
-    x = undisplay(srgb) @ torch.from_numpy(TO_WHITE.T).to(srgb)
+    x = srgb_to_linear(srgb) @ torch.from_numpy(TO_WHITE.T).to(srgb)
     # The root's slope is infinite at 0: keep its argument off 0 even where the other branch is taken.
     root = torch.where(x > KNEE, x.clamp(min=KNEE).pow(1 / 3), SLOPE * x + OFFSET)
     return root @ torch.from_numpy(FROM_ROOTS.T).to(srgb) - torch.tensor([16.0, 0.0, 0.0]).to(srgb)

@@ -13,7 +13,7 @@ from torch import Tensor
 from ...contract import RaucaError, Vehicle, load_camouflage
 from ...contract.checksums import file_digest
 from ...contract.color import to_bytes
-from ...render import Pyramid, display, pattern_pyramid, project_pattern, undisplay
+from ...render import Pyramid, linear_to_srgb, pattern_pyramid, project_pattern, srgb_to_linear
 from ...runtime.images import read_image
 from .choice import Naturalness, is_color, parse_color
 
@@ -56,7 +56,7 @@ def reference_texels(vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness) -> N
         return _of_map(color_image, atlas, given)
     tiles = pattern_pyramid(2 * PHOTO)
     projection = project_pattern(vehicle, atlas, tiles, 2 * wanted.reference_width_m)
-    return to_bytes(display(projection(tiles(undisplay(_tile(color_image))))).numpy())
+    return to_bytes(linear_to_srgb(projection(tiles(srgb_to_linear(_tile(color_image))))).numpy())
 
 
 def _image_of(path: Path) -> Path:

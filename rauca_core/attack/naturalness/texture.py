@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import RaucaError, Vehicle
-from ...contract.color import linear_from_srgb, srgb_from_linear, to_bytes
+from ...contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from ...render import Pyramid, SparseOperator, saturate
 from .bound import distances, draw_back
 from .choice import Naturalness
@@ -68,10 +68,10 @@ class Constraints:
     def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.patches is None:
             return texels
-        light = linear_from_srgb(texels / 255.0) * self.points.areas[:, None]
+        light = srgb_to_linear(texels / 255.0) * self.points.areas[:, None]
         weight = np.bincount(self.patches.of_texel, self.points.areas, self.count)
         sums = [np.bincount(self.patches.of_texel, column, self.count) for column in light.T]
-        return to_bytes(srgb_from_linear(np.stack(sums, 1) / np.maximum(weight, 1e-30)[:, None]))
+        return to_bytes(linear_to_srgb(np.stack(sums, 1) / np.maximum(weight, 1e-30)[:, None]))
 
     def _allowed(self) -> Tensor | None:
         bound = self.wanted.max_delta_e

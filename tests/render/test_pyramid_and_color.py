@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.contract.color import linear_from_srgb, srgb_from_linear
-from rauca_core.render import Pyramid, build_taps, composite, display, undisplay
+from rauca_core.contract import Camera, RaucaError, Vehicle, color
+from rauca_core.render import Pyramid, build_taps, composite, linear_to_srgb, srgb_to_linear
 
 
 def test_levels_are_coverage_weighted_means() -> None:
@@ -54,25 +53,25 @@ def test_nothing_paintable_is_an_error() -> None:
         Pyramid(np.zeros((16, 16), np.float32))
 
 
-def test_display_is_the_contracts_transfer_function_with_finite_slopes() -> None:
+def test_linear_to_srgb_is_the_contracts_transfer_function_with_finite_slopes() -> None:
     linear = torch.tensor([-1.0, 0.0, 1e-9, 0.0031308, 0.0032, 0.2, 1.0, 1.5, 1e6], requires_grad=True)
-    shown = display(linear)
-    assert np.allclose(shown.detach().numpy(), srgb_from_linear(linear.detach().numpy()), atol=1e-6)
+    shown = linear_to_srgb(linear)
+    assert np.allclose(shown.detach().numpy(), color.linear_to_srgb(linear.detach().numpy()), atol=1e-6)
     shown.sum().backward()
     assert torch.isfinite(linear.grad).all()
     assert linear.grad[0] == 0
     assert linear.grad[7] == 0
     assert linear.grad[1] == pytest.approx(12.92)
     srgb = torch.linspace(0, 1, 1001, requires_grad=True)
-    assert np.allclose(undisplay(srgb).detach().numpy(), linear_from_srgb(srgb.detach().numpy()), atol=1e-6)
-    assert torch.allclose(display(undisplay(srgb)), srgb, atol=1e-5)
+    assert np.allclose(srgb_to_linear(srgb).detach().numpy(), color.srgb_to_linear(srgb.detach().numpy()), atol=1e-6)
+    assert torch.allclose(linear_to_srgb(srgb_to_linear(srgb)), srgb, atol=1e-5)
     outside = torch.tensor([-0.2, 0.01, 0.04045, 0.5, 1.0, 1.3], dtype=torch.float64, requires_grad=True)
-    undisplay(outside).sum().backward()
+    srgb_to_linear(outside).sum().backward()
     assert outside.grad.tolist() == pytest.approx(
         [0, 1 / 12.92, 1 / 12.92, 2.4 / 1.055 * ((0.5 + 0.055) / 1.055) ** 1.4, 2.4 / 1.055, 0]
     )
-    assert torch.autograd.gradcheck(undisplay, torch.rand(50, dtype=torch.float64).requires_grad_())
-    assert display(torch.tensor(float("nan"))).isnan()  # not hidden: the optimizer stops on it
+    assert torch.autograd.gradcheck(srgb_to_linear, torch.rand(50, dtype=torch.float64).requires_grad_())
+    assert linear_to_srgb(torch.tensor(float("nan"))).isnan()  # not hidden: the optimizer stops on it
 
 
 def test_composite_keeps_the_reference_where_no_texture_is_known() -> None:
@@ -92,7 +91,7 @@ def test_gradient_through_the_whole_renderer(box_vehicle: Vehicle) -> None:
     texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, generator=generator) * 0.8 + 0.1
 
     def render(srgb: torch.Tensor) -> torch.Tensor:
-        return display(composite(taps.rows(pyramid(undisplay(srgb))), torch.ones(()), A, B))
+        return linear_to_srgb(composite(taps.rows(pyramid(srgb_to_linear(srgb))), torch.ones(()), A, B))
 
     assert torch.autograd.gradcheck(render, texels.requires_grad_(), fast_mode=True, atol=1e-5)
 
@@ -118,7 +117,7 @@ def test_decoding_by_table_is_as_exact_as_float32() -> None:
     srgb = torch.cat([torch.linspace(-0.1, 1.1, 100_003), torch.tensor([0.0, 1.0, 0.04045, float("nan")])])
     srgb.requires_grad_()
     exact = srgb.detach().double().requires_grad_()
-    found, wanted = undisplay(srgb), undisplay(exact)
+    found, wanted = srgb_to_linear(srgb), srgb_to_linear(exact)
     assert torch.isnan(found[-1])
     assert (found[:-1].double() - wanted[:-1]).abs().max() < 1.5e-7
     found[:-1].sum().backward()
