@@ -8,6 +8,7 @@ EXTRAS = {
     "tensorboard": "optimize",
     "matplotlib": "report",
     "faster_coco_eval": "report",
+    "jinja2": "report",
 }
 
 

@@ -25,7 +25,7 @@ from rauca_core.contract import Dataset, Progress, RaucaError, load_camouflage, 
 from rauca_core.contract.seeding import named_seed
 from rauca_core.detect import Detector, load_detector
 from rauca_core.detect.weights_file import sha256_of
-from rauca_core.report.hardening_page import HardeningNotes, write_hardening
+from rauca_core.report import HardeningNotes, write_hardening
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.cpu import threads
 from rauca_core.study.contestants import (

@@ -18,12 +18,12 @@ from pipelines.console import console
 from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
 from pipelines.protocol import Request, run_study
-from pipelines.tradeoff_page import Curve, measure_points, write_curve
 from rauca_core.attack import OptimizerSettings, make_settings
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.optimizer import unlike
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, load_detector
+from rauca_core.report import Curve, measure_points, write_curve
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.study.contestants import VehicleChoice, read_contestants, read_vehicle_choice
 from rauca_core.study.defences import make_defence
@@ -146,7 +146,8 @@ def run_tradeoff(asked: TradeOff) -> Path:
     reference = next((p.natural for p in asked.points if p.natural is not None and p.natural.reference), None)
     measured = measure_points(made, asked.dataset.vehicle_folder, reference)
     names = tuple(detector.name for detector in attacked)
-    return write_curve(asked.out, Curve(asked.command, names, reference, measured, tuple(entries)))
+    curve = Curve(asked.command, names, reference, measured, tuple(entries))
+    return write_curve(curve, asked.out / "tradeoff.html")[0]
 
 
 def _camouflage(asked: TradeOff, point: Point, attacked: Sequence[Detector]) -> Path:

@@ -15,7 +15,7 @@ from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import DensePredictions, Detections
-from rauca_core.report.hardening_page import HardeningNotes, write_hardening
+from rauca_core.report import HardeningNotes, write_hardening
 from rauca_core.study import evaluate
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.study import Entry

@@ -12,9 +12,9 @@ from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from pipelines.tradeoff import Sizes, TradeOff, points, run_tradeoff
-from pipelines.tradeoff_page import Curve
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle
+from rauca_core.report import Curve
 
 
 def test_points_differ_in_one_thing_each() -> None:
@@ -52,7 +52,7 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> list[Curve]:
     for module in ("optimize_camouflage", "tradeoff"):
         monkeypatch.setattr(f"pipelines.{module}.load_detector", named)
     monkeypatch.setattr("pipelines.tradeoff.run_study", lambda request: [])
-    monkeypatch.setattr("pipelines.tradeoff.write_curve", lambda out, curve: curves.append(curve) or out)
+    monkeypatch.setattr("pipelines.tradeoff.write_curve", lambda curve, out: curves.append(curve) or [out])
     return curves
 
 

@@ -11,25 +11,25 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from rauca_core import __version__
-from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.naturalness.finish import Distance, distance_of_map
-from rauca_core.attack.naturalness.granulometry import measure_patches
-from rauca_core.contract import load_camouflage, load_vehicle
-from rauca_core.contract.files import write_bytes, write_json
-from rauca_core.report import pages
-from rauca_core.report.colors import GREY, PALETTE, Style
-from rauca_core.report.grid import FramePicker
-from rauca_core.report.maps import maps_of
-from rauca_core.report.plots import curve_svg, themed
-from rauca_core.report.tables import Table
-from rauca_core.report.tables.html import TableWriter
-from rauca_core.report.tables.model import Block, Cell, Column, Row
-from rauca_core.runtime.images import read_image
-from rauca_core.study.contestants import NORMAL
-from rauca_core.study.recorded import Recorded
-from rauca_core.study.results import Estimate
-from rauca_core.study.study import Entry
+from .. import __version__
+from ..attack.naturalness import Naturalness
+from ..attack.naturalness.finish import Distance, distance_of_map
+from ..attack.naturalness.granulometry import measure_patches
+from ..contract import load_camouflage, load_vehicle
+from ..contract.files import write_bytes, write_json
+from ..runtime.images import read_image
+from ..study.contestants import NORMAL
+from ..study.recorded import Recorded
+from ..study.results import Estimate
+from ..study.study import Entry
+from . import pages
+from .colors import GREY, PALETTE, Style
+from .grid import FramePicker
+from .maps import maps_of
+from .plots import curve_svg, themed
+from .tables import Table
+from .tables.html import TableWriter
+from .tables.model import Block, Cell, Column, Row
 
 FORMAT = ("rauca-tradeoff", 1)
 WHITE, BLACK = "white-box", "black-box, mean"
@@ -103,8 +103,8 @@ def _centimetres(metres: float) -> float | None:
     return 100 * metres if math.isfinite(metres) else None
 
 
-def write_curve(out: Path, curve: Curve) -> Path:
-    """Write ``tradeoff.json``, ``.csv`` and ``.html``; returns the page's path."""
+def write_curve(curve: Curve, out: Path) -> list[Path]:
+    """Write ``out`` (.html) and its numbers (.json, .csv) beside it; returns what was written, the page first."""
     scores = {entry.weathers: _scores(curve, entry) for entry in curve.entries}
     rows = [_row(point, weathers, table) for weathers, table in scores.items() for point in curve.points]
     name, version = FORMAT
@@ -119,14 +119,14 @@ def write_curve(out: Path, curve: Curve) -> Path:
         "points": rows,
     }  # fmt: skip
     page = _page(curve, scores)
-    write_json(out / "tradeoff.json", value)
+    write_json(out.with_suffix(".json"), value)
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_bytes(out / "tradeoff.csv", stream.getvalue().encode())
-    write_bytes(out / "tradeoff.html", page.encode())
-    return out / "tradeoff.html"
+    write_bytes(out.with_suffix(".csv"), stream.getvalue().encode())
+    write_bytes(out, page.encode())
+    return [out, out.with_suffix(".json"), out.with_suffix(".csv")]
 
 
 Scores = dict[str, dict[str, Estimate]]  # [paint][WHITE or BLACK]
