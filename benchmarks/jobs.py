@@ -21,12 +21,12 @@ from typing import Any
 from blender_addon.jobs.crew import Worker
 from blender_addon.jobs.messages import News
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
-from pipelines.blender_process import blender_command
 from pipelines.console import output, progress_bar
 from rauca_core.contract import Plan, Quality, Ring, Shard, chunks, claim_folder, find_preset, planned_frames
 from rauca_core.contract import load_vehicle as load
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
+from rauca_core.runtime.blender import blender_command
 from rauca_core.runtime.images import read_image
 
 SIZE = 48

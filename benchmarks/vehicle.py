@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from rich.table import Table
 
-from pipelines.blender_process import run_blender
 from pipelines.console import output, progress_bar
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import write_json
 from rauca_core.detect import car_score, load_detector
+from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 
 RING = (

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipelines.blender_process import run_blender
 from pipelines.console import console, progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack.optimizer import CHECKPOINTS
@@ -43,6 +42,7 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import atomic_folder, open_to_append, write_bytes
 from rauca_core.detect.weights_file import sha256_of
 from rauca_core.environment.published_fit import fit_published
+from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.images import read_image
 from rauca_core.study.ablations.sizes import Sizes

@@ -19,9 +19,9 @@ from rich.text import Text
 
 from blender_addon.arguments import apply_parser
 from rauca_core.contract import Dataset, RaucaError
+from rauca_core.runtime.blender import run_blender
 
 from .ablate_command import ablate
-from .blender_process import run_blender
 from .console import console, output, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app

@@ -23,8 +23,8 @@ from rauca_core.dataset_tools import (
     view_dataset,
 )
 from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
+from rauca_core.runtime.blender import run_blender
 
-from .blender_process import run_blender
 from .console import console, output, progress_bar
 from .going_on import goes_on_by_itself
 from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pipelines.blender_process import run_blender
 from pipelines.console import console, progress_bar
 from pipelines.evaluate import measure, render_camouflages
 from pipelines.going_on import goes_on_by_itself
@@ -22,6 +21,7 @@ from rauca_core.attack.methods import settings_of
 from rauca_core.contract import load_vehicle
 from rauca_core.detect import fetch
 from rauca_core.detect.weights_file import sha256_of
+from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 from rauca_core.study.contestants import read_vehicle_choice
 

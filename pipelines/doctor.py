@@ -14,8 +14,7 @@ from pathlib import Path
 
 from rauca_core import __version__
 from rauca_core.detect.store import status
-
-from .blender_process import libraries_for
+from rauca_core.runtime.blender import libraries_for
 
 PACKAGES = ("numpy", "numba", "xatlas", "opencv-contrib-python-headless", "faster-coco-eval", "safetensors")
 BLENDER_PROBE = """

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, Progress, load_camouflage
 from rauca_core.detect import load_detector
+from rauca_core.runtime.blender import run_blender
 from rauca_core.study import DetectionSettings, Results, evaluate, reference_images
 from rauca_core.study.contestants import NORMAL
 from rauca_core.study.images_of import ImageOf

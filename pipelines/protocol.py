@@ -17,7 +17,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack import random_camouflage
@@ -25,6 +24,7 @@ from rauca_core.contract import Dataset, Plan, Progress, balanced_frames, find_p
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_bytes
 from rauca_core.detect import Detector
+from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.folder_lock import alone_in
 from rauca_core.runtime.images import read_image
 from rauca_core.study import DetectionSettings, evaluate, reference_images

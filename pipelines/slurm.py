@@ -16,8 +16,7 @@ from typing import Any
 
 from blender_addon.selection import chosen_frames
 from rauca_core.contract import Progress, RaucaError, frame_states, read_plan
-
-from .blender_process import blender_command, reason_of
+from rauca_core.runtime.blender import blender_command, reason_of
 
 POLL_S = 3.0
 SHARED_DISK_LAG_S = 30.0  # a network file system may show a task's result this long after its end

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from benchmarks.child import run_child
 from benchmarks.page import fill_page
-from pipelines.blender_process import require_bpy
 from pipelines.console import progress_bar
 from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import Progress
 from rauca_core.contract.files import write_json
+from rauca_core.runtime.blender import require_bpy
 
 from .plots import save_fog_curve, save_pareto
 from .report import markdown_report, print_report

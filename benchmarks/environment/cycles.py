@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.child import run_child
-from pipelines.blender_process import require_bpy
 from pipelines.console import progress_bar
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import write_json
+from rauca_core.runtime.blender import require_bpy
 
 SCRIPT = Path(__file__).with_name("cycles_light.py")
 LIGHT = "light"

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipelines.blender_process import run_blender
 from pipelines.console import progress_bar
 from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import Dataset, RaucaError, Weather, find_preset
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
 from rauca_core.contract.presets import PRESET_FORMAT
+from rauca_core.runtime.blender import run_blender
 
 from .settings import Settings
 

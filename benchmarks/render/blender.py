@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.child import run_child
-from pipelines.blender_process import require_bpy
 from rauca_core.contract import Camera, Progress, Vehicle
+from rauca_core.runtime.blender import require_bpy
 
 SCRIPT = Path(__file__).with_name("cycles_view.py")
 Image = NDArray[np.float32]

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipelines.blender_process import require_bpy
 from rauca_core.contract import RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
+from rauca_core.runtime.blender import require_bpy
 from rauca_core.runtime.images import read_image
 
 SCRIPT = Path(__file__).with_name("import_vehicle.py")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.render.vehicles import open_vehicle
-from pipelines.blender_process import LIBRARIES, blender_command, reason_of, require_bpy
 from rauca_core.contract import RaucaError
+from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

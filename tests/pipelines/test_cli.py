@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 import typer
 
-from pipelines.blender_process import run_blender
 from pipelines.detector_commands import weights_app
 from pipelines.efe_commands import efe_finetune, efe_train
 from rauca_core.contract import RaucaError
 from rauca_core.detect.store import OWN_FOLDER
 from rauca_core.environment.convergence import ETA
+from rauca_core.runtime.blender import run_blender
 
 
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -106,7 +106,7 @@ def test_mistakes_are_one_line_with_exit_code_two(tmp_path, monkeypatch, argumen
 
 
 def test_a_job_that_dies_is_told_with_its_reason(monkeypatch):
-    import pipelines.blender_process as process
+    import rauca_core.runtime.blender as process
 
     def dies(code):
         monkeypatch.setattr(process, "blender_command", lambda *_: [sys.executable, "-c", code])

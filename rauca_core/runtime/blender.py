@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 import os
 import signal
 import subprocess
@@ -11,7 +12,9 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rauca_core.contract import Progress, RaucaError, parse_progress
+from ..contract import Progress, RaucaError, parse_progress
+
+LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
 
 LIBRARIES = "libx11-6 libxi6 libxrender1 libxxf86vm1 libxfixes3 libxkbcommon0 libsm6 libice6 libgl1 libegl1 libgomp1"
 """What Blender links to, as Debian's packages."""
@@ -26,7 +29,7 @@ def blender_command(job: str, arguments: Sequence[str], blender: Path | None = N
     if blender is not None:
         if not blender.is_file():
             raise RaucaError(f"{blender}: no such program; give the path of a Blender executable")
-        root = str(Path(__file__).resolve().parent.parent)
+        root = str(Path(__file__).resolve().parents[2])
         code = (
             f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
         )
@@ -69,7 +72,7 @@ def run_blender(
             if news := parse_progress(line):
                 progress(news)
             elif line.startswith("note: "):
-                print(line.rstrip(), file=sys.stderr)
+                LOG.warning(line.rstrip())
         process.wait()
     except BaseException:
         _stop(process)
