@@ -17,7 +17,7 @@ from rauca_core.attack import OptimizerSettings, StepReport, optimize
 from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset, OptimizeProgress, Progress
 from rauca_core.detect import load_detector
-from rauca_core.runtime.team import team
+from rauca_core.runtime.distributed import joined_processes
 
 RECENT_STEPS = 50  # that the time left is judged by
 
@@ -46,7 +46,7 @@ def optimize_camouflage(
             views = f"  views {done}/{total}" if done < total else ""
 
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
-        with team() as processes:
+        with joined_processes() as processes:
             return optimize(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
 
 

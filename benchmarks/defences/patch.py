@@ -10,7 +10,6 @@ from torch.nn import functional
 
 from rauca_core.attack.losses import attack_loss
 from rauca_core.detect import Detector, car_score
-from rauca_core.runtime.optimizers import Adam
 
 from .views import Views
 
@@ -51,7 +50,7 @@ def optimize_patch(
     """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam."""
     generator = torch.Generator().manual_seed(seed)
     patch = torch.rand(3, SIDE, SIDE, generator=generator).requires_grad_()
-    optimizer = Adam([patch], lr=0.03)
+    optimizer = torch.optim.Adam([patch], lr=0.03)
     for step in range(steps):
         chosen = torch.randint(len(views.frames), (batch,), generator=generator)
         images, boxes = views.paints["normal"][chosen], views.boxes[chosen]

@@ -21,8 +21,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import EpochReport, Job, Outcome, train
-from rauca_core.runtime.optimizers import AdamW
-from rauca_core.runtime.team import ALONE
+from rauca_core.runtime.distributed import SINGLE_PROCESS
 
 from .neural_renderer import seconds_per_image
 from .settings import Settings
@@ -100,7 +99,7 @@ def _train(
             move(Progress(report.epoch, report.epochs, f"error {report.error:.4f}"))
 
         job = Job(learner, frames, train_on, test_on, settings, Path(folder), keep)
-        outcome = train(job, ALONE, on_epoch=show)
+        outcome = train(job, SINGLE_PROCESS, on_epoch=show)
     learner.net.load_state_dict(best)
     return Trained(learner.net.eval(), outcome, time.process_time() - started)
 
@@ -147,7 +146,7 @@ def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings
 
 
 def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
-    optimizer = AdamW(learner.net.parameters(), lr=1e-4)
+    optimizer = torch.optim.AdamW(learner.net.parameters(), lr=1e-4)
     items = learner.items(frames)
     batch = 4
 

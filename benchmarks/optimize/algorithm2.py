@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from benchmarks.render.published import pixels_from_cells
-from rauca_core.attack.frames import ReadyFrame, light_up
+from rauca_core.attack.frames import ReadyFrame, shade
 from rauca_core.attack.run import Run
 from rauca_core.attack.stopwatch import Stopwatch
 from rauca_core.render import SparseOperator, srgb_to_linear
@@ -41,7 +41,7 @@ class Algorithm2Run(Run):
             cells = _Fill.apply(uv_map, self._facets)
             albedo = torch.cat([frame.taps.rows(cells) for frame in frames])
         with watch.time("environment"):
-            return light_up(frames, albedo)
+            return shade(frames, albedo)
 
     def _uv_map(self, texels: Tensor) -> Tensor:
         size = self.settings.map_size

@@ -12,7 +12,7 @@ from benchmarks.environment.datasets import Wanted, make, weathers_of
 from benchmarks.page import fill_page
 from benchmarks.tables import Grid, markdown_tables, print_tables
 from pipelines.console import progress_bar
-from rauca_core.attack import Panel, StepReport, make_settings
+from rauca_core.attack import DetectorEnsemble, StepReport, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.attack.stopwatch import STAGES
 from rauca_core.contract import Dataset, Progress
@@ -97,13 +97,13 @@ def _data(settings: Settings) -> Wanted:
 
 
 def _measure(dataset: Dataset, settings: Settings) -> list[Contender]:
-    panel = Panel([load_detector(settings.detector, settings.detector_size)], "car")
+    ensemble = DetectorEnsemble([load_detector(settings.detector, settings.detector_size)], "car")
     chosen = {"batch": settings.batch, "map_size": settings.map_size, "lr": 0.01, "threads": 1, "start": "plain"}
     ours, composed = (
-        Run(dataset, panel, make_settings(**chosen, **more))
+        Run(dataset, ensemble, make_settings(**chosen, **more))
         for more in ({}, {"sampler": Sampler.UV_TRAVERSAL, "samples": 2, "pixel_filter": "box"})
     )
-    published = Algorithm2Run(dataset, panel, make_settings(**chosen))
+    published = Algorithm2Run(dataset, ensemble, make_settings(**chosen))
     published.prepare()
     found = [Contender(name, run, []) for name, run in ((OURS, ours), (COMPOSED, composed), (PUBLISHED, published))]
     every = len(found) * (settings.warm_up + settings.rounds * settings.steps)

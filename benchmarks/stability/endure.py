@@ -8,11 +8,10 @@ from typing import Any
 
 import torch
 
-from rauca_core.attack import Panel, make_settings
+from rauca_core.attack import DetectorEnsemble, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.runtime.cpu import threads
-from rauca_core.runtime.optimizers import Adam
 
 from .cases import SIZE, HardCase
 from .detectors import Answering
@@ -62,11 +61,11 @@ def endure(
     settings = make_settings(**{**SMALL, **chosen, **case.settings, "steps": steps})
     made = (folder / "dataset.json").is_file()
     dataset = Dataset(folder) if made else make_dataset(folder, vehicle, SIZE, AZIMUTHS, look=case.look)
-    panel = Panel([Answering(case.answer)], settings.target, None, settings.precision, settings.objective)
-    run = Run(dataset, panel, settings)
+    ensemble = DetectorEnsemble([Answering(case.answer)], settings.target, None, settings.precision, settings.objective)
+    run = Run(dataset, ensemble, settings)
     if double:
         run.texture.parameter = run.texture.parameter.detach().double().requires_grad_()
-        run.adam = Adam([run.texture.parameter], lr=settings.lr, fused=True)
+        run.adam = torch.optim.Adam([run.texture.parameter], lr=settings.lr, fused=True)
     try:
         with threads(1):
             return _watch(run, steps)

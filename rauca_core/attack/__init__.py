@@ -2,16 +2,16 @@
 
 from .augmentation import Augmentation
 from .baselines import plain_camouflage, random_camouflage
+from .ensemble import DetectorEnsemble
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
 from .optimizer import optimize
-from .panel import Panel
 from .settings import OptimizerSettings, make_settings
 
 __all__ = [
     "Augmentation",
+    "DetectorEnsemble",
     "OptimizerSettings",
-    "Panel",
     "SmoothLoss",
     "StepReport",
     "attack_loss",

@@ -116,13 +116,13 @@ class FrameStore:
         return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)
 
 
-def see(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+def sample_texture(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
     """Linear albedo (R, 3) that the taps of a batch read from a texture, frame after frame."""
     return canvas.see([f.taps.rows for f in batch])
 
 
-def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
-    """What :func:`see` returned, in the frames' light and place: sRGB images (B, 3, H, W) in [0, 1].
+def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
+    """What :func:`sample_texture` returned, in the frames' light and place: sRGB images (B, 3, H, W) in [0, 1].
 
     Pixels that no tap reaches keep the frame's reference paint.
     """
@@ -140,7 +140,7 @@ def light_up(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
 
 def render_batch(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
     """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1]."""
-    return light_up(batch, see(batch, canvas))
+    return shade(batch, sample_texture(batch, canvas))
 
 
 def boxes_of(batch: Sequence[ReadyFrame]) -> Tensor:

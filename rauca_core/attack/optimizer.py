@@ -12,13 +12,13 @@ from ..contract.files import sweep_partials
 from ..detect import Detector
 from ..runtime.checkpoint_files import POINTER, differences
 from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.stopping import stop_request
-from ..runtime.team import ALONE, Team
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
+from .ensemble import DetectorEnsemble
 from .frames import FrameStore
 from .journal import Journal, StepReport
-from .panel import Panel
 from .preview import Preview
 from .result import write_result
 from .run import Run, identity_of
@@ -37,7 +37,7 @@ def optimize(
     on_step: OnStep | None = None,
     resume: bool = False,
     on_view: OnView | None = None,
-    team: Team = ALONE,
+    processes: Processes = SINGLE_PROCESS,
 ) -> Path:
     """Optimize a camouflage on a data set against detectors.
 
@@ -47,11 +47,11 @@ def optimize(
 
     Args:
         dataset: with light maps; frames without a box are skipped.
-        detectors: their class names must hold ``settings.target``; they are moved to the team's device.
+        detectors: their class names must hold ``settings.target``; they are moved to the processes' device.
         on_step: called after every step in the leading process; progress bars are the caller's business.
         resume: go on from the latest checkpoint in ``out``.
         on_view: called, from another thread, with the cameras whose taps are built and how many there are.
-        team: processes that share every batch; they end as one would, but for the order of sums.
+        processes: that share every batch; they end as one would, but for the order of sums.
 
     Returns:
         The path of ``camouflage.json``.
@@ -61,15 +61,15 @@ def optimize(
             not finite (the frame is named); a stop by Ctrl-C or SIGTERM, after a checkpoint.
     """
     out = Path(out)
-    with alone_in(out) if team.leads else contextlib.nullcontext():
+    with alone_in(out) if processes.is_main else contextlib.nullcontext():
         _require_state(out, resume)
         if settings.tap_folder is None and not os.access(dataset.folder, os.W_OK):  # a data set on a read-only disk
             settings = settings.model_copy(update={"tap_folder": out / TAPS})
         keep_large_blocks()
-        moved = [detector.to(team.device) for detector in detectors]
-        panel = Panel(moved, settings.target, settings.weights, settings.precision, settings.objective)
+        moved = [detector.to(processes.device) for detector in detectors]
+        ensemble = DetectorEnsemble(moved, settings.target, settings.weights, settings.precision, settings.objective)
         with threads(settings.threads):
-            run = Run(dataset, panel, settings, team)
+            run = Run(dataset, ensemble, settings, processes)
             try:
                 if resume:
                     checkpoint = load_checkpoint(out / CHECKPOINTS)
@@ -84,15 +84,15 @@ def optimize(
                     _loop(run, out, on_step)
             finally:
                 run.close()
-            if not team.leads:
+            if not processes.is_main:
                 return out / "camouflage.json"
-            return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, panel.name)
+            return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, ensemble.name)
 
 
 def unlike(dataset: Dataset, detectors: Sequence[Detector], settings: OptimizerSettings, out: Path) -> list[str]:
     """What the finished run in ``out`` depends on that :func:`optimize` would do otherwise, by name."""
-    panel = Panel(detectors, settings.target, settings.weights, settings.precision, settings.objective)
-    wanted = identity_of(dataset, FrameStore(dataset, settings), panel, settings)
+    ensemble = DetectorEnsemble(detectors, settings.target, settings.weights, settings.precision, settings.objective)
+    wanted = identity_of(dataset, FrameStore(dataset, settings), ensemble, settings)
     checkpoint = load_checkpoint(out / CHECKPOINTS)
     steps = ["number of steps"] if checkpoint.step != settings.steps else []
     return steps + [name for name in differences(checkpoint.identity, wanted) if name not in ("taps", "processes")]
@@ -116,9 +116,9 @@ def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:
             while run.step < total and not stopping:
                 report = run.advance()
                 keeper.add(report)
-                if on_step is not None and run.team.leads:
+                if on_step is not None and run.processes.is_main:
                     on_step(report)
-                stopping = run.team.any(bool(stop))
+                stopping = run.processes.any(bool(stop))
                 if run.step % every == 0 or run.step == total or stopping:
                     keeper.keep()
             if run.step < total:
@@ -133,9 +133,9 @@ class _Keeper:
 
     def __init__(self, run: Run, out: Path) -> None:
         self._run, self._out, self._saved = run, out, run.step
-        if run.team.leads:
+        if run.processes.is_main:
             sweep_partials(out)  # of a run that was killed in the middle of a file
-        self._journal = Journal(out, run.step) if run.team.leads else None
+        self._journal = Journal(out, run.step) if run.processes.is_main else None
         self._preview = Preview(out)
 
     def add(self, report: StepReport) -> None:

@@ -16,15 +16,14 @@ from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..render import Canvas, srgb_to_linear, tap_format
 from ..runtime.cpu import threads
-from ..runtime.optimizers import Adam
-from ..runtime.team import ALONE, Team
+from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
 from .background import background_colors
 from .checkpoint import Checkpoint
+from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder
-from .frames import FrameStore, ReadyFrame, boxes_of, light_up, see
+from .frames import FrameStore, ReadyFrame, boxes_of, sample_texture, shade
 from .journal import StepReport
-from .panel import Attacked, Panel
 from .priors import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimizerSettings
 from .stopwatch import Stopwatch
@@ -34,9 +33,9 @@ from .texture import Texture, make_texture
 class Run:
     """The state of an optimization.
 
-    The frames of the next step are loaded by a thread of their own while this one works. Several processes of a
-    ``team`` share every batch and step alike. Texture and pictures lie on the team's device, frames in the computer's
-    memory until a step shows them.
+    The frames of the next step are loaded by a thread of their own while this one works. Several processes share every
+    batch and step alike. Texture and pictures lie on the process's device, frames in the computer's memory until a step
+    shows them.
 
     Attributes:
         step: steps done.
@@ -44,20 +43,28 @@ class Run:
         last_image: (3, H, W) sRGB, the latest batch's first frame as rendered.
     """
 
-    def __init__(self, dataset: Dataset, panel: Panel, settings: OptimizerSettings, team: Team = ALONE) -> None:
-        if settings.batch < team.size:
-            raise RaucaError(f"batch: {settings.batch} frames for {team.size} processes; give one to each at least")
-        self.settings, self.panel, self.team = settings, panel, team
+    def __init__(
+        self,
+        dataset: Dataset,
+        ensemble: DetectorEnsemble,
+        settings: OptimizerSettings,
+        processes: Processes = SINGLE_PROCESS,
+    ) -> None:
+        if settings.batch < processes.size:
+            raise RaucaError(
+                f"batch: {settings.batch} frames for {processes.size} processes; give one to each at least"
+            )
+        self.settings, self.ensemble, self.processes = settings, ensemble, processes
         self.store = FrameStore(dataset, settings)
-        self.texture: Texture = make_texture(self.store, settings, team.device)
-        self.adam = Adam([self.texture.parameter], lr=settings.lr, fused=True)
+        self.texture: Texture = make_texture(self.store, settings, processes.device)
+        self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.store, settings)
         self.prior = prior(
             self.texture, settings, lambda: background_colors(dataset, self.store, settings.palette, settings.seed)
         )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
-        asked = identity_of(dataset, self.store, panel, settings)
-        self.identity = {**asked, "taps": tap_format(settings.sampler), "processes": team.size}
+        asked = identity_of(dataset, self.store, ensemble, settings)
+        self.identity = {**asked, "taps": tap_format(settings.sampler), "processes": processes.size}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []
@@ -137,16 +144,16 @@ class Run:
         return drawn, batch
 
     def _prefetch(self, frames: list[int]) -> None:
-        mine = self.team.share(frames)
+        mine = self.processes.share(frames)
         self._next = frames
         self._loading = self._loader.submit(lambda: [self.store.ready(i) for i in mine])
 
     def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
-            albedo = see(batch, Canvas(self.store.medium.taps.pyramid, srgb_to_linear(self._painted())))
+            albedo = sample_texture(batch, Canvas(self.store.medium.taps.pyramid, srgb_to_linear(self._painted())))
         with watch.time("environment"):
-            return light_up(batch, albedo)
+            return shade(batch, albedo)
 
     def _painted(self) -> Tensor:
         """The colors of this step: the texture's, a pattern moved by a random part of a tile where that is asked."""
@@ -166,7 +173,7 @@ class Run:
                 self.settings.batch,
                 RANGES[self.settings.augmentation],
             )
-            images, boxes = drawn.part(self.team.rank, self.team.size)(images, boxes)
+            images, boxes = drawn.part(self.processes.rank, self.processes.size)(images, boxes)
         if self.settings.detector_size is not None:
             side = self.settings.detector_size
             boxes = boxes * (side / images.shape[-1])
@@ -177,7 +184,7 @@ class Run:
 
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:
         try:
-            return self.panel.attack(seen, boxes)
+            return self.ensemble.attack(seen, boxes)
         except RaucaError as error:  # a detector counts places in the batch, which nobody knows
             for frame, image in zip(batch, seen, strict=True):
                 if not torch.isfinite(image).all():
@@ -193,7 +200,7 @@ class Run:
         """Carry the images' gradient to the texture and step; returns Eq. 7 for each image (b,), and the prior."""
         parameter, settings = self.texture.parameter, self.settings
         with watch.time("backward"):
-            share = 1.0 if self.team.leads else 0.0  # gradients add up over the team
+            share = 1.0 if self.processes.is_main else 0.0  # gradients add up over the processes
             if self.smooth is None:
                 smooth = smooth_picture(images, paint_of(batch).to(images.device))
                 weighted = [smooth.sum() * (settings.beta / settings.batch)]
@@ -207,7 +214,7 @@ class Run:
                 [seen, *weighted], [found.gradient * (settings.alpha / settings.batch), *[None] * len(weighted)]
             )
             assert parameter.grad is not None
-            self.team.sum(parameter.grad)
+            self.processes.sum(parameter.grad)
         with watch.time("adam"):
             if not torch.isfinite(parameter.grad.sum()):  # a sum is finite only if all are, and ten times as fast
                 names = ", ".join(f.frame.id for f in batch)
@@ -222,7 +229,7 @@ class Run:
     def _check(self, found: Attacked, batch: list[ReadyFrame]) -> None:
         fine = torch.isfinite(found.losses) & torch.isfinite(found.gradient.flatten(1).sum(1))
         bad = [frame.frame.id for frame, ok in zip(batch, fine.tolist(), strict=True) if not ok]
-        if self.team.any(bool(bad)):
+        if self.processes.any(bool(bad)):
             named = f"on frame {bad[0]}" if bad else "in another process"
             raise RaucaError(
                 f"step {self.step + 1}: the loss or its gradient is not finite {named}; "
@@ -231,14 +238,16 @@ class Run:
 
     def _gather(self, drawn: list[int], *mine: Tensor) -> Tensor:
         """Values of this process's part of the batch, (b,) each, as those of the whole batch (len(mine), B)."""
-        every = torch.zeros(len(mine), len(drawn), device=self.team.device)
-        every[:, self.team.rank :: self.team.size] = torch.stack(mine)
-        return self.team.sum(every).cpu()
+        every = torch.zeros(len(mine), len(drawn), device=self.processes.device)
+        every[:, self.processes.rank :: self.processes.size] = torch.stack(mine)
+        return self.processes.sum(every).cpu()
 
 
-def identity_of(dataset: Dataset, store: FrameStore, panel: Panel, settings: OptimizerSettings) -> dict[str, Any]:
+def identity_of(
+    dataset: Dataset, store: FrameStore, ensemble: DetectorEnsemble, settings: OptimizerSettings
+) -> dict[str, Any]:
     """What a run is asked for that its result depends on, as JSON."""
-    return {**settings.identity(), "detectors": panel.identity, "frames": _digest(dataset, store)}
+    return {**settings.identity(), "detectors": ensemble.identity, "frames": _digest(dataset, store)}
 
 
 def _digest(dataset: Dataset, store: FrameStore) -> str:

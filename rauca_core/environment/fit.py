@@ -11,7 +11,7 @@ import torch
 
 from ..contract import RaucaError
 from ..contract.seeding import named_seed
-from ..runtime.team import team
+from ..runtime.distributed import joined_processes
 from .extractor import LightSplitter
 from .frames import LightFrames
 from .learner import SplitterLearner
@@ -80,7 +80,7 @@ def fit(
         )
         save_extractor(weights, net, card)
 
-    with team() as processes:
+    with joined_processes() as processes:
         job = Job(
             SplitterLearner(net, frames, wanted.settings), frames, chosen, held_out, wanted.settings, wanted.out,
             keep, {"start": origin, "datasets": len(wanted.datasets)},

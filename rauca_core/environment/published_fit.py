@@ -10,7 +10,7 @@ import torch
 from ..contract.files import write_json
 from ..contract.seeding import named_seed
 from ..runtime.checkpoint_files import POINTER
-from ..runtime.team import ALONE
+from ..runtime.distributed import SINGLE_PROCESS
 from .frames import LightFrames
 from .metrics import Error, total
 from .published import PublishedEfe
@@ -59,6 +59,6 @@ def fit_published(
         save_published(weights, net, PublishedCard(widths, data, settings.model_dump(mode="json"), error))
 
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
-    outcome = train(job, ALONE, (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
+    outcome = train(job, SINGLE_PROCESS, (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
     write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
     return weights

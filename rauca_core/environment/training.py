@@ -23,10 +23,9 @@ from ..contract.seeding import named_rng
 from ..runtime.board import Board
 from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.distributed import Processes
 from ..runtime.folder_lock import alone_in
-from ..runtime.optimizers import AdamW
 from ..runtime.stopping import StopRequest, stop_request
-from ..runtime.team import Team
 from .averaging import WeightAverage
 from .convergence import converged_epoch
 from .frames import LightFrames
@@ -105,7 +104,7 @@ class Job:
 
 def train(
     job: Job,
-    team: Team,
+    processes: Processes,
     resume: bool = False,
     on_epoch: Callable[[EpochReport], None] = lambda report: None,
     on_step: Callable[[int, int], None] = lambda done, steps: None,
@@ -124,33 +123,33 @@ def train(
     """
     if not job.train or not job.test:
         raise RaucaError(f"{job.out}: no frames to {'train' if not job.train else 'test'} on; make a larger data set")
-    with alone_in(job.out) if team.leads else contextlib.nullcontext():
+    with alone_in(job.out) if processes.is_main else contextlib.nullcontext():
         started = (job.out / CHECKPOINTS / POINTER).is_file()
         if started != resume:
             hint = "resume it or choose another folder" if started else "start it without resuming"
             raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
         keep_large_blocks()
         with threads(job.settings.threads), stop_request() as stop:
-            return _Training(job, team, on_step, stop).run(resume, on_epoch)
+            return _Training(job, processes, on_step, stop).run(resume, on_epoch)
 
 
 class _Training:
     """A run in progress."""
 
-    def __init__(self, job: Job, team: Team, on_step: Callable[[int, int], None], stop: StopRequest) -> None:
-        self.job, self.team, self.on_step, self.stop = job, team, on_step, stop
-        self.net = job.learner.net.to(team.device)
-        self.wrapped = team.wrap(self.net)
+    def __init__(self, job: Job, processes: Processes, on_step: Callable[[int, int], None], stop: StopRequest) -> None:
+        self.job, self.processes, self.on_step, self.stop = job, processes, on_step, stop
+        self.net = job.learner.net.to(processes.device)
+        self.wrapped = processes.wrap(self.net)
         self.average = WeightAverage(self.net, job.settings.average)
         settings = job.settings
         # Without weight decay AdamW is Adam.
-        self.optimizer = AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
+        self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
         self.identity = {
             **settings.identity(),
             **job.identity,
             "data": job.frames.digest,
             "held out": hashlib.sha256(json.dumps(list(map(int, job.test))).encode()).hexdigest()[:16],
-            "processes": team.size,
+            "processes": processes.size,
         }
         self.items = job.learner.items(job.train)
         self.steps = -(-len(self.items) // settings.batch)
@@ -164,7 +163,7 @@ class _Training:
             restore(self.net, self.optimizer, state.tensors, folder)
             self.average.restore(state.tensors)
             self.errors = state.errors
-        board = Board(job.out / "tensorboard", len(self.errors)) if self.team.leads else None
+        board = Board(job.out / "tensorboard", len(self.errors)) if self.processes.is_main else None
         try:
             if not resume:
                 self._test(0, math.nan, 0.0, board, on_epoch)
@@ -191,7 +190,7 @@ class _Training:
             chosen = [self.items[i] for i in order[step * settings.batch : (step + 1) * settings.batch]]
             losses += self._step(epoch, step, chosen)
             self.on_step(step + 1, self.steps)
-            if self.team.any(bool(self.stop)):
+            if self.processes.any(bool(self.stop)):
                 raise StoppedError(f"{self.job.out}: stopped in epoch {epoch}; those before it are kept")
         return losses / self.steps
 
@@ -202,8 +201,8 @@ class _Training:
             return named_rng(settings.seed, "item", epoch, *item)
 
         # A process that is left without an item takes one that counts for nothing: all must join in the mean.
-        mine = self.team.share(items) or items[:1]
-        weight = len(self.team.share(items)) * self.team.size / len(items)
+        mine = self.processes.share(items) or items[:1]
+        weight = len(self.processes.share(items)) * self.processes.size / len(items)
         for group in self.optimizer.param_groups:
             group["lr"] = settings.lr * self._schedule((epoch - 1) * self.steps + step)
         self.optimizer.zero_grad()
@@ -211,7 +210,7 @@ class _Training:
             loss = self.job.learner.loss(self.wrapped, mine, draw)
         (loss * weight).backward()
         norm = clip_grad_norm_(self.net.parameters(), settings.clip or math.inf)
-        if self.team.any(not bool(torch.isfinite(loss) & torch.isfinite(norm))):
+        if self.processes.any(not bool(torch.isfinite(loss) & torch.isfinite(norm))):
             raise RaucaError(
                 f"epoch {epoch}, step {step + 1}: the loss or its gradient is not finite on frame "
                 f"{self._culprit(mine, draw)}; remove the frame, or lower the learning rate"
@@ -236,7 +235,7 @@ class _Training:
         return min(rising, 0.5 * (1 + math.cos(math.pi * step / whole)))
 
     def _precision(self) -> torch.autocast:
-        device, wanted = self.team.device, self.job.settings.precision
+        device, wanted = self.processes.device, self.job.settings.precision
         ready = device.type == "cuda" and torch.cuda.is_bf16_supported()
         return torch.autocast(device.type, torch.bfloat16, wanted == "bfloat16" or (wanted == "auto" and ready))
 
@@ -251,10 +250,10 @@ class _Training:
         """Measure, keep the best, write the checkpoint. The leading process does; all learn the error."""
         job, found = self.job, dict[str, Error]()
         with self.average.shown():
-            if self.team.leads:
+            if self.processes.is_main:
                 self.net.eval()
                 found = measure(job.frames, job.test, job.learner.render_of, TEST)
-            (error,) = self.team.broadcast([total(found.values()).mae])
+            (error,) = self.processes.broadcast([total(found.values()).mae])
             self.errors.append(error)
             if board is None:
                 return

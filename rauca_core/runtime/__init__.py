@@ -1,1 +1,1 @@
-"""What several rooms need of the machine: threads, locks, checkpoints, images, stopping, a team of processes."""
+"""What several rooms need of the machine: threads, locks, checkpoints, images, stopping, shared steps."""

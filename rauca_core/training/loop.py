@@ -25,7 +25,6 @@ from ..detect.synth.networks import trainable
 from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import keep_large_blocks, threads
 from ..runtime.folder_lock import alone_in
-from ..runtime.optimizers import AdamW
 from ..runtime.stopping import StopRequest, stop_request
 from .checkpoint import restore_run, save_run
 from .measure import ALL, Findings
@@ -106,7 +105,7 @@ class _Training:
         learning = [p for p in self.network.parameters() if p.requires_grad]
         of_body = {id(p) for p in trainable(self.network).body.parameters()}
         body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
-        self.optimizer = AdamW(
+        self.optimizer = torch.optim.AdamW(
             [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
             lr=settings.lr,
             weight_decay=settings.weight_decay,

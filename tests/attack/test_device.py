@@ -15,11 +15,11 @@ from rauca_core.attack import make_settings, optimize
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
-from rauca_core.runtime.team import ALONE, Team
+from rauca_core.runtime.distributed import SINGLE_PROCESS, Processes
 
 from .pretend_device import DEVICE, PretendDevice
 
-AFAR = Team(0, 1, DEVICE)
+AFAR = Processes(0, 1, DEVICE)
 PATTERN = {"paint": "pattern", "pattern_side": 16, "smooth": "picture", "prior": "background", "gamma": 0.5}
 
 
@@ -30,11 +30,18 @@ def _asked_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "autocast", lambda *_, **__: contextlib.nullcontext())
 
 
-def run(dataset: Dataset, detector: Any, out: Path, team: Team, **chosen: Any) -> np.ndarray:
+def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chosen: Any) -> np.ndarray:
     """What was optimized after two steps and two more of a resumed run."""
     small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0}
     for steps in (2, 4):
-        optimize(dataset, [detector], make_settings(steps=steps, **small, **chosen), out, resume=steps == 4, team=team)
+        optimize(
+            dataset,
+            [detector],
+            make_settings(steps=steps, **small, **chosen),
+            out,
+            resume=steps == 4,
+            processes=processes,
+        )
     return load_checkpoint(out / CHECKPOINTS).tensors["parameter"].numpy()
 
 
@@ -42,7 +49,7 @@ def run(dataset: Dataset, detector: Any, out: Path, team: Team, **chosen: Any) -
 def test_a_run_on_a_device_ends_where_one_on_the_cpu_does(
     dataset: Dataset, small_detector: Any, tmp_path: Path, chosen: dict[str, Any]
 ) -> None:
-    here = run(dataset, small_detector, tmp_path / "here", ALONE, **chosen)
+    here = run(dataset, small_detector, tmp_path / "here", SINGLE_PROCESS, **chosen)
     with PretendDevice():
         there = run(dataset, small_detector, tmp_path / "there", AFAR, **chosen)
     assert np.abs(there - here).max() < 1e-3

@@ -14,10 +14,10 @@ import torch
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import OptimizerSettings, make_settings, objectives, optimize, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.attack.methods import METHODS, method_named, settings_of
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
 from rauca_core.contract import (
     Camera,
@@ -109,7 +109,7 @@ def test_uv_map_shows_what_was_optimized(
     data = dataset_factory(tmp_path / "fine", box_vehicle, 128, (40.0, 250.0))
     fine = {"map_size": 512, "samples": 4, "pixel_filter": "blackman-harris", "light": "exact", "texture_size": 4}
     chosen = settings(method, tile_m=1.6, pattern_side=16, start="seed" if method == "das" else "random", **fine)
-    run = Run(data, Panel([detector], "car"), chosen)
+    run = Run(data, DetectorEnsemble([detector], "car"), chosen)
     store, on_map = run.store, FrameStore(data, make_settings(map_size=512, samples=4))
     indices = range(len(store))
     with torch.no_grad():
@@ -130,7 +130,7 @@ def test_uv_map_shows_what_was_optimized(
 
 
 def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, detector: Any) -> None:
-    run = Run(dataset, Panel([detector], "car"), settings("active", pattern_side=8, shift=0.5))
+    run = Run(dataset, DetectorEnsemble([detector], "car"), settings("active", pattern_side=8, shift=0.5))
     at_rest = run.texture.colors().detach().reshape(8, 8, 3)
     moves = set()
     for step in range(12):
@@ -143,7 +143,7 @@ def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, detector: An
 
 
 def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, detector: Any) -> None:
-    run = Run(dataset, Panel([detector], "car"), settings("das"))
+    run = Run(dataset, DetectorEnsemble([detector], "car"), settings("das"))
     with torch.no_grad():
         run.texture.parameter.add_(3.0)
         colors = run.texture.colors().reshape(8, -1, 3)

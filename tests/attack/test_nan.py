@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import Panel, make_settings, optimize, read_history
+from rauca_core.attack import DetectorEnsemble, make_settings, optimize, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run
@@ -36,7 +36,7 @@ def test_a_poisoned_frame_stops_the_run_and_a_mended_one_goes_on(
     dataset: Dataset, small_detector: Any, tmp_path: Path
 ) -> None:
     optimize(dataset, [small_detector], SETTINGS, tmp_path / "whole")
-    fresh = Run(dataset, Panel([small_detector], "car"), SETTINGS)
+    fresh = Run(dataset, DetectorEnsemble([small_detector], "car"), SETTINGS)
     bad = fresh.store.frames[fresh.order.upcoming()[5]].id  # of the third step
     fresh.close()
     folder, out = dataset.frame_folder(bad), tmp_path / "out"
@@ -64,7 +64,7 @@ def test_light_that_turns_nan_on_the_way_is_named_though_the_detector_sees_it_fi
     """Estimated light is not read from a file that could be checked; real detectors refuse the picture, unnamed."""
     dense = small_detector.dense
     small_detector.dense = lambda images: (check_images("small", images), dense(images))[1]
-    run = Run(dataset, Panel([small_detector], "car"), SETTINGS)
+    run = Run(dataset, DetectorEnsemble([small_detector], "car"), SETTINGS)
     bad, source = run.store.frames[run.order.upcoming()[1]].id, run.store.light
 
     def of(frame: Any) -> Any:

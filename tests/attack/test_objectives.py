@@ -15,8 +15,8 @@ from benchmarks.stability.detectors import Answering, as_found
 from rauca_core.attack import detection_score
 from rauca_core.attack.attention import attention_layer, attention_map, dispersed_attention, watching
 from rauca_core.attack.background import cluster
+from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.objectives import OBJECTIVES, Sight, confidence, stealth, three_terms
-from rauca_core.attack.panel import Panel
 from rauca_core.attack.priors import near_palette, near_seed, smooth_pattern, smooth_picture
 from rauca_core.attack.seed_paint import smile
 from rauca_core.contract import RaucaError
@@ -84,7 +84,9 @@ def test_hard_boxes_have_finite_losses_and_gradients(name: Any, parts: tuple[Ten
 def test_panel_without_any_box_has_no_gradient(small_detector: Any) -> None:
     small_detector.dense = lambda images: DensePredictions(*(t[:1] for t in NO_BOXES))
     for name in BY_BOXES:
-        found = Panel([small_detector], "car", objective=name).attack(torch.rand(1, 3, 64, 64), TRUTH[:1].float())
+        found = DetectorEnsemble([small_detector], "car", objective=name).attack(
+            torch.rand(1, 3, 64, 64), TRUTH[:1].float()
+        )
         assert (found.losses.tolist(), float(found.gradient.abs().sum())) == ([0.0], 0.0)
 
 
@@ -130,7 +132,9 @@ def test_attention_to_nothing_and_to_everything_is_finite(score: float) -> None:
 def test_attention_of_a_network_in_half_precision_is_that_of_the_whole_one() -> None:
     images, box = torch.rand(2, 3, 64, 64, generator=torch.Generator().manual_seed(0)), [8.0, 8.0, 56.0, 56.0]
     whole, half = (
-        Panel([Answering(as_found)], "car", None, precision, "attention").attack(images, torch.tensor([box, box]))
+        DetectorEnsemble([Answering(as_found)], "car", None, precision, "attention").attack(
+            images, torch.tensor([box, box])
+        )
         for precision in ("float32", "bfloat16")
     )
     assert whole.gradient.abs().sum() > 0

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimizerSettings, make_settings, optimize, panel, read_history
+from rauca_core.attack import OptimizerSettings, make_settings, optimize, read_history
+from rauca_core.attack import ensemble as ensemble
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
@@ -169,7 +170,7 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
     dataset: Dataset, small_detector: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shapes, boxes = [], []
-    score = panel.detection_score
+    score = ensemble.detection_score
 
     def listen(predictions: Any, truth: torch.Tensor, label: int) -> torch.Tensor:
         boxes.append(truth)
@@ -177,7 +178,7 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
 
     dense = small_detector.dense
     monkeypatch.setattr(small_detector, "dense", lambda x: (shapes.append(tuple(x.shape)), dense(x))[1])
-    monkeypatch.setattr(panel, "detection_score", listen)
+    monkeypatch.setattr(ensemble, "detection_score", listen)
     for number, size in enumerate((None, 128)):
         optimize(dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
     assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
@@ -250,12 +251,12 @@ import sys
 from pathlib import Path
 from rauca_core.attack import make_settings, optimize
 from rauca_core.contract import Dataset
-from rauca_core.runtime.team import team
+from rauca_core.runtime.distributed import joined_processes
 from benchmarks.stability.detectors import SmallDetector
-with team() as processes:
+with joined_processes() as processes:
     for number, chosen in enumerate({settings}):
         out = Path(sys.argv[2]) / str(number)
-        optimize(Dataset(Path(sys.argv[1])), [SmallDetector()], make_settings(**chosen), out, team=processes)
+        optimize(Dataset(Path(sys.argv[1])), [SmallDetector()], make_settings(**chosen), out, processes=processes)
 """
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from rauca_core.attack import Panel, make_settings, objectives
+from rauca_core.attack import DetectorEnsemble, make_settings, objectives
 from rauca_core.attack.frames import boxes_of
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.run import Run
@@ -46,12 +46,12 @@ def test_adam_is_given_the_gradient_of_the_total_loss(
     monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
     settings = make_settings(**{**CHOSEN[name], "beta": 1.0, "lr": STILL})
     detectors = [small_detector] * (len(settings.weights) if settings.weights else 1)
-    run = Run(dataset, Panel(detectors, "car", settings.weights, objective=settings.objective), settings)
+    run = Run(dataset, DetectorEnsemble(detectors, "car", settings.weights, objective=settings.objective), settings)
     parameter, batch = in_double(run), [run.store.ready(0), run.store.ready(4)]
 
     def total() -> Tensor:
         images = run._render(batch, Stopwatch())
-        found = run.panel.attack(*run._augment(images, boxes_of(batch)))
+        found = run.ensemble.attack(*run._augment(images, boxes_of(batch)))
         smooth, extra = run._descend(images, run._augment(images, boxes_of(batch))[0], found, batch, Stopwatch())
         return settings.alpha * found.losses.mean() + settings.beta * smooth.mean() + settings.gamma * extra
 

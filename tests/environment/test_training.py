@@ -23,7 +23,7 @@ from rauca_core.environment.learner import SplitterLearner
 from rauca_core.environment.published_training import BaseLearner, FinalLearner
 from rauca_core.environment.training import Job, Outcome, train
 from rauca_core.environment.training_state import load_state
-from rauca_core.runtime.team import team
+from rauca_core.runtime.distributed import joined_processes
 
 COLORS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
 TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}
@@ -42,7 +42,7 @@ def job(folder: Path, out: Path, **chosen) -> Job:
 
 
 def run(work: Job, resume: bool = False, **callbacks) -> Outcome:
-    with team() as alone:
+    with joined_processes() as alone:
         return train(work, alone, resume, **callbacks)
 
 

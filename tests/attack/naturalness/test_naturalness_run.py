@@ -16,6 +16,7 @@ from pipelines.cli import app
 from pipelines.naturalness import make_naturalness
 from rauca_core.attack import make_settings, optimize, read_history
 from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.bound import distances
 from rauca_core.attack.naturalness.finish import distance_of_map
@@ -23,7 +24,6 @@ from rauca_core.attack.naturalness.palette import palette_bytes
 from rauca_core.attack.naturalness.reference import fingerprint, reference_texels
 from rauca_core.attack.naturalness.texture import Constraints
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.attack.panel import Panel
 from rauca_core.attack.run import Run
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_camouflage, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes
@@ -88,8 +88,8 @@ def test_the_loss_falls_under_every_constraint(
 def test_the_loss_told_is_that_of_the_hard_map(dataset: Dataset, small_detector: Any) -> None:
     """A step's loss is computed on palette colors: put in the place of free texels, they give the same bits."""
     natural = make_settings(**(SMALL | {"natural": CASES["palette"], "beta": 0.0}))
-    run = Run(dataset, Panel([small_detector], "car"), natural)
-    free = Run(dataset, Panel([small_detector], "car"), make_settings(**(SMALL | {"beta": 0.0})))
+    run = Run(dataset, DetectorEnsemble([small_detector], "car"), natural)
+    free = Run(dataset, DetectorEnsemble([small_detector], "car"), make_settings(**(SMALL | {"beta": 0.0})))
     with torch.no_grad():
         free.texture.parameter.copy_(run.texture.texels())
     seen = {tuple(row) for row in np.rint(free.texture.texels().detach().numpy() * 255).tolist()}

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Team:
+class Processes:
     """The processes of a run.
 
     Attributes:
@@ -31,7 +31,7 @@ class Team:
     device: torch.device
 
     @property
-    def leads(self) -> bool:
+    def is_main(self) -> bool:
         return self.rank == 0
 
     def share(self, items: Sequence[T]) -> list[T]:
@@ -39,7 +39,7 @@ class Team:
         return list(items[self.rank :: self.size])
 
     def wrap(self, net: nn.Module) -> nn.Module:
-        """The network as the team trains it: gradients are averaged over the processes at every backward."""
+        """The network as the processes train it: their gradients are averaged at every backward."""
         if self.size == 1:
             return net
         # Buffers are the running statistics of batch normalization: each process keeps its own, process 0's are saved.
@@ -68,24 +68,24 @@ class Team:
         return [float(v) for v in tensor.tolist()]
 
 
-ALONE = Team(0, 1, torch.device("cpu"))
+SINGLE_PROCESS = Processes(0, 1, torch.device("cpu"))
 """One process on the CPU."""
 
 
 @contextlib.contextmanager
-def team() -> Iterator[Team]:
+def joined_processes() -> Iterator[Processes]:
     """Join the processes that ``torchrun`` started, by gloo on CPUs and NCCL on GPUs; leaves them at the end."""
     size = int(os.environ.get("WORLD_SIZE", "1"))
     gpu = torch.cuda.is_available()
     local = int(os.environ.get("LOCAL_RANK", "0"))
     device = torch.device("cuda", local % max(torch.cuda.device_count(), 1)) if gpu else torch.device("cpu")
     if size == 1:
-        yield Team(0, 1, device)
+        yield Processes(0, 1, device)
         return
     if gpu:
         torch.cuda.set_device(device)
     dist.init_process_group("nccl" if gpu else "gloo")
     try:
-        yield Team(dist.get_rank(), size, device)
+        yield Processes(dist.get_rank(), size, device)
     finally:
         dist.destroy_process_group()

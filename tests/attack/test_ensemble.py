@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 import torch
 
-from rauca_core.attack import Panel, attack_loss, detection_score
+from rauca_core.attack import DetectorEnsemble, attack_loss, detection_score
 from rauca_core.contract import RaucaError
 
 BOXES = torch.tensor([[10.0, 12, 50, 44], [20, 20, 60, 60]])
@@ -32,8 +32,8 @@ def images() -> torch.Tensor:
 def test_weights_mix_losses_and_gradients(small_detector: Any) -> None:
     both = [small_detector, Other(small_detector)]
     shown = images()
-    one, two = (Panel([detector], "car").attack(shown, BOXES) for detector in both)
-    mixed = Panel(both, "car", [1, 3]).attack(shown, BOXES)
+    one, two = (DetectorEnsemble([detector], "car").attack(shown, BOXES) for detector in both)
+    mixed = DetectorEnsemble(both, "car", [1, 3]).attack(shown, BOXES)
     assert torch.allclose(mixed.losses, one.losses / 4 + two.losses * 3 / 4)
     assert torch.allclose(mixed.gradient, one.gradient / 4 + two.gradient * 3 / 4, atol=1e-7)
     assert torch.equal(mixed.scores, torch.maximum(one.scores, two.scores))
@@ -42,22 +42,22 @@ def test_weights_mix_losses_and_gradients(small_detector: Any) -> None:
 
 
 def test_a_weight_of_zero_leaves_a_detector_out(small_detector: Any) -> None:
-    alone = Panel([small_detector], "car").attack(images(), BOXES)
-    mixed = Panel([small_detector, Other(small_detector)], "car", [2, 0]).attack(images(), BOXES)
+    alone = DetectorEnsemble([small_detector], "car").attack(images(), BOXES)
+    mixed = DetectorEnsemble([small_detector, Other(small_detector)], "car", [2, 0]).attack(images(), BOXES)
     assert torch.equal(alone.losses, mixed.losses)
     assert torch.equal(alone.gradient, mixed.gradient)
 
 
 def test_gradient_is_that_of_the_loss(small_detector: Any) -> None:
     shown = images().requires_grad_()
-    found = Panel([small_detector], "car").attack(shown, BOXES)
+    found = DetectorEnsemble([small_detector], "car").attack(shown, BOXES)
     attack_loss(detection_score(small_detector.dense(shown), BOXES, 1)).sum().backward()
     assert torch.allclose(found.gradient, shown.grad)
 
 
 def test_bfloat16_points_the_same_way(small_detector: Any) -> None:
-    full = Panel([small_detector], "car").attack(images(), BOXES)
-    half = Panel([small_detector], "car", precision="bfloat16").attack(images(), BOXES)
+    full = DetectorEnsemble([small_detector], "car").attack(images(), BOXES)
+    half = DetectorEnsemble([small_detector], "car", precision="bfloat16").attack(images(), BOXES)
     assert half.losses.dtype == torch.float32
     assert torch.allclose(full.losses, half.losses, rtol=0.05)
     assert torch.cosine_similarity(full.gradient.flatten(), half.gradient.flatten(), dim=0) > 0.95
@@ -66,17 +66,17 @@ def test_bfloat16_points_the_same_way(small_detector: Any) -> None:
 
 def test_identity_tells_panels_apart(small_detector: Any) -> None:
     both = [small_detector, Other(small_detector)]
-    assert Panel(both, "car").identity == Panel(both, "car", [5, 5]).identity
-    assert Panel(both, "car").identity != Panel(both, "car", [1, 2]).identity
-    assert Panel(both, "car").name == "small+other"
+    assert DetectorEnsemble(both, "car").identity == DetectorEnsemble(both, "car", [5, 5]).identity
+    assert DetectorEnsemble(both, "car").identity != DetectorEnsemble(both, "car", [1, 2]).identity
+    assert DetectorEnsemble(both, "car").name == "small+other"
 
 
 def test_bad_panels_are_refused(small_detector: Any) -> None:
     with pytest.raises(RaucaError, match="no detector"):
-        Panel([], "car")
+        DetectorEnsemble([], "car")
     with pytest.raises(RaucaError, match="2 for 1"):
-        Panel([small_detector], "car", [1, 2])
+        DetectorEnsemble([small_detector], "car", [1, 2])
     with pytest.raises(RaucaError, match="must be 0 or above"):
-        Panel([small_detector], "car", [0])
+        DetectorEnsemble([small_detector], "car", [0])
     with pytest.raises(RaucaError, match="class 'bus'"):
-        Panel([small_detector], "bus")
+        DetectorEnsemble([small_detector], "bus")

@@ -18,7 +18,7 @@ from .objectives import OBJECTIVES, ObjectiveName, Sight
 
 @dataclass(frozen=True, eq=False)
 class Attacked:
-    """What a panel made of a batch.
+    """What an ensemble made of a batch.
 
     Attributes:
         losses: (B,) the objective per image, mean over the detectors by weight.
@@ -31,7 +31,7 @@ class Attacked:
     gradient: Tensor
 
 
-class Panel:
+class DetectorEnsemble:
     """White-box detectors, each with a weight in the attack loss.
 
     Detectors are run and differentiated one after another: memory is that of the largest, not of all.
@@ -45,7 +45,7 @@ class Panel:
         precision: str = "float32",
         objective: ObjectiveName = "eq6",
     ) -> None:
-        """Check the panel.
+        """Check the ensemble.
 
         Args:
             target: the class to hide; every detector must know it.
@@ -77,7 +77,7 @@ class Panel:
 
     @property
     def identity(self) -> list[Any]:
-        """What of the panel a result depends on, as JSON."""
+        """What of the ensemble a result depends on, as JSON."""
         return [
             [detector.fingerprint, round(weight, 9)]
             for detector, weight in zip(self.detectors, self.weights, strict=True)
