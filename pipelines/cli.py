@@ -6,11 +6,10 @@ answer at once.
 
 from __future__ import annotations
 
-import importlib
 import signal
 import sys
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import FrameType
 from typing import Annotated, NoReturn
 
 import typer
@@ -22,6 +21,7 @@ from rauca_core.contract import Dataset, RaucaError
 from rauca_core.runtime.blender import run_blender
 
 from .ablate_command import ablate
+from .bench_commands import bench_app, vehicle_arguments
 from .console import console, output, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
 from .detector_commands import detectors_app, weights_app
@@ -47,7 +47,6 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-bench_app = typer.Typer(help="Measure speed against error.", no_args_is_help=True)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(efe_app, name="efe")
 app.add_typer(detectors_app, name="detectors")
@@ -202,162 +201,7 @@ def demo(
     """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About half an hour on two cores."""
     from .demo import DemoChoice, run_demo
 
-    run_demo(DemoChoice(out, _vehicle_arguments(vehicle, paint_mask, paint_material), blender))
-
-
-@bench_app.command("render")
-def bench_render_command(
-    vehicle: Annotated[
-        str | None, typer.Option(help="measure this one beside the sedan: a folder, .obj, .glb or .blend")
-    ] = None,
-    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
-    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer views and sizes: two minutes, not fifteen")] = False,
-    blender: Annotated[bool, typer.Option(help="compare with Cycles too")] = True,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and pictures of renderer.md in this folder too")
-    ] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/render.json"),
-) -> None:
-    """The neural renderer's speed and error, beside other renderers, Embree and Cycles."""
-    _benchmark("render.bench").bench_render(json, vehicle, paint_mask, paint_material, quick, blender, docs)
-
-
-@bench_app.command("environment")
-def bench_environment_command(
-    quick: Annotated[bool, typer.Option("--quick", help="less data and training: four minutes, not an hour")] = False,
-    weights: Annotated[
-        Path | None, typer.Option(help="pre-trained extractor to fine-tune; the shipped one by default")
-    ] = None,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and pictures of environment.md in this folder too")
-    ] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/environment.json"),
-) -> None:
-    """Every way to light a vehicle against Cycles; training times; what pre-training saves."""
-    _benchmark("environment.bench").bench_environment(json, quick, docs, weights)
-
-
-@bench_app.command("dataset")
-def bench_dataset_command(
-    quick: Annotated[bool, typer.Option("--quick", help="one view, fewer settings: three minutes, not twenty")] = False,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and plots of datasets.md in this folder too")
-    ] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/dataset.json"),
-) -> None:
-    """What a frame costs and how far it is from the converged one: samples, denoiser, bounces, fog, whole sets."""
-    _benchmark("dataset.bench").bench_dataset(json, quick, docs)
-
-
-@bench_app.command("optimize")
-def bench_optimize_command(
-    quick: Annotated[bool, typer.Option("--quick", help="fewer frames and steps: one minute, not four")] = False,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of optimizer.md in this folder too")] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/optimize.json"),
-) -> None:
-    """Milliseconds of an optimization step by stage, and with Algorithm 2 in place of taps."""
-    _benchmark("optimize.bench").bench_optimize(json, quick, docs)
-
-
-@bench_app.command("detect")
-def bench_detect_command(
-    quick: Annotated[bool, typer.Option("--quick", help="fewer images and architectures: a minute or two")] = False,
-    dataset: Annotated[
-        Path | None, typer.Option(help="detect in its frames; the demo's or drawn pictures by default")
-    ] = None,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of detectors.md in this folder too")] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/detect.json"),
-) -> None:
-    """Every detector adapter beside the runtime its network comes from: differences and speed."""
-    _benchmark("detect.bench").bench_detect(json, quick, docs, dataset)
-
-
-@bench_app.command("agreement")
-def bench_agreement_command(
-    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
-    camouflage: Annotated[Path, typer.Option(help="camouflage .json to compare in")],
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/agreement.json"),
-) -> None:
-    """The neural renderer's distance from Cycles on the frames of a data set."""
-    _benchmark("agreement").bench_agreement(dataset, camouflage, json)
-
-
-@bench_app.command("vehicle")
-def bench_vehicle_command(
-    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or an .obj, .glb or .blend")] = "sedan",
-    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
-    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
-    detector: Annotated[list[str] | None, typer.Option(help="repeat for more; all fetched ones by default")] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/vehicle.json"),
-) -> None:
-    """Do detectors take the plain vehicle for a car, from every side?"""
-    chosen = _vehicle_arguments(vehicle, paint_mask, paint_material)
-    _benchmark("vehicle").bench_vehicle(chosen, detector or _fetched(), json)
-
-
-@bench_app.command("defences")
-def bench_defences_command(
-    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a finished `rauca demo`")],
-    detector: Annotated[
-        list[str] | None, typer.Option(help="repeat for more; yolov3-tiny and yolov4-tiny by default")
-    ] = None,
-    patch: Annotated[float, typer.Option(help="share of the vehicle's box under the optimized patch")] = 0.25,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not three")] = False,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and the picture of defences.md in this folder too")
-    ] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/defences.json"),
-) -> None:
-    """What LGS, PAD and cheap defences cost, do to clean views, and save from a camouflage and a patch."""
-    detectors = detector or ["yolov3-tiny", "yolov4-tiny"]
-    _benchmark("defences.bench").bench_defences(run_folder, detectors, json, quick, docs, patch)
-
-
-@bench_app.command("jobs")
-def bench_jobs_command(
-    quick: Annotated[bool, typer.Option("--quick", help="fewer frames and kills: two minutes, not ten")] = False,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/jobs.json"),
-) -> None:
-    """Data set jobs: memory over 500 frames; the same bytes after 20 SIGKILLs."""
-    _benchmark("jobs").bench_jobs(json, quick)
-
-
-@bench_app.command("stability")
-def bench_stability_command(
-    quick: Annotated[bool, typer.Option("--quick", help="10 steps a case of the optimizer, not 100")] = False,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of stability.md in this folder too")] = None,
-    json: Annotated[Path, typer.Option(help="where to write the figures")] = Path("reports/stability.json"),
-) -> None:
-    """Every hard case in three precisions: what must come of it and what does. Exit code 1 if one fails."""
-    if not _benchmark("stability.bench").bench_stability(json, quick, docs):
-        raise typer.Exit(1)
-
-
-def _benchmark(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(f"benchmarks.{name}")
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "benchmarks":
-            raise  # a package that an extra brings
-        raise RaucaError("benchmarks are part of a checkout, not of an installed rauca; run this in one") from error
-
-
-def _vehicle_arguments(vehicle: str, paint_mask: Path | None, paint_material: str | None) -> list[str]:
-    """The arguments of ``rauca dataset make`` that choose a vehicle."""
-    chosen = ["--vehicle", vehicle]
-    chosen += ["--paint-mask", str(paint_mask)] if paint_mask else []
-    return chosen + (["--paint-material", paint_material] if paint_material else [])
-
-
-def _fetched() -> list[str]:
-    """Detectors whose weights are here."""
-    from rauca_core.detect.listing import ready_names
-
-    names = ready_names()
-    if not names:
-        raise RaucaError("no detector weights are here; get some with `rauca weights fetch --all`")
-    return names
+    run_demo(DemoChoice(out, vehicle_arguments(vehicle, paint_mask, paint_material), blender))
 
 
 @app.command()

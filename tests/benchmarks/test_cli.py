@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import vehicle
 from benchmarks.render.bench import bench_render
-from pipelines.cli import _benchmark
+from pipelines.bench_commands import load_benchmark
 from rauca_core.contract import RaucaError
 
 
@@ -48,9 +48,9 @@ def test_a_missing_package_is_not_a_missing_checkout(monkeypatch: pytest.MonkeyP
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ModuleNotFoundError, match="matplotlib"):
-        _benchmark("render.bench")
+        load_benchmark("render.bench")
     with pytest.raises(RaucaError, match="part of a checkout"):
-        _benchmark("no_such")
+        load_benchmark("no_such")
 
 
 def test_an_unknown_detector_is_told_before_the_ring_is_rendered(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,17 +10,17 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.detect import opencv
-from benchmarks.detect.bench import Extent, run_bench
-from benchmarks.detect.contender import ordered_difference, unordered_difference
-from benchmarks.detect.images import choose_images, draw_street, squared
-from benchmarks.detect.report import markdown_report
-from benchmarks.detect.results import LARGEST_DIFFERENCE, Adapter, Results
+from benchmarks import detect_runtimes
+from benchmarks.detect import FULL, LARGEST_DIFFERENCE, bench, choose_images, draw_street, report, squared
+from benchmarks.detect_runtimes import ordered_difference, unordered_difference
+from benchmarks.harness import Results
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES
 from rauca_core.detect.listing import ready_names
 
-SMALLEST = Extent(timed=1, framework_images=1, torchvision=("ssdlite320_mobilenet_v3_large",), transformers=())
+SMALLEST = FULL.but(
+    images=2, timed=1, framework_images=1, torchvision=("ssdlite320_mobilenet_v3_large",), transformers=()
+)
 
 
 @pytest.fixture(autouse=True)
@@ -34,20 +33,19 @@ def _threads_are_put_back() -> object:
 
 def test_every_ready_adapter_agrees_with_its_reference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # a fresh clone: no frames, pictures are drawn
-    monkeypatch.setattr("benchmarks.detect.bench.IMAGES", 2)
-    results = run_bench(SMALLEST, tmp_path / "detect.json", tmp_path)
+    bench(tmp_path / "detect.json", SMALLEST, tmp_path)
     written = json.loads((tmp_path / "detect.json").read_text())
     assert written["image_source"] == "drawn"
     ready = [name for name in ready_names() if SOURCES[name].standard]
     assert [row["name"] for row in written["adapters"]][:-1] == ready
-    assert set(written["missing"]) == {s.name for s in SOURCES.values() if s.standard} - set(ready)
+    assert {row["name"] for row in written["missing"]} == {s.name for s in SOURCES.values() if s.standard} - set(ready)
     for row in written["adapters"]:
         assert row["max_abs_difference"] <= LARGEST_DIFFERENCE, row
         assert min(row["forward_ms"], row["backward_ms"], row["reference_forward_ms"]) > 0
         assert row["reference"]
         assert row["images"] == (1 if "random" in row["name"] else 2)
     page = (tmp_path / "detectors.md").read_text()
-    assert all(f"| {adapter.name} |" in page for adapter in results.adapters)
+    assert all(f"| {row['name']} |" in page for row in written["adapters"])
 
 
 def test_the_comparison_notices_other_weights() -> None:
@@ -55,7 +53,7 @@ def test_the_comparison_notices_other_weights() -> None:
     if name is None:
         pytest.skip("yolov4-tiny is not fetched")
     image = squared(choose_images(None, 1)[1][0], 416)
-    with opencv.darknet(SOURCES[name]) as contender:
+    with detect_runtimes.darknet(SOURCES[name]) as contender:
         assert contender.differences(image) <= LARGEST_DIFFERENCE
         network = contender.detector.network  # type: ignore[attr-defined]
         network.layers[0].weight.data *= 1.1
@@ -82,14 +80,17 @@ def test_differences() -> None:
 
 
 def test_an_adapter_that_differs_is_named() -> None:
-    good = Adapter("good", 1e-6, 10.0, 20.0, "cv2.dnn", 12.0, 0.83, "predictions", 20)
-    bad = replace(good, name="bad", max_abs_difference=float("inf"), forward_ratio=2.0)
-    results = Results(20, "drawn", (good, bad), (("absent", "rauca weights fetch absent"),))
-    page = markdown_report(results)
-    assert page.count("missed by bad") == 2
-    assert "| absent | rauca weights fetch absent |" in page
-    assert results.to_json()["adapters"][1]["max_abs_difference"] is None
-    json.dumps(results.to_json(), allow_nan=False)
+    results = Results("detect", FULL, figures={"image_source": "drawn"})
+    row = {"reference": "cv2.dnn", "compared": "predictions", "images": 20, "backward_ms": 20.0}
+    for name, difference, ratio in (("good", 1e-6, 0.83), ("bad", float("inf"), 2.0)):
+        results.add("adapters", name=name, max_abs_difference=difference, forward_ratio=ratio, **row,
+                    forward_ms=10.0, reference_forward_ms=12.0)  # fmt: skip
+    results.add("missing", name="absent", why="rauca weights fetch absent")
+    report(results)
+    assert [(target.what.split()[-1], target.passed) for target in results.targets] == [("bad", False)] * 2
+    assert ("absent", "rauca weights fetch absent") in results.tables[-1].rows
+    told = json.loads(json.dumps(results.to_json(), allow_nan=False))
+    assert told["adapters"][1]["max_abs_difference"] is None
 
 
 def test_drawn_images_are_what_detectors_take() -> None:

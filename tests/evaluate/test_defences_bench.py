@@ -11,8 +11,7 @@ import pytest
 import torch
 from PIL import Image
 
-from benchmarks.defences.bench import Extent, run_bench
-from benchmarks.defences.patch import SIDE, paste, patch_area
+from benchmarks.defences import FULL, SIDE, bench, paste, patch_area
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
 from rauca_core.study.defences import defence_names
@@ -50,17 +49,19 @@ def run(scene: Any, tmp_path: Path) -> Path:
 
 
 def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path) -> None:
-    results = run_bench(run, detectors[:1], Extent(steps=1, views=2), tmp_path / "out.json", tmp_path / "docs")
-    assert (results.defences, results.paints) == (defence_names(), ("normal", "camouflage", "patch"))
-    for outcome in results.outcomes:
-        shares = [outcome.altered, outcome.altered_on_vehicle, *outcome.ap.values(), *outcome.score.values()]
+    settings = FULL.but(steps=1, views=2)
+    results = bench(tmp_path / "out.json", settings, tmp_path / "docs", run, detectors[:1])
+    found = {(row["defence"], row["paint"]): row for row in results.rows["outcomes"]}
+    assert list(found) == [(d, p) for d in defence_names() for p in ("normal", "camouflage", "patch")]
+    for (defence, _), row in found.items():
+        shares = [row["altered"], row["altered_on_vehicle"], *row["ap"].values(), *row["score"].values()]
         assert all(0 <= share <= 1 for share in shares)
-        assert math.isfinite(outcome.cpu_ms)
-        assert (outcome.altered == 0) >= (outcome.defence == "none")
-    assert results.of("lgs", "patch").altered_on_vehicle > results.of("lgs", "normal").altered_on_vehicle
-    assert results.of("none", "normal").score["yolov4-tiny"] > 0.3
+        assert math.isfinite(row["cpu_ms"])
+        assert (row["altered"] == 0) >= (defence == "none")
+    assert found["lgs", "patch"]["altered_on_vehicle"] > found["lgs", "normal"]["altered_on_vehicle"]
+    assert found["none", "normal"]["score"]["yolov4-tiny"] > 0.3
     written = json.loads((tmp_path / "out.json").read_text())
-    assert len(written["outcomes"]) == len(results.outcomes)
+    assert len(written["outcomes"]) == len(found)
     assert Image.open(tmp_path / "docs" / "pictures" / "defences.jpg").size[0] > 1000
     page = (tmp_path / "docs" / "defences.md").read_text()
     assert all(f"| {name} |" in page for name in defence_names())
@@ -68,5 +69,5 @@ def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path)
 
 def test_a_folder_without_views_is_refused(tmp_path: Path, detectors: list[Detector]) -> None:
     with pytest.raises(RaucaError):
-        run_bench(tmp_path, detectors[:1], Extent(1, 1), tmp_path / "out.json")
+        bench(tmp_path / "out.json", FULL, None, tmp_path, detectors[:1])
     assert not (tmp_path / "out.json").exists()

@@ -1,0 +1,247 @@
+"""What defences cost, what they do to clean pictures, and what they save: ``rauca bench defences``."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+from torch.nn import functional
+
+from rauca_core.attack.losses import attack_loss
+from rauca_core.contract import Dataset, Frame, RaucaError
+from rauca_core.contract.files import write_bytes
+from rauca_core.detect import Detector, car_score, class_index, load_detector
+from rauca_core.study.average_precision import Sample, average_precision
+from rauca_core.study.defences import Defence, defence_names, make_defence
+from rauca_core.study.defences.interface import to_pixels
+from rauca_core.study.images_of import read_frame_image
+
+from .harness import Results, Settings
+from .timing import counted
+
+FULL = Settings(
+    steps=120,  # of the patch's optimization
+    views=10**6,  # at most, that are measured
+)
+QUICK = FULL.but(steps=20, views=8)
+
+ALTERED = 16 / 255
+BATCH = 6
+LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
+SIDE = 48  # of the patch, texels
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Images (B, 3, H, W) sRGB by paint, and the vehicle's boxes (B, 4) xyxy, pixels."""
+
+    boxes: Tensor
+    paints: dict[str, Tensor]
+
+    def part(self, chosen: slice) -> Views:
+        """Some of the frames."""
+        return Views(self.boxes[chosen], {name: images[chosen] for name, images in self.paints.items()})
+
+
+def bench(
+    out: Path,
+    settings: Settings,
+    docs: Path | None,
+    run: Path,
+    detectors: Sequence[str | Detector],
+    patch: float = 0.25,
+) -> Results:
+    """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimized patch.
+
+    The patch is optimized on every other view against the first detector, and measured on the rest.
+
+    Args:
+        out: JSON to write; the sheet of pictures goes beside it.
+        docs: folder whose ``defences.md`` gets the figures anew, and its pictures the sheet.
+        run: folder laid out as the demo's.
+        detectors: names from ``rauca weights list``, or detectors.
+        patch: share of the vehicle's box that it covers.
+
+    Raises:
+        RaucaError: the run has no views, the patch is larger than the box, a detector's weights are missing.
+    """
+    if not 0 < patch <= 1:
+        raise RaucaError(
+            f"--patch {patch}: the share of the vehicle's box under the patch; give more than 0, 1 at most"
+        )
+    loaded = [load_detector(d) if isinstance(d, str) else d for d in detectors]
+    defences = [make_defence(name) for name in defence_names()]
+    views = read_views(run)
+    held = views.part(slice(0, 2 * settings.views, 2))
+    results = Results("defences", settings)
+    with counted("defences", settings.steps + len(defences) * 3) as moved:
+        pattern = optimize_patch(loaded[0], views.part(slice(1, None, 2)), patch, settings.steps, moved)
+        held.paints["patch"] = paste(held.paints["normal"], held.boxes, pattern, patch)
+        for defence in defences:
+            for paint, images in held.paints.items():
+                _measure(results, defence, paint, images, held.boxes, loaded)
+                moved()
+    height, width = held.paints["normal"].shape[2:]
+    judged_on = f"{len(held.boxes)} views (patch over {patch:.0%} of the box, optimized on {loaded[0].name})"
+    results.figures |= {
+        "images": len(held.boxes), "size": [height, width], "white_box": loaded[0].name, "patch_share": patch,
+    }  # fmt: skip
+    _tables(results, f"{width}x{height}", judged_on)
+    results.publish(out, docs, "defences.md", width=150)
+    for path in [out.with_suffix(".jpg"), *([docs / "pictures" / "defences.jpg"] if docs else [])]:
+        save_sheet(held, defences, path)
+    return results
+
+
+def read_views(run: Path) -> Views:
+    """The held-out frames of a demo's folder that show the vehicle, both paints as Cycles rendered them.
+
+    Raises:
+        RaucaError: there are none, or an image is missing.
+    """
+    dataset = Dataset(run / "held-out")
+    frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
+    if len(frames) < 2:
+        raise RaucaError(f"{run}: fewer than two held-out frames show the vehicle; run `rauca demo` first")
+    paints = {
+        "normal": _read([(dataset.frame_folder(frame.id) / "image.png", frame) for frame in frames]),
+        "camouflage": _read([(run / "renders" / "rauca" / f"{frame.id}.png", frame) for frame in frames]),
+    }
+    return Views(torch.tensor([frame.box_xyxy for frame in frames], dtype=torch.float32), paints)
+
+
+def _read(paths: Sequence[tuple[Path, Frame]]) -> Tensor:
+    pixels = np.stack([read_frame_image(path, frame) for path, frame in paths])
+    return torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255
+
+
+def patch_area(box: Tensor, share: float) -> tuple[int, int, int]:
+    """Left, top and side of the patch in the middle of a box (4,), pixels; it covers ``share`` of the box."""
+    width, height = (float(x) for x in box[2:] - box[:2])
+    side = max(2, round((share * width * height) ** 0.5))
+    left, top = (float(box[i] + box[i + 2] - side) / 2 for i in (0, 1))
+    return round(left), round(top), side
+
+
+def paste(images: Tensor, boxes: Tensor, patch: Tensor, share: float) -> Tensor:
+    """Images (B, 3, H, W) with the patch (3, SIDE, SIDE) over ``share`` of each box (B, 4); differentiable."""
+    pasted = []
+    for image, box in zip(images, boxes, strict=True):
+        left, top, side = patch_area(box, share)
+        x, y = max(left, 0), max(top, 0)
+        resized = functional.interpolate(patch[None], (side, side), mode="bilinear", antialias=True)[0].clamp(0, 1)
+        shown = resized[:, y - top : image.shape[1] - top, x - left : image.shape[2] - left]
+        margins = (x, image.shape[2] - x - shown.shape[2], y, image.shape[1] - y - shown.shape[1])
+        covered = functional.pad(torch.ones_like(shown), margins)
+        pasted.append(image * (1 - covered) + functional.pad(shown, margins))
+    return torch.stack(pasted)
+
+
+def optimize_patch(
+    detector: Detector, views: Views, share: float, steps: int, moved: Callable[[], None], batch: int = 4, seed: int = 0
+) -> Tensor:
+    """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam."""
+    generator = torch.Generator().manual_seed(seed)
+    patch = torch.rand(3, SIDE, SIDE, generator=generator).requires_grad_()
+    optimizer = torch.optim.Adam([patch], lr=0.03)
+    for _ in range(steps):
+        chosen = torch.randint(len(views.boxes), (batch,), generator=generator)
+        images, boxes = views.paints["normal"][chosen], views.boxes[chosen]
+        loss = attack_loss(car_score(detector, paste(images, boxes, patch, share), boxes)).mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        with torch.no_grad():
+            patch.clamp_(0, 1)
+        moved()
+    return patch.detach()
+
+
+def _measure(
+    results: Results, defence: Defence, paint: str, images: Tensor, boxes: Tensor, detectors: Sequence[Detector]
+) -> None:
+    """One defence on one paint: CPU ms an image, share of the pixels that it moves, what detectors see behind it."""
+    started = time.process_time()
+    defended = defence(images)
+    cpu_ms = 1000 * (time.process_time() - started) / len(images)
+    altered = ((defended - images).abs().amax(1) > ALTERED).float()
+    seen = {detector.name: _seen(detector, defended, boxes) for detector in detectors}
+    results.add(
+        "outcomes", defence=defence.name, fingerprint=defence.fingerprint, paint=paint, cpu_ms=cpu_ms,
+        altered=float(altered.mean()), altered_on_vehicle=_mean_in_boxes(altered, boxes),
+        ap={name: found[0] for name, found in seen.items()}, score={name: found[1] for name, found in seen.items()},
+    )  # fmt: skip
+
+
+@torch.no_grad()
+def _seen(detector: Detector, images: Tensor, boxes: Tensor) -> tuple[float, float]:
+    """AP@0.5 of class car and the mean best car score on the vehicle."""
+    car, samples, scores = class_index(detector, "car"), [], []
+    for start in range(0, len(images), BATCH):
+        batch, truth = images[start : start + BATCH], boxes[start : start + BATCH]
+        scores.append(car_score(detector, batch, truth))
+        for box, found in zip(truth, detector.detect(batch, LOW_SCORE, NMS_IOU), strict=True):
+            cars = found.labels == car
+            samples.append(
+                Sample(box.double().numpy(), found.boxes[cars].double().numpy(), found.scores[cars].double().numpy())
+            )
+    return average_precision(samples), float(torch.cat(scores).mean())
+
+
+def _mean_in_boxes(values: Tensor, boxes: Tensor) -> float:
+    """Mean over the boxes (B, 4) of the mean of (B, H, W) inside each."""
+    parts = []
+    for value, box in zip(values, boxes.round().int().tolist(), strict=True):
+        left, top, right, bottom = (max(0, x) for x in box)
+        parts.append(float(value[top:bottom, left:right].mean()))
+    return float(np.mean(parts))
+
+
+def _tables(results: Results, size: str, judged_on: str) -> None:
+    """Cost and alteration by defence; AP and car score by paint, defence and detector."""
+    paints, rows = results.distinct("outcomes", "paint"), []
+    for defence in results.distinct("outcomes", "defence"):
+        found = {row["paint"]: row for row in results.where("outcomes", defence=defence)}
+        rows.append({"defence": defence, "ms": np.mean([row["cpu_ms"] for row in found.values()]), **found})
+    moved = {paint: f"{{{paint}[altered]:.1%}} / {{{paint}[altered_on_vehicle]:.1%}}" for paint in paints}
+    title = f"CPU ms per {size} image; pixels moved by > 16 levels: whole image / vehicle's box"
+    results.table(title, {"defence": "{defence}", "ms": "{ms:.1f}", **moved}, rows)
+    detectors = results.rows["outcomes"][0]["ap"]
+    for label, key in (("AP@0.5 of class car", "ap"), ("Mean car score on the vehicle", "score")):
+        seen = {f"{paint}, {name}": f"{{{paint}[{key}][{name}]:.3f}}" for paint in paints for name in detectors}
+        results.table(f"{label}, {judged_on}", {"defence": "{defence}", **seen}, rows)
+
+
+TILE, GAP, TITLE = 216, 6, 26
+INK, PAPER = "#20242a", "#ffffff"
+NAMES = {"none": "no defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG 75", "bits": "5 bits", "median": "median 3"}
+
+
+def save_sheet(views: Views, defences: Sequence[Defence], out: Path) -> None:
+    """The largest view of the vehicle: paints from top to bottom, defences from left to right, as JPEG."""
+    sides = views.boxes[:, 2:] - views.boxes[:, :2]
+    index = int(sides.prod(1).argmax())
+    size = (TITLE + len(defences) * (TILE + GAP), TITLE + len(views.paints) * (TILE + GAP))
+    sheet = Image.new("RGB", size, PAPER)
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
+    for column, defence in enumerate(defences):
+        x = TITLE + column * (TILE + GAP)
+        pen.text((x + TILE / 2, TITLE / 2), NAMES.get(defence.name, defence.name), INK, font, anchor="mm")
+        for row, images in enumerate(views.paints.values()):
+            tile = Image.fromarray(to_pixels(defence(images[index : index + 1])[0]))
+            place = (x, TITLE + row * (TILE + GAP))
+            sheet.paste(tile.resize((TILE, TILE), Image.Resampling.LANCZOS), place)
+    for row, paint in enumerate(views.paints):
+        label = Image.new("RGB", (TILE, TITLE), PAPER)
+        ImageDraw.Draw(label).text((TILE / 2, TITLE / 2), paint, INK, font, anchor="mm")
+        sheet.paste(label.rotate(90, expand=True), (0, TITLE + row * (TILE + GAP)))
+    stream = io.BytesIO()
+    sheet.save(stream, "JPEG", quality=80, optimize=True)
+    write_bytes(out, stream.getvalue())

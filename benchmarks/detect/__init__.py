@@ -1,1 +1,0 @@
-"""``rauca bench detect``: every adapter beside the runtime its network comes from."""

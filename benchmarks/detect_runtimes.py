@@ -1,0 +1,306 @@
+"""Adapters of ours, each beside the runtime that its network comes from, made comparable."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from rauca_core.detect import DarknetDetector, DensePredictions, Detections, Detector, Source, load_detector
+from rauca_core.detect.frameworks import (
+    TorchvisionDetector,
+    TransformersDetector,
+    import_torchvision,
+    import_transformers,
+)
+from rauca_core.detect.heads import Head
+from rauca_core.detect.onnx_detector import OnnxDetector
+from rauca_core.detect.onnx_graph import extra
+from rauca_core.detect.store import stored_paths
+
+# A runtime that leaves a score out, as OpenCV does for boxes it suppressed, has NaN there: nothing to compare with.
+Rows = NDArray[np.float32]
+ROUNDING = 1e-5  # of scores; random weights give many detections nearly the same
+OPENCV = f"cv2.dnn {cv2.__version__}"
+NAMES = ("car", "boat", "bus")
+SIZE = 320
+THRESHOLDS = (0.2, 0.5)
+RANDOM = "random weights"
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One adapter.
+
+    Attributes:
+        name: of the detector.
+        reference: the other runtime, with its version.
+        size: images are stretched to this square before either sees them.
+        detector: ours.
+        final: final detections are compared, since the reference does not show what it had before suppression.
+        prepare: an image (1, 3, size, size) to what the reference takes; not timed.
+        run: the reference's part of the race.
+        rows: what it found: (N, 4 + C) boxes as fractions of the image and scores per class, in our order; for
+            ``final`` (M, 6) boxes, score, label, in any order.
+        thresholds: of score and overlap, for ``final``.
+        run_openly: in place of ``run`` where the difference is taken, for a reference that keeps low scores to itself.
+    """
+
+    name: str
+    reference: str
+    size: int
+    detector: Detector
+    prepare: Callable[[Tensor], Any]
+    run: Callable[[Any], Any]
+    rows: Callable[[Any], Rows]
+    final: bool = False
+    thresholds: tuple[float, float] = (0.0, 1.0)
+    run_openly: Callable[[Any], Any] | None = None
+
+    def forward(self, image: Tensor) -> DensePredictions | list[Detections]:
+        """Our part of the race: the same work, without gradients."""
+        if self.final:
+            return self.detector.detect(image, *self.thresholds)
+        with torch.inference_mode():
+            return self.detector.dense(image)
+
+    def backward(self, image: Tensor) -> None:
+        """What an attack's step pays: predictions with gradients, and their way back to the image."""
+        wanted = image.clone().requires_grad_()
+        found = self.detector.dense(wanted)
+        (found.objectness[..., None] * found.classes).amax((1, 2)).sum().backward()
+
+    def differences(self, image: Tensor) -> float:
+        """Largest difference of any score or box side (as a fraction of the image's)."""
+        theirs = self.rows((self.run_openly or self.run)(self.prepare(image)))
+        if self.final:
+            found = self.detector.detect(image, *self.thresholds)[0]
+            return unordered_difference(final_rows(found, self.size), theirs, self.thresholds[0])
+        plain, with_gradient = (self.detector.dense(image.clone().requires_grad_(wants)) for wants in (False, True))
+        return max(ordered_difference(dense_rows(found, self.size), theirs) for found in (plain, with_gradient))
+
+
+def dense_rows(found: DensePredictions, size: int) -> Rows:
+    """(N, 4 + C): boxes as fractions of the image, scores."""
+    scores = found.objectness[0, :, None] * found.classes[0]
+    return torch.cat([found.boxes[0] / size, scores], 1).detach().numpy()
+
+
+def final_rows(found: Detections, size: int) -> Rows:
+    """(M, 6): boxes as fractions of the image, score, label."""
+    return torch.cat([found.boxes / size, found.scores[:, None], found.labels[:, None]], 1).numpy()
+
+
+def ordered_difference(ours: Rows, theirs: Rows) -> float:
+    """NaN counts as nothing said; shapes must be the same, or all is different."""
+    if ours.shape != theirs.shape or np.isnan(theirs).all():
+        return float("inf")
+    return float(np.nanmax(np.abs(ours - theirs)))
+
+
+def unordered_difference(ours: Rows, theirs: Rows, threshold: float = 0.0) -> float:
+    """Each detection against the nearest of the same label, both ways: equal scores may come in any order.
+
+    One whose score is the ``threshold`` but for rounding may be missing on either side.
+    """
+    sure, theirs_sure = (rows[:, 4] > threshold + ROUNDING for rows in (ours, theirs))
+    if not 0 < sure.sum() <= len(theirs) or not 0 < theirs_sure.sum() <= len(ours):
+        return float("inf")
+    apart = np.abs(ours[:, None, :5] - theirs[None, :, :5]).max(2)
+    apart[ours[:, None, 5] != theirs[None, :, 5]] = np.inf
+    return float(max(apart.min(0)[theirs_sure].max(), apart.min(1)[sure].max()))
+
+
+@contextmanager
+def darknet(source: Source) -> Iterator[Contender]:
+    """A darknet network; for the difference OpenCV's threshold is lowered, as it puts zeros below."""
+    detector = load_detector(source.name)
+    assert isinstance(detector, DarknetDetector)
+    weights = stored_paths(source)[0]
+    heads = [layer for layer in detector.network.layers if isinstance(layer, Head)]
+    with TemporaryDirectory(prefix="rauca-bench-") as folder:
+        lowered = Path(folder) / source.cfg.name
+        text = source.cfg.read_text()
+        for kind in ("yolo", "region"):
+            text = text.replace(f"[{kind}]", f"[{kind}]\nthresh=1e-12")
+        lowered.write_text(text)
+        published, open_net = (cv2.dnn.readNetFromDarknet(str(cfg), str(weights)) for cfg in (source.cfg, lowered))
+    outputs = list(published.getUnconnectedOutLayersNames())
+    yield Contender(
+        source.name,
+        OPENCV,
+        detector.size,
+        detector,
+        prepare=lambda image: image.numpy(),
+        run=_runner(published, outputs),
+        rows=lambda found: _darknet_rows(found, [len(head.anchors) for head in heads]),
+        run_openly=_runner(open_net, outputs),
+    )
+
+
+def _darknet_rows(outputs: list[Rows], anchors: list[int]) -> Rows:
+    """OpenCV runs over cells, then anchors; we the other way round."""
+    ordered = []
+    for output, count in zip(outputs, anchors, strict=True):
+        rows = output.reshape(-1, count, output.shape[-1]).swapaxes(0, 1).reshape(-1, output.shape[-1])
+        half = rows[:, 2:4] / 2
+        scores = np.where(rows[:, 5:] > 0, rows[:, 5:], np.nan)
+        ordered.append(np.concatenate([rows[:, :2] - half, rows[:, :2] + half, scores], 1))
+    return np.concatenate(ordered)
+
+
+@contextmanager
+def tensorflow(source: Source) -> Iterator[Contender]:
+    """An SSD of TensorFlow, up to its heads: OpenCV's detections are few and rounded off by its thresholds."""
+    graph, description = stored_paths(source)
+    net = cv2.dnn.readNetFromTensorflow(str(graph), str(description))
+    parts = ["BoxEncodingPredictor/concat", "ClassPredictor/concat/sigmoid", "PriorBox/concat"]
+    # MobileNetV2's graph brings pixels of 0..255 to [-1, 1] itself, V3's has that cut off.
+    scale, shift = (255.0, 0.0) if "v2" in source.name else (2.0, -1.0)
+    yield _ssd(source, net, parts, lambda image: np.ascontiguousarray(image.numpy() * scale + shift))
+
+
+@contextmanager
+def caffe(source: Source) -> Iterator[Contender]:
+    """A caffe SSD, up to its heads."""
+    weights, prototxt = stored_paths(source)
+    net = cv2.dnn.readNetFromCaffe(str(prototxt), str(weights))
+    parts = ["mbox_loc", "mbox_conf_flatten", "mbox_priorbox"]
+
+    def prepare(image: Tensor) -> Rows:
+        return np.ascontiguousarray((image.numpy()[:, ::-1] * 255 - 127.5) * 0.007843)
+
+    yield _ssd(source, net, parts, prepare)
+
+
+def _ssd(source: Source, net: Any, parts: list[str], prepare: Callable[[Tensor], Rows]) -> Contender:
+    detector: Any = load_detector(source.name)
+    return Contender(
+        source.name, OPENCV, detector.size, detector, prepare, _runner(net, parts), lambda o: _ssd_rows(*o)
+    )
+
+
+def _ssd_rows(encodings: Rows, scores: Rows, priors: Rows) -> Rows:
+    """Boxes from the encodings as OpenCV would decode them: offsets of center and log size, times the variances."""
+    anchors, variances = priors.reshape(2, -1, 4)
+    code = encodings.reshape(-1, 4) * variances
+    center, size = (anchors[:, :2] + anchors[:, 2:]) / 2, anchors[:, 2:] - anchors[:, :2]
+    middle, half = center + code[:, :2] * size, np.exp(code[:, 2:]) * size / 2
+    return np.concatenate([middle - half, middle + half, scores.reshape(len(anchors), -1)[:, 1:]], 1)
+
+
+def _runner(net: Any, parts: list[str]) -> Callable[[Rows], list[Rows]]:
+    net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
+
+    def run(blob: Rows) -> list[Rows]:
+        net.setInput(blob)
+        return list(net.forward(parts))
+
+    return run
+
+
+@contextmanager
+def yolox(source: Source) -> Iterator[Contender]:
+    """A YOLOX export; its decoding is written out in NumPy."""
+    onnxruntime = extra("onnxruntime")
+    path = stored_paths(source)[0]
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    detector = OnnxDetector(source.name, path, source.class_names, family="yolox")
+    yield Contender(
+        source.name,
+        f"onnxruntime {onnxruntime.__version__}",
+        detector.size,
+        detector,
+        prepare=lambda image: np.ascontiguousarray(image.numpy()[:, ::-1] * np.float32(255)),
+        run=lambda blob: session.run(None, {session.get_inputs()[0].name: blob}),
+        rows=lambda outputs: _decoded(outputs[0][0], detector.size),
+    )
+
+
+def _decoded(output: NDArray[np.float32], size: int) -> Rows:
+    places = [np.indices((size // s, size // s))[::-1].reshape(2, -1).T for s in (8, 16, 32)]
+    strides = np.concatenate([np.full((len(p), 1), s) for p, s in zip(places, (8, 16, 32), strict=True)])
+    center = (output[:, :2] + np.concatenate(places)) * strides / size
+    half = np.exp(output[:, 2:4]) * strides / size / 2
+    return np.concatenate([center - half, center + half, output[:, 4:5] * output[:, 5:]], 1).astype(np.float32)
+
+
+@contextmanager
+def torchvision(architecture: str) -> Iterator[Contender]:
+    """Faster R-CNN or SSDlite: softmax over few categories, so random weights make detections too."""
+    version = import_torchvision().__version__
+    detector = TorchvisionDetector(architecture, architecture, None, NAMES, None if "ssd" in architecture else SIZE)
+    reference: Any = copy.deepcopy(detector.model)
+    limits = getattr(reference, "roi_heads", reference)
+    limits.score_thresh, limits.nms_thresh = THRESHOLDS
+    yield Contender(
+        f"{architecture} ({RANDOM})",
+        f"torchvision {version}",
+        SIZE,
+        detector,
+        prepare=list,
+        run=torch.inference_mode()(reference),
+        rows=lambda found: _rows(found, first_label=1),  # 0 is the background
+        final=True,
+        thresholds=THRESHOLDS,
+    )
+
+
+@contextmanager
+def transformers(prefix: str) -> Iterator[Contender]:
+    """DETR, Deformable DETR or RT-DETR of its usual size."""
+    package = import_transformers()
+    torch.manual_seed(0)
+    labels: dict[str, Any] = {"id2label": dict(enumerate(NAMES))}
+    if prefix != "RTDetr":
+        labels |= {"backbone_config": package.ResNetConfig(out_features=["stage4"]), "use_timm_backbone": False}
+    if prefix == "DeformableDetr":
+        labels["backbone_config"] = package.ResNetConfig(out_features=["stage2", "stage3", "stage4"])
+    model = getattr(package, f"{prefix}ForObjectDetection")(getattr(package, f"{prefix}Config")(**labels)).eval()
+    size = {"height": SIZE, "width": SIZE} if prefix == "RTDetr" else {"shortest_edge": SIZE, "longest_edge": SIZE}
+    processor = getattr(package, f"{prefix}ImageProcessor")(size=size)
+    detector = TransformersDetector.of(model, prefix, size=SIZE)
+    threshold = _low_score(detector)
+
+    @torch.inference_mode()
+    def run(images: list[Tensor]) -> Any:
+        prepared = processor(images=images, do_rescale=False, return_tensors="pt")
+        outputs = model(**prepared)
+        sizes = [(SIZE, SIZE)] * len(images)
+        return processor.post_process_object_detection(outputs, threshold=threshold, target_sizes=sizes)
+
+    yield Contender(
+        f"{prefix} ({RANDOM})",
+        f"transformers {package.__version__}",
+        SIZE,
+        detector,
+        prepare=list,
+        run=run,
+        rows=lambda found: _rows(found, first_label=0),
+        final=True,
+        thresholds=(threshold, 1.0),
+    )
+
+
+def _low_score(detector: TransformersDetector) -> float:
+    """Nearly every query is a detection, whatever random weights make of the scores of other pictures."""
+    with torch.no_grad():
+        return float(detector.dense(torch.full((1, 3, SIZE, SIZE), 0.5)).classes.amax(2).median() / 2)
+
+
+def _rows(found: list[dict[str, Tensor]], first_label: int) -> Rows:
+    (one,) = found
+    boxes, labels = one["boxes"].clamp(0, SIZE) / SIZE, one["labels"] - first_label
+    return torch.cat([boxes, one["scores"][:, None], labels[:, None]], 1).numpy()

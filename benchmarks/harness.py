@@ -1,0 +1,235 @@
+"""What every benchmark shares: its extent, what it found, tables, targets, a figure, and its page in docs/.
+
+A benchmark is a module with ``FULL`` and ``QUICK`` settings and a function ``bench(out, settings, docs, ...)`` that
+fills a :class:`Results`. ``rauca bench NAME`` starts it; see `pipelines/bench_commands.py`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import matplotlib
+from rich.table import Table as Printed
+
+from pipelines.console import output
+from rauca_core.contract import RaucaError
+from rauca_core.contract.files import write_bytes, write_json
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+Row = dict[str, Any]
+END = "<!-- end of figures -->"
+
+
+class Settings(SimpleNamespace):
+    """How much is measured, by name: everything, a quick look, or what a test takes."""
+
+    def but(self, **changed: Any) -> Settings:
+        """The same with some values changed.
+
+        Raises:
+            TypeError: there is no such setting.
+        """
+        if unknown := changed.keys() - vars(self).keys():
+            raise TypeError(f"no such settings: {', '.join(sorted(unknown))}")
+        return Settings(**{**vars(self), **changed})
+
+
+@dataclass(frozen=True)
+class Target:
+    """What was hoped for: ``found`` passes if it is at least, or with ``most`` at most, ``wanted``."""
+
+    what: str
+    wanted: float
+    found: float
+    unit: str = ""
+    most: bool = False
+
+    @property
+    def passed(self) -> bool:
+        return self.found <= self.wanted if self.most else self.found >= self.wanted
+
+
+class Table(NamedTuple):
+    """A table as it is shown; ``on_page`` if the page in docs/ has it too."""
+
+    title: str
+    headers: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    on_page: bool = True
+
+
+@dataclass
+class Results:
+    """What one run of a benchmark found, filled part by part.
+
+    Attributes:
+        benchmark: its name, as after ``rauca bench``.
+        settings: the run's extent.
+        rows: measured values by kind; the names of values end in their units.
+        figures: what else goes to the JSON.
+        tables: what is printed, and written to the page.
+        targets: printed, never asserted: times depend on the machine.
+    """
+
+    benchmark: str
+    settings: Settings
+    rows: dict[str, list[Row]] = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)
+    tables: list[Table] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)
+
+    def add(self, kind: str, **values: Any) -> Row:
+        """One more row of a kind."""
+        self.rows.setdefault(kind, []).append(values)
+        return values
+
+    def where(self, kind: str, **wanted: Any) -> list[Row]:
+        """The rows of a kind that have these values."""
+        return [row for row in self.rows.get(kind, []) if all(row[name] == value for name, value in wanted.items())]
+
+    def one(self, kind: str, **wanted: Any) -> Row:
+        """The first of those rows."""
+        return self.where(kind, **wanted)[0]
+
+    def distinct(self, kind: str, name: str) -> list[Any]:
+        """The values of that name, each once, in the order of the rows."""
+        return list(dict.fromkeys(row[name] for row in self.rows.get(kind, [])))
+
+    def table(self, title: str, columns: Mapping[str, str], rows: Iterable[Row], on_page: bool = True) -> None:
+        """Add a table; ``columns``: headers and formats of a row's values, ``{"forward, ms": "{forward_ms:.2f}"}``."""
+        cells = [tuple(form.format(**row) for form in columns.values()) for row in rows]
+        self.tables.append(Table(title, tuple(columns), cells, on_page))
+
+    def target(self, what: str, wanted: float, found: float, unit: str = "", most: bool = False) -> None:
+        """Add a target."""
+        self.targets.append(Target(what, wanted, found, unit, most))
+
+    def target_table(self, title: str = "Targets") -> None:
+        """Add all targets so far as a table."""
+        rows = [
+            {
+                "what": t.what,
+                "wanted": f"{'≤' if t.most else '≥'} {t.wanted:g} {t.unit}".strip(),
+                "found": f"{t.found:.4g}",
+                "passed": "pass" if t.passed else "FAIL",
+            }
+            for t in self.targets
+        ]
+        self.table(title, {"what": "{what}", "wanted": "{wanted}", "found": "{found}", "": "{passed}"}, rows)
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it; infinity and NaN become null, as JSON has neither."""
+        whole = {
+            "format": f"rauca-bench-{self.benchmark}",
+            "version": 2,
+            "machine": {"cpus": os.cpu_count(), "processor": platform.machine()},
+            "settings": vars(self.settings),
+            **self.figures,
+            **self.rows,
+            "targets": [{**vars(target), "passed": target.passed} for target in self.targets],
+        }
+        plain: dict[str, Any] = _without_infinity(whole)
+        return plain
+
+    def publish(self, out: Path, docs: Path | None = None, page: str = "", width: int = 120) -> None:
+        """Print every table, write the JSON, and renew the figures of ``docs/page``.
+
+        Args:
+            width: of the tables in a log, which has no terminal's width, characters.
+        """
+        console = output(width)
+        for table in self.tables:
+            printed = Printed(*table.headers, title=table.title)
+            for row in table.rows:
+                printed.add_row(*row)
+            console.print(printed)
+        write_json(out, self.to_json())
+        if docs is not None:
+            fill_page(docs / page, "\n".join(_markdown(t) for t in self.tables if t.on_page), self.benchmark)
+
+
+def _without_infinity(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _without_infinity(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_infinity(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _markdown(table: Table) -> str:
+    lines = [f"### {table.title}", "", "| " + " | ".join(table.headers) + " |", "|---" * len(table.headers) + "|"]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table.rows)]) + "\n"
+
+
+def mark(benchmark: str) -> str:
+    """What stands on a page before the figures of a ``rauca bench`` command."""
+    return f"<!-- figures: written by rauca bench {benchmark} --docs -->"
+
+
+def fill_page(page: Path, figures: str, benchmark: str) -> None:
+    """Replace what stands between the marks: a page's words are written by hand, its figures by the benchmark.
+
+    A page that does not exist is made of the figures alone.
+
+    Raises:
+        RaucaError: the page has lost its marks.
+    """
+    begins = mark(benchmark)
+    text = page.read_text() if page.is_file() else f"{begins}\n{END}\n"
+    before, begin, rest = text.partition(begins)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise RaucaError(f"{page}: the marks for the figures are gone; put {begins} and {END} back")
+    write_bytes(page, f"{before}{begins}\n\n{figures}\n{END}{after}".encode())
+
+
+class Line(NamedTuple):
+    """A line of a figure: points of x, y and a note beside the point; ``style`` is matplotlib's."""
+
+    label: str
+    points: Sequence[tuple[float, float, str]]
+    style: Mapping[str, Any] = {}
+
+
+class Panel(NamedTuple):
+    """One plot of a figure; ``level`` is a value of y that is hoped for."""
+
+    title: str
+    lines: Sequence[Line]
+    level: float | None = None
+
+
+def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: float = 4.5, share: bool = True) -> None:
+    """Plots side by side: x, what it costs, on a logarithmic axis; y, how well it does.
+
+    Args:
+        width: of a panel, inches.
+        share: one y axis for all.
+    """
+    size = (width * len(panels), 4.2)
+    figure, plots = plt.subplots(1, len(panels), figsize=size, layout="constrained", sharey=share, squeeze=False)
+    for axes, panel in zip(plots[0], panels, strict=True):
+        for line in panel.lines:
+            style = {"marker": "o", "markersize": 4, **line.style}
+            axes.plot([p[0] for p in line.points], [p[1] for p in line.points], label=line.label, **style)
+            for at_x, at_y, note in line.points:
+                axes.annotate(note, (at_x, at_y), (5, 3), textcoords="offset points", fontsize=6, color="0.3")
+        if panel.level is not None:
+            axes.axhline(panel.level, color="0.6", linewidth=0.8, linestyle="--")
+        axes.margins(x=0.15)
+        axes.set(title=panel.title, xscale="log", xlabel=x)
+        axes.grid(alpha=0.3)
+    plots[0][0].set_ylabel(y)
+    plots[0][0].legend(fontsize=7)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    plt.close(figure)
