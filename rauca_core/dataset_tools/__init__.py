@@ -1,8 +1,8 @@
 """Looking after data sets: check them, look at them, hand them to other tools. NumPy and Pillow only."""
 
 from .check import CheckResult, check_dataset, remove_damaged
+from .check_frame import Finding
 from .export import FORMATS, export_dataset
-from .findings import Finding
 from .recoloring import recolor_dataset
 from .view import view_dataset
 

@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,15 +25,16 @@ from ..contract import (
     read_ledger,
 )
 from ..contract.files import TEMPORARY_PREFIX, disk_errors
+from ..contract.ledger import MAX_LEDGER_BYTES, STATES, entry_of
+from ..contract.reading import parse_json, read_limited
+from ..contract.schema import Fields
 from ..runtime.images import read_image
-from .check_frame import FrameResult, check_frame, checksums
-from .findings import MAKE_AGAIN, RENDER_AGAIN, Finding
-from .ledger_lines import check_ledgers
+from .check_frame import MAKE_AGAIN, RENDER_AGAIN, Finding, FrameResult, check_frame, checksums
 
 MIN_PSNR_DB = 30.0
 """Recoloring checks below this fail a weather: 40 dB is usual at 8 samples, at 30 the eye sees the difference."""
 
-STATES = ("planned", "done", "occluded", "quarantined", "missing")
+COUNTED = ("planned", "done", "occluded", "quarantined", "missing")
 
 
 @dataclass
@@ -75,7 +76,7 @@ class CheckResult:
         return {
             "findings": [{"file": f.file, "what": f.what, "remedy": f.remedy} for f in self.findings],
             "weathers": {
-                name: {state: w.counts[state] for state in STATES}
+                name: {state: w.counts[state] for state in COUNTED}
                 | {"checked": w.checked, "recolor_psnr_db": w.psnr_db}
                 for name, w in self.weathers.items()
             },
@@ -113,7 +114,7 @@ def check_dataset(
         weather.checked += result.values > 0
     for frame in planned:
         state = states.get(frame.id, "missing")
-        weathers[frame.weather.name].counts.update(("planned", state if state in STATES else "missing"))
+        weathers[frame.weather.name].counts.update(("planned", state if state in COUNTED else "missing"))
     findings += check_ledgers(folder, {frame.id for frame in planned}, {frame.id for frame in present})
     findings += _left_out(dataset, weathers, unfinished)
     findings += _poor_recoloring(weathers, min_psnr_db)
@@ -200,3 +201,49 @@ def _poor_recoloring(weathers: dict[str, WeatherResult], min_psnr_db: float) -> 
         if psnr is not None and psnr < min_psnr_db:
             what = f"recolored frames are {psnr:.1f} dB from rendered ones in weather {name}, below {min_psnr_db:g}"
             yield Finding("frames", what, "make the data set again with more --samples")
+
+
+DROP_LINE = "remove the line; frames in folders are not affected"
+GO_ON = "run the same `rauca dataset make` to render it again"
+
+
+def check_ledgers(folder: Path, planned: Collection[str], present: Collection[str]) -> Iterator[Finding]:
+    """Every line is whole, known and true.
+
+    Args:
+        planned: ids of all frames of the plan.
+        present: ids of the frames that have a folder.
+    """
+    for path in sorted(Path(folder).glob("ledger*.jsonl")):
+        yield from _lines(path, planned)
+    try:
+        entries = read_ledger(folder)
+    except (RaucaError, UnicodeDecodeError):
+        return  # the lines told
+    for frame, entry in entries.items():
+        if entry.state == "done" and frame in planned and frame not in present:
+            yield Finding(f"frames/{frame}", "the ledger says done, its folder is gone", GO_ON)
+        if entry.state == "occluded" and frame in present:
+            yield Finding(f"frames/{frame}", "the ledger says occluded, yet its folder is there", "remove the folder")
+
+
+def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
+    *lines, rest = read_limited(path, MAX_LEDGER_BYTES, "a ledger").split(b"\n")
+    if rest:
+        yield Finding(path.name, "its last line is cut off", "run the same `rauca dataset make` again")
+    for number, line in enumerate(lines, 1):
+        problem = _problem(line, planned)
+        if problem:
+            yield Finding(path.name, f"line {number} {problem}", DROP_LINE)
+
+
+def _problem(line: bytes, planned: Collection[str]) -> str | None:
+    try:
+        told = Fields(parse_json(line, "ledger"), "ledger")
+        state = told.text("state")
+        if state not in STATES:
+            return f"has the unknown state {state!r}"
+        frame = entry_of(told).frame
+    except RaucaError:
+        return "is damaged"
+    return None if frame in planned else f"names {frame!r}, which is no frame of the plan"

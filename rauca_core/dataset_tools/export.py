@@ -13,11 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..contract import Dataset, Progress, RaucaError
 from ..contract.files import disk_errors, write_bytes, write_json
-from .rle import encode_mask
-from .stored_frame import StoredFrame
-from .targets import Target, categories_of, coco_id, target_category, targets_of
+from .stored_frame import StoredFrame, Target, categories_of, coco_id, target_category, targets_of
 
 FORMATS = ("coco", "yolo")
 Moved = Callable[[Progress], None]
@@ -133,3 +134,11 @@ def _copy(source: Path, target: Path) -> None:
     with disk_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, target)
+
+
+def encode_mask(mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Uncompressed COCO RLE of an (H, W) mask: runs of unset and set pixels in turn, column after column."""
+    columns = np.asarray(mask, bool).T.ravel()
+    changes = np.flatnonzero(columns[1:] != columns[:-1]) + 1
+    runs = np.diff(np.concatenate([[0], changes, [columns.size]])).tolist()
+    return {"size": list(mask.shape), "counts": [0, *runs] if columns[0] else runs}

@@ -1,7 +1,8 @@
-"""A finished frame's images, read once and handed around."""
+"""A finished frame's images, and what a detector should find in them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Frame, load_passes
+from ..contract import Box, Dataset, Frame, load_passes, load_vehicle
+from ..contract.instances import MIN_BOX_PIXELS
 from ..runtime.images import read_image
 
 GREY = ("vehicle.png", "paint.png", "semantic.png", "instances.png")
@@ -47,3 +49,45 @@ class StoredFrame:
     def maps(self, *names: str) -> dict[str, NDArray[Any]]:
         """Arrays of ``passes.npz``."""
         return load_passes(self.folder, names)
+
+
+COCO_VEHICLES = ("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat")
+"""COCO's first classes; its annotation files count them from 1, YOLO's networks from 0."""
+
+FIRST_OWN_COCO_ID = 91  # COCO's own end at 90
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One thing to detect: its class, tight box in pixels, and the (H, W) mask of what is visible of it."""
+
+    category: str
+    box_xyxy: Box
+    mask: NDArray[np.bool_]
+
+
+def target_category(dataset: Dataset) -> str:
+    """Class of the data set's own vehicle."""
+    return load_vehicle(dataset.vehicle_folder, read_image).category
+
+
+def targets_of(stored: StoredFrame, category: str) -> Iterator[Target]:
+    """The data set's vehicle first, then others by id; those of fewer than 16 visible pixels are left out."""
+    frame = stored.frame
+    if frame.box_xyxy is not None:
+        yield Target(category, frame.box_xyxy, stored.vehicle_mask())
+    for instance in frame.instances:
+        if instance.pixels >= MIN_BOX_PIXELS:
+            yield Target(instance.category, instance.box_xyxy, stored.instance_mask(instance.id))
+
+
+def categories_of(frames: list[StoredFrame], category: str) -> list[str]:
+    """All classes of a data set: COCO's in COCO's order, then those that COCO lacks."""
+    seen = {category} | {instance.category for stored in frames for instance in stored.frame.instances}
+    return [*COCO_VEHICLES, *sorted(seen - set(COCO_VEHICLES))]
+
+
+def coco_id(categories: list[str], name: str) -> int:
+    """COCO's id of a class; classes that COCO lacks are counted from 91."""
+    place, known = categories.index(name), len(COCO_VEHICLES)
+    return place + 1 if place < known else FIRST_OWN_COCO_ID + place - known

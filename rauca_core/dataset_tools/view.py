@@ -14,8 +14,7 @@ from PIL import Image
 from ..contract import Dataset, Plan, Progress, RaucaError, frame_states
 from ..contract.files import write_bytes
 from .sheets import contact_sheet, frame_sheet
-from .stored_frame import StoredFrame
-from .targets import target_category, targets_of
+from .stored_frame import StoredFrame, target_category, targets_of
 
 MOST_COLUMNS = 4
 OVERLAYS = 6

@@ -8,7 +8,7 @@ from rauca_core.contract import LedgerEntry, RaucaError, append_entry, read_ledg
 from rauca_core.contract.files import append_line
 from rauca_core.contract.json_lines import whole_lines
 from rauca_core.contract.schema import Fields
-from rauca_core.dataset_tools.ledger_lines import check_ledgers
+from rauca_core.dataset_tools.check import check_ledgers
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
 
 DAMAGED = (

@@ -11,10 +11,10 @@ from PIL import Image
 
 from rauca_core.contract import LedgerEntry, RaucaError, append_entry
 from rauca_core.contract.semantics import CLASS_IDS, PALETTE
-from rauca_core.dataset_tools import drawing, view_dataset
+from rauca_core.dataset_tools import sheets as drawing
+from rauca_core.dataset_tools import view_dataset
 from rauca_core.dataset_tools.sheets import GAP, HEAD, LABEL, MARGIN, TILE, contact_sheet
-from rauca_core.dataset_tools.stored_frame import StoredFrame
-from rauca_core.dataset_tools.targets import targets_of
+from rauca_core.dataset_tools.stored_frame import StoredFrame, targets_of
 from rauca_core.dataset_tools.view import columns_of
 
 

@@ -36,8 +36,8 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.checksums import write_sums
 from rauca_core.contract.files import png_bytes
 from rauca_core.contract.reading import read_limited
+from rauca_core.dataset_tools.check import check_ledgers
 from rauca_core.dataset_tools.check_frame import checksums
-from rauca_core.dataset_tools.ledger_lines import check_ledgers
 from rauca_core.runtime.images import read_image
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
 from rauca_core.study.results import load_results
