@@ -6,12 +6,14 @@ from .ensemble import DetectorEnsemble
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
 from .optimizer import optimize
+from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
 
 __all__ = [
     "Augmentation",
     "DetectorEnsemble",
     "OptimizerSettings",
+    "Renderer",
     "SmoothLoss",
     "StepReport",
     "attack_loss",
