@@ -156,7 +156,7 @@ def _harden(wish: Wish, attacked: Sequence[Path], resume: bool) -> Path:
 
         def show_test(found: HardenReport) -> None:
             nonlocal said
-            said = f"  AP@0.5 {found.spoken}"
+            said = f"  AP@0.5 {found.summary}"
             if not console.is_terminal:
                 report = found.report
                 step = f"step {report.step}/{report.steps}"

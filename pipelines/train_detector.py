@@ -53,7 +53,7 @@ def train_detector(wish: Wish, resume: bool) -> tuple[Path, Findings]:
         def show_step(done: int, steps: int, loss: float) -> None:
             move(Progress(done, steps, f"loss {loss:.3f}  {said}"))
 
-        def show_round(report: RoundReport) -> None:
+        def show_round(report: RoundReport[Findings]) -> None:
             nonlocal said
             said = f"AP@0.5 {report.findings.ap50[ALL]:.3f}"
             if not console.is_terminal:

@@ -2,7 +2,7 @@
 
 The exact light maps turn any UV map into the frame that Cycles would render, in milliseconds: the optimizer's own
 renderer looks the texels up, ``A * x + B`` lights them. What is not painted, and vehicles that no camouflage fits, stay
-as plain sights show them.
+as plain samples show them.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from ..environment.frames import LightFrames
 from ..render import Canvas, Pyramid, TapCache, TapSettings
 from ..runtime.images import read_image
 from .paint import draw_color
-from .sights import Sights
+from .samples import Samples
 
 VARIED = 0.5  # share of camouflages that are shown in other colors
 FADED = 0.5  # and of these, blended with a plain paint
 FAINTEST = 0.6  # largest weight of the plain paint
 
 
-class CamouflagedSights(Sights):
-    """Sights of which a share wears one of the camouflages that fit the frame's vehicle.
+class CamouflagedSamples(Samples):
+    """Samples of which a share wears one of the camouflages that fit the frame's vehicle.
 
     Args:
         camouflages: JSON paths; one that fits no data set's vehicle is an error.

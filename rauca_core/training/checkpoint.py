@@ -1,61 +1,128 @@
-"""Checkpoints of a training: network, moving average, optimizer; a killed run goes on to the same bits."""
+"""Checkpoints of a training: network, running mean, optimizer; a killed run goes on to the same bits."""
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.schema import read_json
-from ..environment.training_state import restore, state_tensors
 from ..runtime.checkpoint_files import POINTER, differences, read_tensors, write_checkpoint
 
-FORMAT = ("rauca-detector-checkpoint", 2)
+FORMAT = ("rauca-training-checkpoint", 1)
 OTHER_RUN = "start the training in a new folder"
-_MEAN = "average."
+_NET, _AVERAGE, _OPTIMIZER = "net.", "average.", "optimizer."
 
 
-def save_run(
-    folder: Path,
-    identity: dict[str, Any],
-    step: int,
-    losses: list[float],
-    network: nn.Module,
-    average: nn.Module,
-    optimizer: torch.optim.Optimizer,
-) -> None:
+class Average(Protocol):
+    """A running mean of a network's weights."""
+
+    def update(self, steps: int) -> None:
+        """Take the weights in after ``steps`` steps."""
+        ...
+
+    def tensors(self) -> dict[str, Tensor]:
+        """For a checkpoint; their names begin with ``average.``."""
+        ...
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Put back what :meth:`tensors` gave, found among others; raises RuntimeError where they do not fit."""
+        ...
+
+
+class AveragedCopy:
+    """A copy of a network, its buffers too, that follows its weights by an exponential mean.
+
+    Args:
+        decay: weight of the past at every step, in [0, 1); early on it is less, as nothing is worth remembering yet.
+
+    Attributes:
+        network: the copy, in evaluation mode.
+    """
+
+    def __init__(self, network: nn.Module, decay: float) -> None:
+        self._followed, self._decay = network, decay
+        self.network = copy.deepcopy(network).eval().requires_grad_(False)
+
+    @torch.no_grad()
+    def update(self, steps: int) -> None:
+        past = min(self._decay, steps / (9 + steps))
+        followed = self._followed.state_dict().values()
+        for mean, now in zip(self.network.state_dict().values(), followed, strict=True):
+            if mean.dtype.is_floating_point:
+                mean.lerp_(now, 1 - past)
+            else:
+                mean.copy_(now)
+
+    def tensors(self) -> dict[str, Tensor]:
+        return {_AVERAGE + name: value for name, value in self.network.state_dict().items()}
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        self.network.load_state_dict(_named(tensors, _AVERAGE))
+
+
+class Trained(Protocol):
+    """All that a step changes."""
+
+    @property
+    def network(self) -> nn.Module:
+        """What learns, on its device."""
+        ...
+
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Of its parameters."""
+        ...
+
+    @property
+    def average(self) -> Average:
+        """Of its weights: what is tested and kept."""
+        ...
+
+
+def save_run(folder: Path, identity: dict[str, Any], step: int, losses: list[float], trained: Trained) -> None:
     """Write everything that a step changes; the checkpoint before goes when this one is whole.
 
     Args:
-        losses: of the steps whose round has not been reported.
+        losses: of the steps since the last test.
     """
-    tensors: dict[str, Tensor] = state_tensors(network, optimizer)
-    tensors |= {_MEAN + name: value for name, value in average.state_dict().items()}
+    tensors = {_NET + name: value for name, value in trained.network.state_dict().items()} | trained.average.tensors()
+    for number, entries in trained.optimizer.state_dict()["state"].items():
+        tensors |= {f"{_OPTIMIZER}{number}.{name}": torch.as_tensor(value) for name, value in entries.items()}
     write_checkpoint(folder, FORMAT, ("step", step, 7), {"identity": identity, "losses": losses}, tensors)
 
 
-def restore_run(
-    folder: Path, identity: dict[str, Any], network: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer
-) -> tuple[int, list[float]]:
-    """Read the latest checkpoint into the three; returns the steps done, and the losses of their unreported round.
+def restore_run(folder: Path, identity: dict[str, Any], trained: Trained) -> tuple[int, list[float]]:
+    """Read the latest checkpoint back; returns the steps done, and the losses since the last test.
 
     Raises:
         RaucaError: none or a damaged one, or one of a run made under other conditions, which are named.
     """
     fields = read_json(folder / POINTER)
-    fields.format(*FORMAT, oldest=FORMAT[1])
+    fields.format(*FORMAT)
     step, tensors = fields.integer("step"), read_tensors(folder, fields, OTHER_RUN)
     found = fields.raw("identity")
     losses = fields.array("losses", (max(1, len(fields.items("losses"))),)).tolist()
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
-    restore(network, optimizer, tensors, folder)
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in _named(tensors, _OPTIMIZER).items():
+        number, entry = name.split(".", 1)
+        state.setdefault(int(number), {})[entry] = value
+    groups = trained.optimizer.state_dict()["param_groups"]
     try:
-        average.load_state_dict({n.removeprefix(_MEAN): t for n, t in tensors.items() if n.startswith(_MEAN)})
-    except RuntimeError as error:
+        trained.network.load_state_dict(_named(tensors, _NET))
+        trained.optimizer.load_state_dict({"state": state, "param_groups": groups})
+        trained.average.restore(tensors)
+    except (RuntimeError, ValueError, KeyError) as error:
         raise RaucaError(f"{folder}: a checkpoint of another network; {OTHER_RUN}") from error
     return step, losses
+
+
+def _named(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

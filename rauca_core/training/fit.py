@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import nn
 
 from ..contract import RaucaError, read_plan
@@ -19,10 +20,10 @@ from ..detect.synth.card import DetectorCard, load_network, save_weights
 from ..detect.synth.networks import BODY, build_network, find_recipe
 from ..detect.weights_file import sha256_of
 from ..environment.frames import LightFrames
-from .loop import Job, RoundReport, train
+from .detector import Job, OnRound, OnStep, train
 from .measure import CAR, Findings, Score, measure
+from .samples import Samples
 from .settings import DetectorSettings
-from .sights import Sights
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Fit:
         classes: to tell apart, beside ``car``, each in the data unless ``start`` knows it; without any, those with
             ``settings.fewest`` boxes in the data.
         command, remarks: for the card.
+        device: that learns and tests.
     """
 
     name: str
@@ -50,13 +52,14 @@ class Fit:
     classes: Sequence[str] = ()
     command: str = ""
     remarks: str = ""
+    device: torch.device | str = "cpu"
 
 
 def fit(
     wanted: Fit,
     resume: bool = False,
-    on_round: Callable[[RoundReport], None] = lambda report: None,
-    on_step: Callable[[int, int, float], None] = lambda done, steps, loss: None,
+    on_round: OnRound = lambda report: None,
+    on_step: OnStep = lambda done, steps, loss: None,
 ) -> tuple[Path, Findings]:
     """Train, or go on; the averaged weights of the last step end in ``out`` as ``NAME.safetensors`` with their card.
 
@@ -70,17 +73,17 @@ def fit(
     chosen, held_out = _split(frames, wanted)
     class_names = _class_names(frames, chosen, wanted)
     network, origin = _start(wanted, class_names)
-    sights = Sights(frames, class_names, settings.size)
+    samples = Samples(frames, class_names, settings.size)
 
     def test(average: nn.Module) -> Findings:
         detector = SynthDetector(wanted.name, average, class_names, settings.size)
-        return measure(detector, sights, held_out, wanted.score, settings.seed)
+        return measure(detector, samples, held_out, wanted.score, settings.seed, wanted.device)
 
     identity = {
         "name": wanted.name, "classes": list(class_names), "data": frames.digest, "datasets": len(wanted.datasets),
         "start": origin,
     }  # fmt: skip
-    job = Job(network, sights, chosen, test, settings, wanted.out, identity)
+    job = Job(network, samples, chosen, test, settings, wanted.out, identity, device=wanted.device)
     average, findings = train(job, resume, on_round, on_step)
     weights = wanted.out / f"{wanted.name}.safetensors"
     card = DetectorCard(

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from torch import nn
 
 from ..contract import RaucaError, load_camouflage
@@ -27,9 +28,10 @@ from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.checkpoint_files import differences
 from ..runtime.folder_lock import alone_in
-from .camouflaged import CamouflagedSights
+from .camouflaged import CamouflagedSamples
+from .detector import Job, train
 from .harden_settings import HardenSettings
-from .loop import Job, RoundReport, train
+from .loop import RoundReport
 from .measure import ALL, CAR, Findings, Score, measure
 from .origin import Origin, origin_of
 
@@ -56,6 +58,7 @@ class Hardening:
         attack, score: see the module, and `measure`.
         command: for the card.
         attacked: of ``datasets``, those that ``attack`` works on; a resumed run must share them.
+        device: that learns and tests, and that ``attack``'s detector lies on.
     """
 
     detector: str
@@ -67,6 +70,7 @@ class Hardening:
     score: Score
     command: str = ""
     attacked: Sequence[Path] = ()
+    device: torch.device | str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -78,10 +82,10 @@ class HardenReport:
 
     number: int
     rounds: int
-    report: RoundReport
+    report: RoundReport[Findings]
 
     @property
-    def spoken(self) -> str:
+    def summary(self) -> str:
         """AP@0.5 for a progress bar."""
         ap = self.report.findings.ap50
         worn = f", in camouflage {ap[WORN]:.3f}" if WORN in ap else ""
@@ -148,7 +152,7 @@ class _Rounds:
         if not any(self.frames.vehicle(i).category == CAR for i in self.train):
             raise RaucaError("data sets: no frame to train on shows a car; add a data set of one, e.g. of the sedan")
         self.tested = [held_out[k] for k in np.linspace(0, len(held_out) - 1, min(TESTED, len(held_out))).astype(int)]
-        self.sights(list(wanted.camouflages))  # mistakes are told before anything is done
+        self.samples(list(wanted.camouflages))  # mistakes are told before anything is done
         self.identity = {
             "detector": origin.fingerprint,
             "data": self.frames.digest,
@@ -159,10 +163,10 @@ class _Rounds:
             attacked = [wanted.datasets.index(folder) for folder in wanted.attacked]
             self.identity["choice of data sets to attack on"] = attacked
 
-    def sights(self, camouflages: list[Path], share: float | None = None) -> CamouflagedSights:
+    def samples(self, camouflages: list[Path], share: float | None = None) -> CamouflagedSamples:
         """Frames in some of the camouflages; those to test on (``share`` 0 or 1) wear them as they are."""
         settings, card = self.settings, self.origin.card
-        return CamouflagedSights(
+        return CamouflagedSamples(
             self.frames,
             card.class_names,
             card.size,
@@ -179,6 +183,7 @@ class _Rounds:
         for number in range(1, self.settings.rounds + 1):
             folder = self.wanted.out / f"round-{number}"
             detector = self.origin.detector() if weights is None else load_weights(weights)
+            detector.to(self.wanted.device)
             if self.settings.attack_steps:
                 pool.append(self.wanted.attack(detector, number, folder / "attack"))
             after = folder / "weights.safetensors"
@@ -195,22 +200,24 @@ class _Rounds:
     ) -> None:
         """One round's fine-tuning, or the rest of it."""
         network, _ = self.origin.network(start)
+        device = self.wanted.device
         settings = self.settings.of_round(number, CALM * self.origin.lr)
-        plain, worn = self.sights(pool, share=0.0), self.sights(pool[-1:], share=1.0)
+        plain, worn = self.samples(pool, share=0.0), self.samples(pool[-1:], share=1.0)
         worn_by = [i for i in self.tested if self.wears(i, pool[-1])]
 
         def test(average: nn.Module) -> Findings:
             detector = as_detector(self.origin.card, average)
-            found = measure(detector, plain, self.tested, self.wanted.score, self.settings.seed)
+            found = measure(detector, plain, self.tested, self.wanted.score, self.settings.seed, device)
             if not worn_by:
                 return found
-            dressed = measure(detector, worn, worn_by, self.wanted.score, self.settings.seed)
+            dressed = measure(detector, worn, worn_by, self.wanted.score, self.settings.seed, device)
             return replace(found, ap50={**found.ap50, WORN: dressed.ap50[ALL]})
 
         folder = after.parent / "training"
         job = Job(
-            network, self.sights(pool), self.train, test, settings, folder,
+            network, self.samples(pool), self.train, test, settings, folder,
             {"data": self.frames.digest, "pool": [sha256_of(load_camouflage(p)[1]) for p in pool]}, keep_norms=True,
+            device=device,
         )  # fmt: skip
         rounds = self.settings.rounds
         average, findings = train(

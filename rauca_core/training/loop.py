@@ -1,227 +1,208 @@
-"""The training loop of our detectors: steps, tests, checkpoints, and a moving average of the weights."""
+"""The training loop of the house: steps, a running mean of the weights, tests, checkpoints, and going on after a stop.
+
+What is learnt is a :class:`Task`: it draws a step's batch, computes its loss and tests what was learnt. The loop does
+the rest: the learning rate, the backward pass and the optimizer's step, ``rounds.jsonl`` with a line for every test,
+checkpoints, and the end of a run by Ctrl-C or SIGTERM. Nothing here knows of detectors.
+
+A task's random streams are functions of the seed and the step, never of a generator's past: a checkpoint then holds no
+generator, and a resumed run ends in the same bits as one that never stopped.
+
+Several processes may share the steps (:mod:`rauca_core.runtime.distributed`): the task takes its share of every batch,
+and process 0 writes. The device is the task's: the loop moves nothing.
+"""
 
 from __future__ import annotations
 
-import copy
+import contextlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
-import cv2
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
 
 from ..contract import RaucaError, StoppedError
 from ..contract.files import append_line
 from ..contract.json_lines import whole_lines
 from ..contract.ledger import MAX_LEDGER_BYTES
-from ..contract.seeding import named_rng, named_seed
-from ..detect.synth.network import Truth
-from ..detect.synth.networks import trainable
 from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.stopping import StopRequest, stop_request
-from .checkpoint import restore_run, save_run
-from .measure import ALL, Findings
-from .settings import DetectorSettings
-from .sights import FOUR, Sights
+from .checkpoint import Trained, restore_run, save_run
 
 CHECKPOINTS = "checkpoints"
 LEDGER = "rounds.jsonl"
 WARM_UP = 0.05  # of all steps
 
+Batch = TypeVar("Batch")
+Tested = TypeVar("Tested")
+
+
+class Task(Trained, Protocol[Batch, Tested]):
+    """What is learnt; a group of the optimizer with an entry ``share`` learns at that share of the learning rate."""
+
+    def batch(self, step: int) -> Batch:
+        """What a step learns from; steps count from 0."""
+        ...
+
+    def loss(self, batch: Batch, step: int) -> Tensor:
+        """The scalar to descend."""
+        ...
+
+    def names(self, batch: Batch) -> str:
+        """Of what is in a batch, for the error when its loss is not finite."""
+        ...
+
+    def test(self) -> Tested:
+        """Measure the averaged weights."""
+        ...
+
+    def to_json(self, tested: Tested) -> dict[str, Any]:
+        """What the test's line of ``rounds.jsonl`` holds beside the step and its loss."""
+        ...
+
 
 @dataclass(frozen=True)
-class RoundReport:
+class RoundReport(Generic[Tested]):
     """A round of steps and the test behind it, as told to callbacks; ``loss`` is the mean over its steps."""
 
     step: int
     steps: int
     loss: float
-    findings: Findings
+    findings: Tested
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """A training to run.
+@dataclass(frozen=True)
+class Run:
+    """How long a training runs, and where it lies.
 
     Attributes:
-        network: a :class:`network.Trainable`.
-        sights, train: what to show it: frames by index.
-        test: measures a network in evaluation mode.
         out: folder for checkpoints and ``rounds.jsonl``.
-        identity: what else a resumed run must share, as JSON.
-        keep_norms: leave the statistics of batch normalization as they are, as for weights that know the data already.
+        steps: of the optimizer.
+        every: steps between tests and checkpoints.
+        lr: learning rate; it rises over the first 5 % of the steps and falls to 0 on a half cosine.
+        clip: largest norm of the gradient.
+        threads: of torch; None leaves torch's own choice.
+        identity: what a resumed run must share, as JSON.
     """
 
-    network: nn.Module
-    sights: Sights
-    train: Sequence[int]
-    test: Callable[[nn.Module], Findings]
-    settings: DetectorSettings
     out: Path
+    steps: int
+    every: int
+    lr: float
+    clip: float = math.inf
+    threads: int | None = None
     identity: dict[str, Any] = field(default_factory=dict)
-    keep_norms: bool = False
 
 
-def train(
-    job: Job,
+def run_task(
+    task: Task[Batch, Tested],
+    run: Run,
     resume: bool = False,
-    on_round: Callable[[RoundReport], None] = lambda report: None,
+    on_round: Callable[[RoundReport[Tested]], None] = lambda report: None,
     on_step: Callable[[int, int, float], None] = lambda done, steps, loss: None,
-) -> tuple[nn.Module, Findings]:
-    """Run or resume a training; returns the averaged network, ready to infer, and its last test.
+    processes: Processes = SINGLE_PROCESS,
+) -> Tested:
+    """Run or resume a training; returns its last test.
 
-    Random streams are functions of the seed and the step, so a resumed run ends in the same bits as one that never
-    stopped. Ctrl-C and SIGTERM end the step in progress, write a checkpoint and raise.
+    Ctrl-C and SIGTERM end the step in progress, write a checkpoint and raise.
+
+    Args:
+        on_step: called with the steps done, all steps, and the loss.
 
     Raises:
         RaucaError: a folder that holds a run, or none to resume, or another process at work there; a loss or gradient
-            that is not finite, with its step and frames; a stop.
+            that is not finite, with its step and what was in its batch; a stop.
     """
-    with alone_in(job.out):
-        started = (job.out / CHECKPOINTS / POINTER).is_file()
+    with alone_in(run.out) if processes.is_main else contextlib.nullcontext():
+        started = (run.out / CHECKPOINTS / POINTER).is_file()
         if started != resume:
             hint = "resume it or choose another folder" if started else "start it without resuming"
-            raise RaucaError(f"{job.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
+            raise RaucaError(f"{run.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
         keep_large_blocks()
-        if job.settings.threads:
-            cv2.setNumThreads(job.settings.threads)
-        with threads(job.settings.threads), stop_request() as stop:
-            return _Training(job).run(resume, stop, on_round, on_step)
+        with threads(run.threads), stop_request() as stop:
+            return _Loop(task, run, on_round, on_step, processes).run(resume, stop)
 
 
-class _Training:
+class _Loop(Generic[Batch, Tested]):
     """A run in progress."""
 
-    def __init__(self, job: Job) -> None:
-        self.job, self.network = job, job.network
-        settings = job.settings
-        learning = [p for p in self.network.parameters() if p.requires_grad]
-        of_body = {id(p) for p in trainable(self.network).body.parameters()}
-        body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
-        self.optimizer = torch.optim.AdamW(
-            [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
-            lr=settings.lr,
-            weight_decay=settings.weight_decay,
-        )
-        self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
-        self.identity = {**settings.identity(), **job.identity}
+    def __init__(
+        self,
+        task: Task[Batch, Tested],
+        run: Run,
+        on_round: Callable[[RoundReport[Tested]], None],
+        on_step: Callable[[int, int, float], None],
+        processes: Processes,
+    ) -> None:
+        self.task, self.settings, self.on_round, self.on_step, self.processes = task, run, on_round, on_step, processes
         self.done = 0
         self.losses: list[float] = []  # of the round in progress
 
-    def run(
-        self,
-        resume: bool,
-        stop: StopRequest,
-        on_round: Callable[[RoundReport], None],
-        on_step: Callable[[int, int, float], None],
-    ) -> tuple[nn.Module, Findings]:
-        job, steps = self.job, self.job.settings.steps
-        findings: Findings | None = None
+    def run(self, resume: bool, stop: StopRequest) -> Tested:
+        run, tested = self.settings, None
         if resume:
-            self.done, self.losses = restore_run(
-                job.out / CHECKPOINTS, self.identity, self.network, self.average, self.optimizer
-            )
-            if self._round_ends() and self.done in _reported(job.out / LEDGER):
+            self.done, self.losses = restore_run(run.out / CHECKPOINTS, run.identity, self.task)
+            if self._round_ends() and self.done in _reported(run.out / LEDGER):
                 self.losses = []
             elif self._round_ends():  # killed in the test behind it
-                findings = self._report(on_round)
-        while self.done < steps:
+                tested = self._test()
+        while self.done < run.steps:
             self.losses.append(self._step(self.done))
             self.done += 1
-            on_step(self.done, steps, self.losses[-1])
-            if self._round_ends() or stop:
-                self._save()
-            if stop:
-                raise StoppedError(f"{job.out}: stopped after step {self.done}")
+            self.on_step(self.done, run.steps, self.losses[-1])
+            stopped = self.processes.any(bool(stop))
+            if self.processes.is_main and (self._round_ends() or stopped):
+                save_run(run.out / CHECKPOINTS, run.identity, self.done, self.losses, self.task)
+            if stopped:
+                raise StoppedError(f"{run.out}: stopped after step {self.done}")
             if self._round_ends():
-                findings = self._report(on_round)
-        return self.average, findings or job.test(self.average)
+                tested = self._test()
+        return self.task.test() if tested is None else tested
 
     def _round_ends(self) -> bool:
-        return self.done % self.job.settings.round == 0 or self.done == self.job.settings.steps
+        return self.done % self.settings.every == 0 or self.done == self.settings.steps
 
-    def _report(self, on_round: Callable[[RoundReport], None]) -> Findings:
+    def _test(self) -> Tested:
         """Test, and write the round's line."""
-        findings = self.job.test(self.average)
-        report = RoundReport(self.done, self.job.settings.steps, sum(self.losses) / len(self.losses), findings)
-        append_line(self.job.out / LEDGER, _line(report))
-        on_round(report)
+        tested = self.task.test()
+        report = RoundReport(self.done, self.settings.steps, sum(self.losses) / len(self.losses), tested)
+        if self.processes.is_main:
+            line = {"step": report.step, "loss": report.loss, **self.task.to_json(tested)}
+            append_line(self.settings.out / LEDGER, json.dumps(line))
+        self.on_round(report)
         self.losses = []
-        return findings
+        return tested
 
     def _step(self, step: int) -> float:
-        settings, lr = self.job.settings, self.job.settings.lr * self._schedule(step)
-        for group in self.optimizer.param_groups:
-            group["lr"] = lr * group["share"]
-        images, truths, chosen = self._batch(step)
-        self.network.train()
-        if self.job.keep_norms:
-            for module in self.network.modules():
-                if isinstance(module, nn.BatchNorm2d):
-                    module.eval()
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(named_seed(settings.seed, "step", step))
-            with torch.autocast("cpu", torch.bfloat16, settings.precision == "bfloat16"):
-                loss = sum_of(trainable(self.network).losses(images, truths))
-        self.optimizer.zero_grad()
+        task, run = self.task, self.settings
+        for group in task.optimizer.param_groups:
+            group["lr"] = run.lr * _rise_and_fall(step, run.steps) * group.get("share", 1.0)
+        batch = task.batch(step)
+        loss = task.loss(batch, step)
+        task.optimizer.zero_grad()
         loss.backward()
-        norm = clip_grad_norm_(self.network.parameters(), settings.clip)
-        if not torch.isfinite(loss.detach() + norm):
-            names = ", ".join(sorted({self.job.sights.frames.get(i).name for i in chosen}))
+        norm = clip_grad_norm_(task.network.parameters(), run.clip)
+        if self.processes.any(not bool(torch.isfinite(loss.detach() + norm))):
             raise RaucaError(
-                f"step {step + 1}: the loss or its gradient is not finite on {names}; "
+                f"step {step + 1}: the loss or its gradient is not finite on {task.names(batch)}; "
                 "lower the learning rate, or render these frames again"
             )
-        self.optimizer.step()
-        self._follow(step)
+        task.optimizer.step()
+        task.average.update(step + 1)
         return float(loss.detach())
 
-    def _batch(self, step: int) -> tuple[Tensor, list[Truth], list[int]]:
-        job, sights, chosen = self.job, [], []
-        for number in range(job.settings.batch):
-            rng = named_rng(job.settings.seed, "sight", step, number)
-            shown = rng.choice(job.train, 4 if rng.random() < FOUR else 1).tolist()
-            sights.append(job.sights.draw(shown, rng))
-            chosen += shown
-        return torch.stack([s.image for s in sights]), [s.truth for s in sights], chosen
 
-    def _follow(self, step: int) -> None:
-        """Move the average; early on it follows closely, as nothing is worth remembering yet."""
-        decay = min(self.job.settings.ema, (1 + step) / (10 + step))
-        with torch.no_grad():
-            for mean, now in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-                if mean.dtype.is_floating_point:
-                    mean.lerp_(now, 1 - decay)
-                else:
-                    mean.copy_(now)
-
-    def _schedule(self, step: int) -> float:
-        whole = self.job.settings.steps
-        rising = (step + 1) / max(1.0, WARM_UP * whole)
-        return min(rising, 0.5 * (1 + math.cos(math.pi * step / whole)))
-
-    def _save(self) -> None:
-        save_run(
-            self.job.out / CHECKPOINTS,
-            self.identity,
-            self.done,
-            self.losses,
-            self.network,
-            self.average,
-            self.optimizer,
-        )
-
-
-def sum_of(losses: dict[str, Tensor]) -> Tensor:
-    """One scalar of them all."""
-    return torch.stack([loss.float() for loss in losses.values()]).sum()
+def _rise_and_fall(step: int, steps: int) -> float:
+    """The learning rate of a step, relative to the highest."""
+    rising = (step + 1) / max(1.0, WARM_UP * steps)
+    return min(rising, 0.5 * (1 + math.cos(math.pi * step / steps)))
 
 
 def _reported(ledger: Path) -> set[int]:
@@ -229,8 +210,3 @@ def _reported(ledger: Path) -> set[int]:
     if not ledger.is_file():
         return set()
     return set(whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", lambda line: line.integer("step")))
-
-
-def _line(report: RoundReport) -> str:
-    found = report.findings
-    return json.dumps({"step": report.step, "loss": report.loss, "ap50": found.ap50.get(ALL), **found.to_json()})

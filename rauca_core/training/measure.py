@@ -15,7 +15,7 @@ from ..contract.seeding import named_rng
 from ..detect.interface import Detections, Detector
 from ..detect.nms import box_iou
 from ..detect.scoring import class_index
-from .sights import Sights
+from .samples import Samples
 
 CAR = "car"
 ALL = "all"
@@ -66,16 +66,23 @@ class Findings:
         return asdict(self)
 
 
-def measure(detector: Detector, sights: Sights, indices: Sequence[int], score: Score, seed: int = 0) -> Findings:
-    """Test on whole frames, each in a plain paint drawn for it by ``seed``."""
+def measure(
+    detector: Detector,
+    samples: Samples,
+    indices: Sequence[int],
+    score: Score,
+    seed: int = 0,
+    device: torch.device | str = "cpu",
+) -> Findings:
+    """Test on whole frames, each in a plain paint drawn for it by ``seed``; the detector lies on ``device``."""
     label = class_index(detector, CAR)
     judged: dict[str, list[Judged]] = {}
     alarms: dict[str, list[bool]] = {}
     for first in range(0, len(indices), _BATCH):
         chosen = indices[first : first + _BATCH]
-        images = torch.stack([sights.plain(i, named_rng(seed, "test paint", i)).image for i in chosen])
-        for index, found in zip(chosen, detector.detect(images), strict=True):
-            frame, vehicle = sights.frames.places[index].frame, sights.frames.vehicle(index)
+        images = torch.stack([samples.plain(i, named_rng(seed, "test paint", i)).image for i in chosen])
+        for index, found in zip(chosen, detector.detect(images.to(device)), strict=True):
+            frame, vehicle = samples.frames.places[index].frame, samples.frames.vehicle(index)
             assert frame.box_xyxy is not None  # LightFrames has none without
             truth = np.array(frame.box_xyxy)
             one = _of_class(found, label, truth)

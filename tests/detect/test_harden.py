@@ -24,7 +24,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.render import Canvas, TapSettings
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.images import read_image
-from rauca_core.training.camouflaged import CamouflagedSights, read_texels, vary
+from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.harden_settings import make_harden_settings
 from rauca_core.training.measure import Judged
@@ -74,13 +74,13 @@ def hardening(data: Dataset, out: Path, camouflages: list[Path], **chosen) -> Ha
     return Hardening("frcnn-synth", [data.folder], camouflages, out, settings, attack(data), score, "rauca harden")
 
 
-def sights(data: Dataset, noise: Path, tmp_path: Path, share: float, varied: bool = False) -> CamouflagedSights:
+def dressed(data: Dataset, noise: Path, tmp_path: Path, share: float, varied: bool = False) -> CamouflagedSamples:
     frames = LightFrames([data.folder])
-    return CamouflagedSights(frames, ("car",), SIZE, [noise], tmp_path / "taps", share, RECIPE, varied)
+    return CamouflagedSamples(frames, ("car",), SIZE, [noise], tmp_path / "taps", share, RECIPE, varied)
 
 
 def test_composed_frames_are_those_of_the_optimizer(data: Dataset, noise: Path, tmp_path: Path) -> None:
-    worn = sights(data, noise, tmp_path, share=1.0)
+    worn = dressed(data, noise, tmp_path, share=1.0)
     store = FrameStore(data, make_settings(map_size=MAP, samples=SAMPLES, tap_folder=tmp_path / "taps"))
     texels = read_texels(noise.with_suffix(".png"), store.pyramid)
     batch = [store.ready(index) for index in range(len(store))]
@@ -93,7 +93,7 @@ def test_composed_frames_are_those_of_the_optimizer(data: Dataset, noise: Path, 
 
 
 def test_a_share_wears_camouflage_and_the_rest_is_as_before(data: Dataset, noise: Path, tmp_path: Path) -> None:
-    half, none = (sights(data, noise, tmp_path, share) for share in (0.5, 0.0))
+    half, none = (dressed(data, noise, tmp_path, share) for share in (0.5, 0.0))
     changed = 0
     for number in range(24):
         mixed, plain = (s.draw([number % 6], named_rng("sight", number)).image for s in (half, none))
@@ -115,7 +115,7 @@ def test_varied_colors_stay_albedos(data: Dataset, noise: Path) -> None:
 
 def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tmp_path: Path) -> None:
     tests: list[str] = []
-    whole = harden(hardening(data, tmp_path / "whole", [noise]), on_test=lambda found: tests.append(found.spoken))
+    whole = harden(hardening(data, tmp_path / "whole", [noise]), on_test=lambda found: tests.append(found.summary))
     assert len(tests) == 2
     assert all("in camouflage" in one for one in tests)
 

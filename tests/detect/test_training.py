@@ -33,13 +33,13 @@ from rauca_core.detect.synth import load_weights, read_card
 from rauca_core.detect.synth.networks import build_network
 from rauca_core.environment.frames import LightFrames
 from rauca_core.training import fit as fitting
-from rauca_core.training import sights
+from rauca_core.training import samples
+from rauca_core.training.detector import Job, train
 from rauca_core.training.fit import Fit, fit
-from rauca_core.training.loop import Job, train
 from rauca_core.training.measure import Findings, Judged, measure
 from rauca_core.training.paint import draw_color, draw_paint
+from rauca_core.training.samples import Samples
 from rauca_core.training.settings import make_detector_settings
-from rauca_core.training.sights import Sights
 
 torch.set_num_threads(1)
 
@@ -98,7 +98,7 @@ def score(judged: list[Judged]) -> float:
 def job(name: str, folder: Path, out: Path, body: Path, **chosen) -> Job:
     settings = make_detector_settings(**(TINY | chosen))
     frames = LightFrames([folder])
-    shown = Sights(frames, ("car", "truck"), SIZE)
+    shown = Samples(frames, ("car", "truck"), SIZE)
     network = build_network(name, 2, body)
     return Job(network, shown, range(len(frames)), lambda _: Findings({"all": 0.0}), settings, out)
 
@@ -109,14 +109,14 @@ def state(network: torch.nn.Module) -> torch.Tensor:
 
 @pytest.mark.parametrize("number", range(6))
 def test_boxes_stay_on_their_pixels(folder, number, monkeypatch):
-    monkeypatch.setattr(sights, "_camera", lambda image, rng: image.numpy())
-    monkeypatch.setattr(sights, "PADDING_SRGB", 0.0)
-    shown = Sights(LightFrames([folder]), ("car",), 160)
-    sight = shown.draw([number % 4] * (4 if number == 5 else 1), named_rng("boxes", number))
-    assert sight.image.shape == (3, 160, 160)
-    assert len(sight.truth.boxes) == (4 if number == 5 else 1)
-    bright = sight.image.amin(0) > 0.4  # paint is a third of the light: no color can hide the block, the truck is red
-    for left, top, right, bottom in sight.truth.boxes.tolist():
+    monkeypatch.setattr(samples, "_camera", lambda image, rng: image.numpy())
+    monkeypatch.setattr(samples, "PADDING_SRGB", 0.0)
+    shown = Samples(LightFrames([folder]), ("car",), 160)
+    sample = shown.draw([number % 4] * (4 if number == 5 else 1), named_rng("boxes", number))
+    assert sample.image.shape == (3, 160, 160)
+    assert len(sample.truth.boxes) == (4 if number == 5 else 1)
+    bright = sample.image.amin(0) > 0.4  # paint is a third of the light: no color can hide the block, the truck is red
+    for left, top, right, bottom in sample.truth.boxes.tolist():
         around = torch.zeros_like(bright)
         around[max(0, int(top) - 8) : int(bottom) + 8, max(0, int(left) - 8) : int(right) + 8] = True
         rows, columns = (bright & around).nonzero().unbind(1)
@@ -135,8 +135,8 @@ def test_paint_is_plain():
         assert paint.shape in ((3, 1, 1), (3, 64, 1))
 
 
-def test_sights_depend_on_their_name_alone(folder):
-    shown = Sights(LightFrames([folder]), ("car", "truck"), SIZE)
+def test_samples_depend_on_their_name_alone(folder):
+    shown = Samples(LightFrames([folder]), ("car", "truck"), SIZE)
     first, _, again = (shown.draw([0], named_rng("sight", k)) for k in (1, 2, 1))
     assert torch.equal(first.image, again.image)
     assert torch.equal(first.truth.boxes, again.truth.boxes)
@@ -206,7 +206,7 @@ def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, body, monkeypatch,
     assert [entry["tested on"] for entry in card.data] == [2, 2]
     assert len((tmp_path / "run" / "rounds.jsonl").read_text().splitlines()) == 2
     detector = load_weights(path)
-    kept = measure(detector, Sights(LightFrames([folder]), card.class_names, SIZE), [0, 1], score)
+    kept = measure(detector, Samples(LightFrames([folder]), card.class_names, SIZE), [0, 1], score)
     assert set(kept.ap50) == {"all", "clear day"}
     _rename(path)
     _start_from(path, folder, tmp_path, settings)
@@ -293,7 +293,7 @@ def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, b
 def test_a_loss_that_is_not_finite_names_its_frames(folder, tmp_path, body):
     work = job("frcnn-synth", folder, tmp_path / "run", body)
     for index in range(4):
-        work.sights.frames.get(index).B[:] = float("inf")
+        work.samples.frames.get(index).B[:] = float("inf")
     with torch.no_grad():
         work.network.rpn.head.cls_logits.bias[0] = float("nan")
     with pytest.raises(RaucaError, match=r"step 1: the loss or its gradient is not finite on .*L0"):

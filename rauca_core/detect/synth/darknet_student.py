@@ -63,7 +63,7 @@ class DarknetStudent(nn.Module):
         """Objectness, class and box of the predictions that answer for a vehicle; what was said before elsewhere."""
         found = self.dense(images)
         with torch.no_grad():
-            before: DensePredictions = self._before[0](images)
+            before: DensePredictions = self._before[0].to(images.device)(images)
         parts = [_image_losses(found, before, k, truth) for k, truth in enumerate(truths)]
         vehicles = max(1.0, float(sum(len(t.labels) for t in truths)))
         return {name: torch.stack([part[name] for part in parts]).sum() / vehicles for name in parts[0]}

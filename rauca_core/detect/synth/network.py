@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import torch
 from torch import Tensor, nn
 
 from ..interface import DensePredictions
@@ -22,6 +23,10 @@ class Truth:
 
     boxes: Tensor
     labels: Tensor
+
+    def to(self, device: torch.device) -> Truth:
+        """The same on a device."""
+        return Truth(self.boxes.to(device), self.labels.to(device))
 
 
 class Trainable(Protocol):

@@ -54,7 +54,7 @@ class Transformer(nn.Module):
             )
             groups = meta["dn_num_group"]
             known = [
-                (chosen, torch.arange(len(t.labels)).repeat(groups))
+                (chosen, torch.arange(len(t.labels), device=chosen.device).repeat(groups))
                 for chosen, t in zip(meta["dn_positive_idx"], goals, strict=True)
             ]
             losses += [

@@ -27,14 +27,14 @@ BLUR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Sample:
     """An image with its truth: (3, S, S) float32 sRGB in [0, 1]."""
 
     image: Tensor
     truth: Truth
 
 
-class Sights:
+class Samples:
     """Frames as detectors see them.
 
     Args:
@@ -51,21 +51,21 @@ class Sights:
         """What the data set's own vehicle is."""
         return self.frames.vehicle(index).category
 
-    def plain(self, index: int, rng: np.random.Generator) -> Sight:
+    def plain(self, index: int, rng: np.random.Generator) -> Sample:
         """The whole frame at its own size in a random plain paint, nothing else changed: to test on."""
-        return Sight(srgb(self.painted(index, rng)), self.truth(index))
+        return Sample(srgb(self.painted(index, rng)), self.truth(index))
 
     def painted(self, index: int, rng: np.random.Generator) -> Tensor:
         """The frame in a paint drawn for it: (3, H, W) float32 linear, not clipped."""
         return paint_frame(self.frames.get(index), self._rows(index), rng)
 
-    def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sight:
+    def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sample:
         """One image of one frame, or of four; see the module."""
         if len(indices) == 1:
             found = self._placed(indices[0], self.size, ZOOM, rng)
         else:
             found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng) for i in indices])
-        return Sight(torch.from_numpy(_camera(found.image, rng)), found.truth)
+        return Sample(torch.from_numpy(_camera(found.image, rng)), found.truth)
 
     def truth(self, index: int) -> Truth:
         """Boxes of the frame's vehicles that have a class."""
@@ -80,7 +80,7 @@ class Sights:
         assert box is not None  # LightFrames has none without
         return box[1], box[3]
 
-    def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sight:
+    def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sample:
         """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
         linear = self.painted(index, rng) * 2.0 ** rng.uniform(-0.8, 0.8)
         image, truth = srgb(linear), self.truth(index)
@@ -97,7 +97,7 @@ class Sights:
         canvas = torch.full((3, side, side), PADDING_SRGB)
         x0, y0, x1, y1 = max(0, left), max(0, top), min(side, left + scaled), min(side, top + scaled)
         canvas[:, y0:y1, x0:x1] = image[:, y0 - top : y1 - top, x0 - left : x1 - left]
-        return Sight(canvas, _cropped(truth, scale, (left, top), side))
+        return Sample(canvas, _cropped(truth, scale, (left, top), side))
 
 
 def paint_frame(frame: LightFrame, rows: tuple[float, float], rng: np.random.Generator) -> Tensor:
@@ -139,13 +139,13 @@ def _cropped(truth: Truth, scale: float, corner: tuple[int, int], side: int) -> 
     return Truth(boxes[kept], truth.labels[kept])
 
 
-def _quarters(parts: Sequence[Sight]) -> Sight:
+def _quarters(parts: Sequence[Sample]) -> Sample:
     """Four squares as one."""
     side = parts[0].image.shape[1]
     image = torch.cat([torch.cat([parts[k].image, parts[k + 1].image], 2) for k in (0, 2)], 1)
     shifts = [torch.tensor([k % 2, k // 2, k % 2, k // 2]) * float(side) for k in range(4)]
     boxes = torch.cat([part.truth.boxes + shift for part, shift in zip(parts, shifts, strict=True)])
-    return Sight(image, Truth(boxes, torch.cat([part.truth.labels for part in parts])))
+    return Sample(image, Truth(boxes, torch.cat([part.truth.labels for part in parts])))
 
 
 def _camera(image: Tensor, rng: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,131 @@
+"""Training a detector's network: what a step is shown, what it costs, and on which device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import torch
+from torch import Tensor, nn
+
+from ..contract.seeding import named_rng, named_seed
+from ..detect.synth.network import Truth
+from ..detect.synth.networks import trainable
+from .checkpoint import AveragedCopy
+from .loop import RoundReport, Run, run_task
+from .measure import Findings
+from .samples import FOUR, Samples
+from .settings import DetectorSettings
+
+OnRound = Callable[[RoundReport[Findings]], None]
+OnStep = Callable[[int, int, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A detector's training.
+
+    Attributes:
+        network: a :class:`network.Trainable`.
+        samples, train: what to show it: frames by index.
+        test: measures a network in evaluation mode, which lies on ``device``.
+        out: folder for checkpoints and ``rounds.jsonl``.
+        identity: what else a resumed run must share, as JSON.
+        keep_norms: leave the statistics of batch normalization as they are, as for weights that know the data already.
+        device: of the network, its losses and its optimizer; images are composed on the CPU.
+    """
+
+    network: nn.Module
+    samples: Samples
+    train: Sequence[int]
+    test: Callable[[nn.Module], Findings]
+    settings: DetectorSettings
+    out: Path
+    identity: dict[str, Any] = field(default_factory=dict)
+    keep_norms: bool = False
+    device: torch.device | str = "cpu"
+
+
+def train(
+    job: Job,
+    resume: bool = False,
+    on_round: OnRound = lambda report: None,
+    on_step: OnStep = lambda done, steps, loss: None,
+) -> tuple[nn.Module, Findings]:
+    """Run or resume a training; returns the averaged network, ready to infer on the job's device, and its last test.
+
+    Raises:
+        RaucaError: as of :func:`loop.run_task`.
+    """
+    settings = job.settings
+    if settings.threads:
+        cv2.setNumThreads(settings.threads)
+    task = _DetectorTask(job)
+    run = Run(
+        job.out, settings.steps, settings.round, settings.lr, settings.clip, settings.threads,
+        {**settings.identity(), **job.identity},
+    )  # fmt: skip
+    findings = run_task(task, run, resume, on_round, on_step)
+    return task.average.network, findings
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A step's images (B, 3, S, S) with their truths, and the indices of the frames in them."""
+
+    images: Tensor
+    truths: list[Truth]
+    frames: list[int]
+
+
+class _DetectorTask:
+    """See :class:`loop.Task`."""
+
+    def __init__(self, job: Job) -> None:
+        self.job, self.device = job, torch.device(job.device)
+        self.network = job.network.to(self.device)
+        settings = job.settings
+        learning = [p for p in self.network.parameters() if p.requires_grad]
+        of_body = {id(p) for p in trainable(self.network).body.parameters()}
+        body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
+        self.optimizer = torch.optim.AdamW(
+            [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
+            lr=settings.lr,
+            weight_decay=settings.weight_decay,
+        )
+        self.average = AveragedCopy(self.network, settings.ema)
+
+    def batch(self, step: int) -> _Shown:
+        job, samples, chosen = self.job, [], []
+        for number in range(job.settings.batch):
+            rng = named_rng(job.settings.seed, "sight", step, number)
+            shown = rng.choice(job.train, 4 if rng.random() < FOUR else 1).tolist()
+            samples.append(job.samples.draw(shown, rng))
+            chosen += shown
+        images = torch.stack([s.image for s in samples]).to(self.device)
+        return _Shown(images, [s.truth.to(self.device) for s in samples], chosen)
+
+    def loss(self, batch: _Shown, step: int) -> Tensor:
+        settings = self.job.settings
+        self.network.train()
+        if self.job.keep_norms:
+            for module in self.network.modules():
+                if isinstance(module, nn.BatchNorm2d):
+                    module.eval()
+        with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
+            torch.manual_seed(named_seed(settings.seed, "step", step))
+            with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
+                losses = trainable(self.network).losses(batch.images, batch.truths)
+                return torch.stack([loss.float() for loss in losses.values()]).sum()
+
+    def names(self, batch: _Shown) -> str:
+        return ", ".join(sorted({self.job.samples.frames.get(i).name for i in batch.frames}))
+
+    def test(self) -> Findings:
+        return self.job.test(self.average.network)
+
+    def to_json(self, tested: Findings) -> dict[str, Any]:
+        return tested.to_json()
