@@ -13,8 +13,12 @@ demo: $(READY)
 
 # A process a core; a file's tests stay together, as they share what they rendered.
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+PLAINER := $(VENV)/bin/python tests/plainer_processor.py
+# What compares with the results of another machine runs again as if on plainer processors (docs/determinism.md).
 test: $(READY)
 	$(VENV)/bin/python -m pytest $(PARALLEL)
+	$(PLAINER) avx2 $(VENV)/bin/python -m pytest $(PARALLEL) -m stored
+	$(PLAINER) sse4 $(VENV)/bin/python -m pytest $(PARALLEL) -m stored
 
 # What runs inside Blender, on the current wheel and on the long-term release.
 MATRIX := tests/blender tests/pipelines/test_headless.py tests/pipelines/test_jobs.py

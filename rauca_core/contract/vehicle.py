@@ -41,6 +41,10 @@ MAX_EXTENT_M = 1e5
 MAX_UV = 1e4
 """Tiles from the origin: beyond, float32 no longer tells texels apart."""
 _KINDS_OF_NUMBER = {"positions": "f", "triangles": "iu", "uvs": "f", "normals": "f", "material": "iu"}  # numpy's
+NOTHING = 1e-9
+"""Parts of a unit normal below this are what rounding left of a zero, and every processor leaves something else."""
+NORMAL_STEPS = 2**16
+"""Steps of a unit that an identity tells normals apart by; far above what processors round differently."""
 _LAST_DIGITS = 1e-5
 """Metres, texture widths, albedo: more than one import of a file differs on another processor."""
 KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
@@ -151,9 +155,14 @@ class Vehicle:
 
     @property
     def geometry_id(self) -> str:
-        """Hash of everything the renderer's taps depend on; keys caches. Patterns blend by normals, edges by greys."""
+        """Hash of everything the renderer's taps depend on; keys caches. Patterns blend by normals, edges by greys.
+
+        Normals are sums, whose last digits are the processor's own: they count in steps of 1 / :data:`NORMAL_STEPS`.
+        """
         digest = hashlib.sha256(self.atlas_id.encode())
-        for array in (self.positions, self.triangles, self.uvs, self.normals, self.paint_faces(), self.paint_mask):
+        normals = np.round(self.normals.astype(np.float64) * NORMAL_STEPS).astype(np.int32)
+        # A zero may have either sign; adding 0 makes all of them positive.
+        for array in (self.positions + 0, self.triangles, self.uvs + 0, normals, self.paint_faces(), self.paint_mask):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:16]
 
@@ -215,15 +224,16 @@ class Vehicle:
             raise RaucaError(f"{where}: the paint mask is empty; paint white where the camouflage may go")
 
     def save(self, folder: Path) -> None:
-        """Write the vehicle folder atomically."""
+        """Write the vehicle folder atomically; what rounding left of a normal's zeros is written as 0."""
         self.check(str(folder))
+        normals = np.where(np.abs(self.normals) < NOTHING, np.float32(0), self.normals)
         arrays = io.BytesIO()
         np.savez_compressed(
             arrays,
             positions=self.positions,
             triangles=self.triangles,
             uvs=self.uvs,
-            normals=self.normals,
+            normals=normals,
             material=self.material,
         )
         with atomic_folder(Path(folder)) as temporary:

@@ -18,6 +18,8 @@ from rauca_core.detect.synth import load_synth, read_card, shipped_weights
 from rauca_core.environment.shading import plain_shading
 from rauca_core.runtime.images import read_image
 
+pytestmark = pytest.mark.stored
+
 torch.set_num_threads(1)
 
 NAMES = ("frcnn-synth", "detr-synth")

@@ -65,6 +65,7 @@ def test_weights_that_are_not_finite_are_refused(saved):
         load_extractor(path)
 
 
+@pytest.mark.stored
 def test_the_shipped_weights_are_small_and_better_than_none():
     net, card = load_extractor()
     assert shipped_weights().stat().st_size < 10 * 2**20

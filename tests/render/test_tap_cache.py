@@ -11,7 +11,6 @@ import pytest
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import PatternSettings, Sampler, TapCache, Taps, TapSettings, build_taps
-from rauca_core.render.cache import tap_key
 
 SETTINGS = TapSettings(64, samples=2)
 
@@ -32,11 +31,6 @@ def test_cache_returns_what_would_be_built(box_vehicle: Vehicle, tmp_path: Path,
     built = build_taps(box_vehicle, view(0), 64, 2, sampler=sampler)
     assert same(TapCache(tmp_path, box_vehicle, settings).get(view(0)), built)
     assert same(TapCache(tmp_path, box_vehicle, settings).get(view(0)), built)  # from disk
-
-
-def test_keys_of_taps_whose_bits_stayed_stayed_too() -> None:
-    assert tap_key("box", view(0), SETTINGS) == "30de0d8dc37ae64856cfd52a"
-    assert tap_key("box", view(0), replace(SETTINGS, sampler=Sampler.UV_TRAVERSAL)) != "1f5c06f3506913ee68e1778b"
 
 
 def test_frames_of_one_camera_share_an_entry(box_vehicle: Vehicle, tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ SHARMA = [
     ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
 ]
 OLIVE = ("#1b2a1b", "#4b5320", "#8a7f5a", "#c8c0a0")
+pytestmark = pytest.mark.stored
 
 
 @pytest.mark.parametrize(("srgb", "expected"), PRIMARIES.items())
