@@ -20,7 +20,7 @@ from pathlib import Path
 from pipelines.console import console, progress_bar
 from pipelines.protocol import RandomPaint, Request, run_study
 from pipelines.train_detector import command_line, score
-from rauca_core.attack import OptimizerSettings, StepReport, make_settings, optimize
+from rauca_core.attack import OptimizerSettings, StepReport, make_settings, run_optimization
 from rauca_core.contract import Dataset, Progress, RaucaError, load_camouflage, read_plan
 from rauca_core.contract.seeding import named_seed
 from rauca_core.detect import Detector, load_detector
@@ -207,7 +207,7 @@ def _optimize(
         if isinstance(steps, int) and steps > settings.steps:
             raise RaucaError(f"{done}: took {steps} steps, not {settings.steps}; ask for as many, or remove {folder}")
     started = (folder / "checkpoints" / POINTER).is_file()
-    return optimize(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
+    return run_optimization(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
 
 
 def _evaluate(

@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import median
 
 from pipelines.console import console, progress_bar
-from rauca_core.attack import OptimizerSettings, StepReport, optimize
+from rauca_core.attack import OptimizerSettings, StepReport, run_optimization
 from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset, OptimizeProgress, Progress
 from rauca_core.detect import load_detector
@@ -47,7 +47,7 @@ def optimize_camouflage(
 
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
         with joined_processes() as processes:
-            return optimize(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
+            return run_optimization(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:

@@ -5,13 +5,16 @@ from .baselines import plain_camouflage, random_camouflage
 from .ensemble import DetectorEnsemble
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
-from .optimizer import optimize
+from .methods import METHODS, settings_of
+from .optimizer import OptimizedCamouflage, optimize, run_optimization
 from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
 
 __all__ = [
+    "METHODS",
     "Augmentation",
     "DetectorEnsemble",
+    "OptimizedCamouflage",
     "OptimizerSettings",
     "Renderer",
     "SmoothLoss",
@@ -24,4 +27,6 @@ __all__ = [
     "plain_camouflage",
     "random_camouflage",
     "read_history",
+    "run_optimization",
+    "settings_of",
 ]

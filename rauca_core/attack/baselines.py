@@ -13,7 +13,7 @@ from ..contract.color import to_bytes
 from ..contract.files import png_bytes
 from ..contract.seeding import named_rng
 from ..render import Pyramid
-from .result import map_png
+from .texture import map_png
 
 
 def random_camouflage(path: Path, vehicle: Vehicle, size: int = 1024, seed: int = 0, cell: int = 1) -> Camouflage:

@@ -4,32 +4,125 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from ..contract import Dataset, RaucaError, StoppedError
-from ..contract.files import sweep_partials
-from ..detect import Detector
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import (
+    Camouflage,
+    Dataset,
+    RaucaError,
+    StoppedError,
+    Vehicle,
+    load_camouflage,
+    load_vehicle,
+    save_camouflage,
+)
+from ..contract.files import png_bytes, sweep_partials
+from ..detect import Detector, load_detector
+from ..render import Pyramid
 from ..runtime.checkpoint_files import POINTER, differences
 from ..runtime.cpu import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
+from ..runtime.images import read_image
 from ..runtime.stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .ensemble import DetectorEnsemble
 from .frames import FrameStore
-from .journal import Journal, StepReport
+from .journal import CURVES, HISTORY, Journal, StepReport, read_history
+from .methods import settings_of
+from .naturalness.finish import finish
+from .naturalness.texture import NaturalColors
 from .preview import Preview
-from .result import write_result
 from .run import Run, identity_of
-from .settings import OptimizerSettings
+from .settings import OptimizerSettings, make_settings
+from .texture import Texture, map_png
 
 CHECKPOINTS, TAPS = "checkpoints", "taps"
+AVERAGED_STEPS = 50
 OnStep = Callable[[StepReport], None]
 OnView = Callable[[int, int], None]
 
 
+@dataclass(frozen=True, eq=False)
+class OptimizedCamouflage:
+    """A finished camouflage.
+
+    Attributes:
+        camouflage: which vehicle and UV layout it fits, and how it was made.
+        texture: (size, size, 3) uint8 sRGB, the UV map, row 0 at the top, gutters filled.
+        history: of every step, as in ``history.jsonl``.
+        path: of ``camouflage.json``; None where the run had no folder of its own.
+    """
+
+    camouflage: Camouflage
+    texture: NDArray[np.uint8]
+    history: list[dict[str, float]]
+    path: Path | None
+
+    def save(self, path: Path | str) -> Path:
+        """Write the JSON to ``path`` and the UV map beside it as PNG; returns the JSON's path."""
+        path = Path(path).with_suffix(".json")
+        save_camouflage(path, self.camouflage, png_bytes(self.texture))
+        return path
+
+
 def optimize(
+    data: Dataset | Path | str,
+    detectors: Sequence[Detector | str],
+    method: str = "ours",
+    *,
+    steps: int = 1000,
+    device: torch.device | str = "cpu",
+    out: Path | str | None = None,
+    on_step: OnStep | None = None,
+    resume: bool = False,
+    **settings: Any,
+) -> OptimizedCamouflage:
+    """Optimize a camouflage on a data set against one or several detectors.
+
+    Args:
+        data: a data set with light maps, or its folder; frames that do not show the vehicle are skipped.
+        detectors: loaded ones, or names and files as `load_detector` takes them; they are moved to ``device``.
+        method: whose settings to begin with, a key of `methods.METHODS`.
+        steps: gradient steps in all.
+        device: of the texture, the pictures and the detectors.
+        out: folder of the run, see :func:`run_optimization`; a temporary one if left out.
+        on_step: called after every step.
+        resume: go on from the latest checkpoint in ``out``.
+        settings: fields of `OptimizerSettings`, which win over the method's; ``target``, the class to hide, is the
+            vehicle's own if left out.
+
+    Raises:
+        RaucaError: see :func:`run_optimization`; an unknown method, detector or setting.
+    """
+    dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
+    settings.setdefault("target", _target_of(dataset))
+    chosen = make_settings(**settings_of(method, **settings, steps=steps))
+    loaded = [load_detector(d, chosen.detector_size, device) if isinstance(d, str) else d for d in detectors]
+    processes = Processes(0, 1, torch.device(device))
+    with contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca") as folder:
+        path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, processes=processes)
+        camouflage, image = load_camouflage(path)
+        return OptimizedCamouflage(
+            camouflage, read_image(image), read_history(path.parent), None if out is None else path
+        )
+
+
+def _target_of(dataset: Dataset) -> str:
+    """The class that detectors know the data set's vehicle by; a plain shape's, which none knows, is a car's."""
+    category = load_vehicle(dataset.vehicle_folder, read_image).category
+    return "car" if category == "shape" else category
+
+
+def run_optimization(
     dataset: Dataset,
     detectors: Sequence[Detector],
     settings: OptimizerSettings,
@@ -39,7 +132,7 @@ def optimize(
     on_view: OnView | None = None,
     processes: Processes = SINGLE_PROCESS,
 ) -> Path:
-    """Optimize a camouflage on a data set against detectors.
+    """What :func:`optimize` does, in a folder, for callers that have made up the settings.
 
     ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
     the run goes on, the pictures of `preview`. A run resumed on the same machine ends in the same bits as one that
@@ -86,7 +179,7 @@ def optimize(
                 run.close()
             if not processes.is_main:
                 return out / "camouflage.json"
-            return write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, ensemble.name)
+            return _write_result(out, run.store.vehicle, run.store.pyramid, run.texture, settings, ensemble.name)
 
 
 def unlike(dataset: Dataset, detectors: Sequence[Detector], settings: OptimizerSettings, out: Path) -> list[str]:
@@ -159,3 +252,32 @@ class _Keeper:
     def close(self) -> None:
         if self._journal is not None:
             self._journal.close()
+
+
+def _write_result(
+    out: Path, vehicle: Vehicle, pyramid: Pyramid, texture: Texture, settings: OptimizerSettings, detector: str
+) -> Path:
+    """Write ``camouflage.json`` and ``.png`` into ``out``; losses are means over the last steps of the history.
+
+    Raises:
+        RaucaError: a history without a step, or damaged.
+    """
+    last = read_history(out)[-AVERAGED_STEPS:]
+    if not last:
+        raise RaucaError(f"{out / HISTORY}: holds no step of the run; bring it back, or start anew in another folder")
+    made: dict[str, Any] = {
+        "detector": detector,
+        "steps": settings.steps,
+        "seed": settings.seed,
+        "final_losses": {name: sum(r[name] for r in last) / len(last) for name in CURVES},
+        "settings": settings.identity(),
+    }
+    if isinstance(texture, NaturalColors):
+        uv_map, made["natural"] = finish(texture.constraints, texture.texels())
+        png = png_bytes(uv_map)
+    else:
+        png = map_png(pyramid, texture.texels())
+    camouflage = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, settings.method, made)
+    path = out / "camouflage.json"
+    save_camouflage(path, camouflage, png)
+    return path

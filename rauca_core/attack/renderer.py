@@ -1,6 +1,6 @@
 """A differentiable renderer of a data set's frames, for an optimization of one's own.
 
-It is made of the pieces that :func:`optimizer.optimize` itself steps through, so the pictures of a batch are the
+It is made of the pieces that :func:`optimizer.run_optimization` itself steps through, so the pictures of a batch are the
 optimizer's own to the bit::
 
     render = Renderer("data/town", texture_size=1024)
@@ -23,8 +23,8 @@ from ..contract.seeding import named_seed
 from ..render import Canvas, srgb_to_linear
 from .frames import FrameStore, boxes_of, render_batch
 from .lights import LightName
-from .result import map_png
 from .settings import make_settings
+from .texture import map_png
 
 GREY = 0.5
 

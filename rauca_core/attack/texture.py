@@ -10,7 +10,10 @@ import torch
 from torch import Tensor
 
 from ..contract import RaucaError
+from ..contract.color import to_bytes
+from ..contract.files import png_bytes
 from ..contract.seeding import named_seed
+from ..render import Pyramid, linear_to_srgb, srgb_to_linear
 from .limits import LIMITS
 from .media import Medium
 from .naturalness.texture import natural_colors
@@ -115,3 +118,9 @@ def first_colors(count: int, settings: OptimizerSettings) -> Tensor:
         return torch.full((count, 3), GREY)
     generator = torch.Generator().manual_seed(named_seed(settings.seed, "start"))
     return torch.rand(count, 3, generator=generator)
+
+
+def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
+    """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign color."""
+    uv_map = linear_to_srgb(pyramid.to_map(srgb_to_linear(texels_srgb.detach().cpu())))
+    return png_bytes(to_bytes(uv_map.permute(1, 2, 0).numpy()))

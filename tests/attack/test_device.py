@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import make_settings, optimize
+from rauca_core.attack import make_settings, run_optimization
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
@@ -34,7 +34,7 @@ def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chos
     """What was optimized after two steps and two more of a resumed run."""
     small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0}
     for steps in (2, 4):
-        optimize(
+        run_optimization(
             dataset,
             [detector],
             make_settings(steps=steps, **small, **chosen),

@@ -25,14 +25,14 @@ KILLED = """
 import json, os, shutil, signal, sys, torch
 from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
-from rauca_core.attack import make_settings, optimize
+from rauca_core.attack import make_settings, run_optimization
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)
 data, out, chosen = Dataset(Path(sys.argv[1])), Path(sys.argv[2]), make_settings(**json.loads(sys.argv[3]))
-optimize(data, [SmallDetector()], chosen, out / "whole")  # first, so that children find their kernels loaded
+run_optimization(data, [SmallDetector()], chosen, out / "whole")  # first, so that children find their kernels loaded
 shutil.rmtree(data.folder / "taps")
 out = out / "killed"
 
@@ -53,7 +53,7 @@ for moment in [*json.loads(sys.argv[4]), None]:
     if child == 0:
         if moment is not None:
             die_at(*moment)
-        optimize(data, [SmallDetector()], chosen, out, resume=(out / CHECKPOINTS / POINTER).is_file())
+        run_optimization(data, [SmallDetector()], chosen, out, resume=(out / CHECKPOINTS / POINTER).is_file())
         os._exit(0)
     _, status = os.waitpid(child, 0)
     assert status == (0 if moment is None else signal.SIGKILL), (moment, status)

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from benchmarks.stability.detectors import SmallDetector
-from rauca_core.attack import OptimizerSettings, make_settings, objectives, optimize, read_history
+from rauca_core.attack import OptimizerSettings, make_settings, objectives, read_history, run_optimization
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.frames import FrameStore, render_batch
@@ -60,7 +60,7 @@ def test_every_method_lowers_its_own_loss(
     monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
     seen = []
     chosen = settings(method, steps=30, batch=6, roa=False, shift=0.0)
-    path = optimize(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    path = run_optimization(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[-1].loss < seen[0].loss
     if method != "das":  # its seed picture is a strong pull; what it is worth is measured below
         assert seen[-1].attack < seen[0].attack
@@ -76,14 +76,14 @@ def test_every_method_lowers_its_own_loss(
 def test_attention_falls_when_nothing_else_counts(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings("das", steps=25, batch=6, beta=0.0, gamma=0.0, lr=0.1)
-    optimize(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    run_optimization(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[0].attack > 0
     assert seen[-1].attack < 0.9 * seen[0].attack
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
-    optimize(dataset, [detector], settings(method), tmp_path / "whole")
+    run_optimization(dataset, [detector], settings(method), tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -93,8 +93,8 @@ def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, t
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimize(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
-    optimize(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
+        run_optimization(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
+    run_optimization(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
     one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
     assert torch.equal(one, two)
     pictures = [(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")]
@@ -176,7 +176,7 @@ def test_hard_frames_leave_every_method_finite(dataset: Dataset, detector: Any, 
 
     for name, sees in (("seeing", certain), ("certain", dense)):
         detector.dense = sees
-        optimize(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
+        run_optimization(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
         texels = load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"]
         assert torch.isfinite(texels).all()
         assert all(
@@ -189,11 +189,11 @@ def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, detector
     with pytest.raises(RaucaError, match=r"no 'fcb'; choose one of das, fca, dta, active, rauca-base, rauca-final"):
         method_named("fcb")
     with pytest.raises(RaucaError, match="panels are painted on facets"):
-        optimize(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
+        run_optimization(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
     with pytest.raises(RaucaError, match="smooth: pattern needs paint: pattern"):
-        optimize(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
+        run_optimization(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
     with pytest.raises(RaucaError, match="prior: seed needs cover: panels"):
-        optimize(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
+        run_optimization(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
     with pytest.raises(RaucaError, match="attention cannot be read"):
-        optimize(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
+        run_optimization(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
     assert settings("fca", lr=0.5, name="mine").name == "mine"

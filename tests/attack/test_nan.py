@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import DetectorEnsemble, make_settings, optimize, read_history
+from rauca_core.attack import DetectorEnsemble, make_settings, read_history, run_optimization
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run
@@ -35,7 +35,7 @@ def poison(dataset: Dataset, frame_id: str) -> None:
 def test_a_poisoned_frame_stops_the_run_and_a_mended_one_goes_on(
     dataset: Dataset, small_detector: Any, tmp_path: Path
 ) -> None:
-    optimize(dataset, [small_detector], SETTINGS, tmp_path / "whole")
+    run_optimization(dataset, [small_detector], SETTINGS, tmp_path / "whole")
     fresh = Run(dataset, DetectorEnsemble([small_detector], "car"), SETTINGS)
     bad = fresh.store.frames[fresh.order.upcoming()[5]].id  # of the third step
     fresh.close()
@@ -43,7 +43,7 @@ def test_a_poisoned_frame_stops_the_run_and_a_mended_one_goes_on(
     shutil.copytree(folder, tmp_path / "good")
     poison(dataset, bad)
     with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN or infinity; .*render it again"):
-        optimize(dataset, [small_detector], SETTINGS, out)
+        run_optimization(dataset, [small_detector], SETTINGS, out)
     kept = load_checkpoint(out / CHECKPOINTS)
     assert 0 < kept.step < 3
     assert all(torch.isfinite(tensor).all() for tensor in kept.tensors.values())
@@ -54,7 +54,7 @@ def test_a_poisoned_frame_stops_the_run_and_a_mended_one_goes_on(
 
     shutil.rmtree(folder)
     shutil.copytree(tmp_path / "good", folder)
-    optimize(dataset, [small_detector], SETTINGS, out, resume=True)
+    run_optimization(dataset, [small_detector], SETTINGS, out, resume=True)
     assert (out / "camouflage.png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimizerSettings, make_settings, optimize, read_history
+from rauca_core.attack import OptimizerSettings, make_settings, read_history, run_optimization
 from rauca_core.attack import ensemble as ensemble
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
@@ -38,7 +38,7 @@ def texels(out: Path) -> torch.Tensor:
 def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings(steps=40, roa=False, batch=6, start="plain", name="mine")
-    path = optimize(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
+    path = run_optimization(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
     assert [r.step for r in seen] == list(range(1, 41))
     assert seen[-1].attack < 0.9 * seen[0].attack
     assert all(0 < r.stages["detector"] < r.seconds for r in seen)
@@ -62,7 +62,7 @@ def test_resumed_run_ends_in_the_same_bits(
     dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str, decay: float
 ) -> None:
     chosen = settings(limit=limit, decay=decay)
-    optimize(dataset, [small_detector], chosen, tmp_path / "whole")
+    run_optimization(dataset, [small_detector], chosen, tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -72,9 +72,9 @@ def test_resumed_run_ends_in_the_same_bits(
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimize(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
+        run_optimization(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
     steps = []
-    again = optimize(
+    again = run_optimization(
         dataset,
         [small_detector],
         chosen,
@@ -99,16 +99,18 @@ def test_stop_signal_leaves_a_checkpoint(
 
     before = signal.getsignal(number)
     with pytest.raises(RaucaError, match=r"stopped after step 4 of 8.*--resume"):
-        optimize(dataset, [small_detector], settings(), tmp_path / "out", on_step=stop)
+        run_optimization(dataset, [small_detector], settings(), tmp_path / "out", on_step=stop)
     assert signal.getsignal(number) == before
     assert load_checkpoint(tmp_path / "out" / CHECKPOINTS).step == 4
     assert len(read_history(tmp_path / "out")) == 4
-    optimize(dataset, [small_detector], settings(), tmp_path / "out", resume=True)
+    run_optimization(dataset, [small_detector], settings(), tmp_path / "out", resume=True)
     assert len(read_history(tmp_path / "out")) == 8
 
 
 def test_runs_outside_the_main_thread(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
-    thread = threading.Thread(target=optimize, args=(dataset, [small_detector], settings(steps=1), tmp_path / "out"))
+    thread = threading.Thread(
+        target=run_optimization, args=(dataset, [small_detector], settings(steps=1), tmp_path / "out")
+    )
     thread.start()
     thread.join()
     assert (tmp_path / "out" / "camouflage.json").is_file()
@@ -127,7 +129,7 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
 
     small_detector.dense = dense
     with pytest.raises(RaucaError, match=r"step 1: .* not finite on frame L00-"):
-        optimize(dataset, [small_detector], settings(batch=6), tmp_path / "out")
+        run_optimization(dataset, [small_detector], settings(batch=6), tmp_path / "out")
     assert calls == [6]
 
     frame = load_frame(dataset.frame_folder(bad))
@@ -138,13 +140,13 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
     )
     small_detector.dense = broken
     with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN"):
-        optimize(dataset, [small_detector], settings(batch=6), tmp_path / "other")
+        run_optimization(dataset, [small_detector], settings(batch=6), tmp_path / "other")
 
 
 def test_projection_keeps_every_texel_alive(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     shared = {"steps": 30, "lr": 0.2, "checkpoint_every": 30}
-    optimize(dataset, [small_detector], settings(**shared), tmp_path / "project")
-    optimize(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
+    run_optimization(dataset, [small_detector], settings(**shared), tmp_path / "project")
+    run_optimization(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
     projected, clamped = texels(tmp_path / "project"), texels(tmp_path / "clamp")
     assert projected.min() >= 0
     assert projected.max() <= 1
@@ -159,11 +161,11 @@ def test_frames_without_a_box_are_skipped(
         fields = json.loads((folder / "frame.json").read_text())
         (folder / "frame.json").write_text(json.dumps({**fields, "box_xyxy": None}))
         (folder / "passes.npz").unlink()  # must not even be opened
-    optimize(dataset, [small_detector], settings(steps=2), tmp_path / "out")
+    run_optimization(dataset, [small_detector], settings(steps=2), tmp_path / "out")
     first = dataset.frame_folder(dataset.frames()[0].id) / "frame.json"
     first.write_text(json.dumps({**json.loads(first.read_text()), "box_xyxy": None}))
     with pytest.raises(RaucaError, match="no finished frame shows the vehicle"):
-        optimize(dataset, [small_detector], settings(steps=2), tmp_path / "none")
+        run_optimization(dataset, [small_detector], settings(steps=2), tmp_path / "none")
 
 
 def test_images_and_boxes_reach_the_detector_at_its_size(
@@ -180,7 +182,9 @@ def test_images_and_boxes_reach_the_detector_at_its_size(
     monkeypatch.setattr(small_detector, "dense", lambda x: (shapes.append(tuple(x.shape)), dense(x))[1])
     monkeypatch.setattr(ensemble, "detection_score", listen)
     for number, size in enumerate((None, 128)):
-        optimize(dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number))
+        run_optimization(
+            dataset, [small_detector], settings(steps=1, roa=False, detector_size=size), tmp_path / str(number)
+        )
     assert shapes == [(2, 3, 64, 64), (2, 3, 128, 128)]
     assert torch.equal(boxes[0] * 2, boxes[1])
 
@@ -190,33 +194,33 @@ def test_wrong_conditions_are_refused(
 ) -> None:
     out = tmp_path / "out"
     with pytest.raises(RaucaError, match="no run"):
-        optimize(dataset, [small_detector], settings(), out, resume=True)
-    optimize(dataset, [small_detector], settings(steps=1), out)
+        run_optimization(dataset, [small_detector], settings(), out, resume=True)
+    run_optimization(dataset, [small_detector], settings(steps=1), out)
     with pytest.raises(RaucaError, match="resume it or choose another folder"):
-        optimize(dataset, [small_detector], settings(), out)
+        run_optimization(dataset, [small_detector], settings(), out)
     with pytest.raises(RaucaError, match="another lr, seed;"):
-        optimize(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
-    optimize(dataset, [small_detector], settings(steps=2), out, resume=True)
+        run_optimization(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
+    run_optimization(dataset, [small_detector], settings(steps=2), out, resume=True)
     made = (out / "camouflage.json").read_bytes()
     with pytest.raises(RaucaError, match="after step 2, beyond --steps 1; ask for more"):
-        optimize(dataset, [small_detector], settings(steps=1), out, resume=True)
+        run_optimization(dataset, [small_detector], settings(steps=1), out, resume=True)
     assert (out / "camouflage.json").read_bytes() == made
     (tensors,) = (out / CHECKPOINTS).glob("*.safetensors")
     tensors.write_bytes(tensors.read_bytes()[:100])
     with pytest.raises(RaucaError, match="damaged"):
-        optimize(dataset, [small_detector], settings(), out, resume=True)
+        run_optimization(dataset, [small_detector], settings(), out, resume=True)
     with pytest.raises(RaucaError, match="knows no class 'plane'"):
-        optimize(dataset, [small_detector], settings(target="plane"), tmp_path / "plane")
+        run_optimization(dataset, [small_detector], settings(target="plane"), tmp_path / "plane")
     dark = dataset_factory(tmp_path / "dark", box_vehicle, 64, (40.0,), light=False)
     with pytest.raises(RaucaError, match="without light maps"):
-        optimize(dark, [small_detector], settings(), tmp_path / "nolight")
+        run_optimization(dark, [small_detector], settings(), tmp_path / "nolight")
 
 
 def test_a_finished_run_whose_history_is_damaged_is_one_line(
     dataset: Dataset, small_detector: Any, tmp_path: Path
 ) -> None:
     chosen, history = settings(steps=2), tmp_path / "history.jsonl"
-    optimize(dataset, [small_detector], chosen, tmp_path)
+    run_optimization(dataset, [small_detector], chosen, tmp_path)
     first, second = history.read_text().splitlines()
     for text, said in (
         ("", "history.jsonl: holds no step of the run; bring it back"),
@@ -225,7 +229,7 @@ def test_a_finished_run_whose_history_is_damaged_is_one_line(
     ):
         history.write_text(text)
         with pytest.raises(RaucaError, match=said):
-            optimize(dataset, [small_detector], chosen, tmp_path, resume=True)
+            run_optimization(dataset, [small_detector], chosen, tmp_path, resume=True)
 
 
 def test_settings_name_what_is_wrong() -> None:
@@ -240,7 +244,7 @@ def test_settings_name_what_is_wrong() -> None:
 
 def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     torch.manual_seed(123)  # global state must not matter
-    optimize(dataset, [small_detector], settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
+    run_optimization(dataset, [small_detector], settings(steps=1, lr=1e-9, seed=5), tmp_path / "out")
     found = texels(tmp_path / "out")
     wanted = torch.rand(found.shape, generator=torch.Generator().manual_seed(named_seed(5, "start")))
     assert torch.allclose(found, wanted, atol=1e-6)
@@ -249,14 +253,15 @@ def test_start_is_named_by_the_seed(dataset: Dataset, small_detector: Any, tmp_p
 ONE_OF_TWO = """
 import sys
 from pathlib import Path
-from rauca_core.attack import make_settings, optimize
+from rauca_core.attack import make_settings, run_optimization
 from rauca_core.contract import Dataset
 from rauca_core.runtime.distributed import joined_processes
 from benchmarks.stability.detectors import SmallDetector
 with joined_processes() as processes:
     for number, chosen in enumerate({settings}):
         out = Path(sys.argv[2]) / str(number)
-        optimize(Dataset(Path(sys.argv[1])), [SmallDetector()], make_settings(**chosen), out, processes=processes)
+        data = Dataset(Path(sys.argv[1]))
+        run_optimization(data, [SmallDetector()], make_settings(**chosen), out, processes=processes)
 """
 
 
@@ -282,7 +287,7 @@ def test_two_processes_of_torchrun_end_where_one_does(dataset: Dataset, small_de
     )
     for number, chosen in enumerate(runs):
         pair, alone = tmp_path / "pair" / str(number), tmp_path / "alone" / str(number)
-        optimize(dataset, [small_detector], chosen, alone)
+        run_optimization(dataset, [small_detector], chosen, alone)
         assert (texels(pair) - texels(alone)).abs().max() < 1e-4
         for one, two in zip(read_history(pair), read_history(alone), strict=True):
             assert [one[k] for k in KEPT] == pytest.approx([two[k] for k in KEPT], rel=1e-4, abs=1e-7)
@@ -296,8 +301,8 @@ def test_the_learning_rate_falls_along_half_a_cosine_to_its_share(
     assert falling.lr_at(5) == pytest.approx(0.55 * 0.03)
     assert falling.lr_at(10) == pytest.approx(0.003)
     assert settings().lr_at(7) == 0.03
-    optimize(dataset, [small_detector], settings(steps=3, decay=0.0), tmp_path / "out")
+    run_optimization(dataset, [small_detector], settings(steps=3, decay=0.0), tmp_path / "out")
     with pytest.raises(RaucaError, match="another steps;"):  # its learning rates were made for three
-        optimize(dataset, [small_detector], settings(steps=6, decay=0.0), tmp_path / "out", resume=True)
-    optimize(dataset, [small_detector], settings(steps=3), tmp_path / "constant")
-    optimize(dataset, [small_detector], settings(steps=6), tmp_path / "constant", resume=True)
+        run_optimization(dataset, [small_detector], settings(steps=6, decay=0.0), tmp_path / "out", resume=True)
+    run_optimization(dataset, [small_detector], settings(steps=3), tmp_path / "constant")
+    run_optimization(dataset, [small_detector], settings(steps=6), tmp_path / "constant", resume=True)

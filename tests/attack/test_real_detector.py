@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from rauca_core.attack import make_settings, optimize
+from rauca_core.attack import make_settings, run_optimization
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
@@ -28,7 +28,7 @@ def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_fact
     sedan = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     dataset = dataset_factory(tmp_path / "data", sedan, 256, (60.0, 300.0))
     chosen = make_settings(steps=14, batch=4, map_size=256, samples=2, start="plain", roa=False, checkpoint_every=20)
-    path = optimize(dataset, [yolo], chosen, tmp_path / "out")
+    path = run_optimization(dataset, [yolo], chosen, tmp_path / "out")
 
     # Judge the PNG as anyone would load it, not the texels the optimizer held.
     store = FrameStore(dataset, chosen)

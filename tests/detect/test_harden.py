@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from benchmarks.stability.drawn import make_dataset
-from rauca_core.attack import make_settings, optimize, random_camouflage
+from rauca_core.attack import make_settings, random_camouflage, run_optimization
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes, write_json
@@ -64,7 +64,7 @@ def attack(data: Dataset):
             steps=2, batch=1, map_size=MAP, samples=SAMPLES, seed=number, name=f"round-{number}", checkpoint_every=1
         )
         done, started = folder / "camouflage.json", (folder / "checkpoints" / POINTER).is_file()
-        return done if done.is_file() else optimize(data, [detector], settings, folder, resume=started)
+        return done if done.is_file() else run_optimization(data, [detector], settings, folder, resume=started)
 
     return run
 

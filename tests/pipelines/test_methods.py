@@ -62,9 +62,8 @@ def test_what_is_hidden_is_the_vehicles_own_class(chosen: Any, method: tuple[str
     assert chosen(*method, "--target", "truck", category="boat").target == "truck"
 
 
-def test_methods_and_their_assumptions_are_documented() -> None:
+def test_methods_are_documented() -> None:
     page = (Path(__file__).parents[2] / "docs" / "methods.md").read_text()
     for method in METHODS.values():
         assert f"## {method.name}" in page
         assert method.source in page
-        assert all(sentence in " ".join(page.split()) for sentence in method.assumed)

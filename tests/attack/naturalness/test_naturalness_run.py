@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from pipelines.cli import app
 from pipelines.naturalness import make_naturalness
-from rauca_core.attack import make_settings, optimize, read_history
+from rauca_core.attack import make_settings, read_history, run_optimization
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.naturalness import Naturalness
@@ -44,7 +44,7 @@ CASES = {
 
 
 def run(dataset: Dataset, detector: Any, out: Path, natural: Naturalness, **more: Any) -> tuple[np.ndarray, Camouflage]:
-    path = optimize(dataset, [detector], make_settings(**(SMALL | {"natural": natural} | more)), out)
+    path = run_optimization(dataset, [detector], make_settings(**(SMALL | {"natural": natural} | more)), out)
     record, image = load_camouflage(path)
     return read_image(image), record
 
@@ -102,7 +102,7 @@ def test_the_loss_told_is_that_of_the_hard_map(dataset: Dataset, small_detector:
 @pytest.mark.parametrize("case", ["palette", "all", "bound"])
 def test_a_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, case: str) -> None:
     settings = make_settings(**(SMALL | {"natural": CASES[case]}))
-    optimize(dataset, [small_detector], settings, tmp_path / "whole")
+    run_optimization(dataset, [small_detector], settings, tmp_path / "whole")
 
     class PowerCutError(Exception):
         pass
@@ -112,14 +112,14 @@ def test_a_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: A
             raise PowerCutError
 
     with pytest.raises(PowerCutError):
-        optimize(dataset, [small_detector], settings, tmp_path / "parts", on_step=cut)
-    optimize(dataset, [small_detector], settings, tmp_path / "parts", resume=True)
+        run_optimization(dataset, [small_detector], settings, tmp_path / "parts", on_step=cut)
+    run_optimization(dataset, [small_detector], settings, tmp_path / "parts", resume=True)
     one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
     assert torch.equal(one, two)
     assert len({(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")}) == 1
     other = make_settings(**(SMALL | {"natural": CASES["patches"]}))
     with pytest.raises(RaucaError, match="natural"):
-        optimize(dataset, [small_detector], other, tmp_path / "parts", resume=True)
+        run_optimization(dataset, [small_detector], other, tmp_path / "parts", resume=True)
 
 
 def test_a_weight_draws_the_paint_to_the_reference(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
