@@ -1,6 +1,6 @@
 """A differentiable renderer of a data set's frames, for an optimization of one's own.
 
-It is made of the pieces that :func:`optimizer.run_optimization` itself steps through, so the pictures of a batch are the
+It is made of the pieces that :func:`optimize` itself steps through, so the pictures of a batch are the
 optimizer's own to the bit::
 
     render = Renderer("data/town", texture_size=1024)
