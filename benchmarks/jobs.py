@@ -21,36 +21,51 @@ from typing import Any
 from blender_addon.jobs.crew import Worker
 from blender_addon.jobs.messages import News
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
-from pipelines.console import output, progress_bar
-from rauca_core.contract import Plan, Quality, Ring, Shard, chunks, claim_folder, find_preset, planned_frames
-from rauca_core.contract import load_vehicle as load
+from pipelines.console import progress_bar
+from rauca_core.contract import (
+    Plan,
+    Quality,
+    Ring,
+    Shard,
+    chunks,
+    claim_folder,
+    find_preset,
+    load_vehicle,
+    planned_frames,
+)
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.files import write_json
 from rauca_core.runtime.blender import blender_command
 from rauca_core.runtime.images import read_image
+
+from .harness import Results, Settings
 
 SIZE = 48
 SMALL = f"--elevations 15 --distances 6 --size {SIZE} --samples 1 --no-denoise --json-progress".split()
 MAKE = [sys.executable, str(Path(__file__).resolve().parent.parent / "pipelines" / "make_dataset.py")]
 
 
-def bench_jobs(out: Path, quick: bool) -> dict[str, Any]:
-    """Measure memory over 500 frames, the price of a chunk, and 20 SIGKILLs over 60 frames.
+FULL = Settings(frames=500, kills=20, killed_views=20)
+QUICK = FULL.but(frames=100, kills=5)
+
+
+def bench(out: Path, settings: Settings) -> Results:
+    """Measure memory over many frames, the price of a chunk, and SIGKILLs while a set of 60 frames is made.
 
     Args:
         out: JSON to write. ``memory``: resident size, MiB, by frame, and the growth from frame 50 to the last;
             ``chunk``: CPU seconds of a worker's start, of a camera's coverage and of a frame; ``kills``: what was
             killed and whether the finished set is byte-identical.
-        quick: 100 frames and 5 kills instead.
     """
+    results = Results("jobs", settings)
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
-        kills = measure_kills(Path(temporary), kills=5 if quick else 20, views=20)
-        output().print(f"kills: {kills}")
-        memory, chunk = measure_worker(Path(temporary), frames=100 if quick else 500)
-    output().print(f"memory: { ({**memory, 'resident_mib': '...'}) }\nchunk: {chunk}")
-    figures = {"memory": memory, "chunk": chunk, "kills": kills}
-    write_json(out, figures)
-    return figures
+        kills = measure_kills(Path(temporary), settings.kills, settings.killed_views)
+        memory, chunk = measure_worker(Path(temporary), settings.frames)
+    results.figures |= {"memory": memory, "chunk": chunk, "kills": kills}
+    shown = {k: v for found in (kills, memory, chunk) for k, v in found.items() if k != "resident_mib"}
+    rows = [{"what": name.replace("_", " "), "found": value} for name, value in shown.items()]
+    results.table("Jobs of a data set", {"what": "{what}", "found": "{found}"}, rows)
+    results.publish(out)
+    return results
 
 
 def measure_kills(place: Path, kills: int, views: int) -> dict[str, Any]:
@@ -120,7 +135,7 @@ class _Watch:
 def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """One worker renders all frames, four locations in three weathers, with the sedan in the town."""
     views = -(-frames // 12)
-    vehicle = load(assets_folder() / "vehicles" / "sedan", read_image)
+    vehicle = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
     plan = Plan(
         name="jobs", vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=SIZE,
         quality=Quality(1, denoise=False), light=True,

@@ -11,26 +11,26 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from rich.table import Table
 
-from pipelines.console import output, progress_bar
+from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.contract.files import write_json
 from rauca_core.detect import car_score, load_detector
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
+
+from .harness import Results, Settings
 
 RING = (
     "--weathers single --azimuths 8 --elevations 12 --distances 6.5 --size 416 --samples 8 --no-light --min-visible 0"
 )
 
 
-def bench_vehicle(vehicle: Sequence[str], detectors: Sequence[str], out: Path) -> dict[str, list[float]]:
+def bench(out: Path, vehicle: Sequence[str], detectors: Sequence[str]) -> Results:
     """Render the vehicle in grey at 416 x 416 from eight sides; the best car score of each detector in each view.
 
     Args:
-        vehicle: arguments of ``rauca dataset make`` that choose it.
         out: JSON to write.
+        vehicle: arguments of ``rauca dataset make`` that choose it.
     """
     loaded = {name: load_detector(name) for name in detectors}  # a wrong name is told before anything is rendered
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
@@ -44,11 +44,13 @@ def bench_vehicle(vehicle: Sequence[str], detectors: Sequence[str], out: Path) -
         pixels = np.stack([read_image(dataset.frame_folder(f.id) / "image.png") for f in frames])
     images = torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255
     boxes = torch.tensor([f.box_xyxy for f in frames], dtype=torch.float32)
-    scores = {name: car_score(detector, images, boxes).tolist() for name, detector in loaded.items()}
-    azimuths = [f.azimuth_deg for f in frames]
-    table = Table("detector", *(f"{a:.0f}°" for a in azimuths), "mean", title="car score (azimuth 0: front)")
-    for name, row in scores.items():
-        table.add_row(name, *(f"{s:.2f}" for s in row), f"{np.mean(row):.3f}")
-    output().print(table)
-    write_json(out, {"azimuths_deg": azimuths, "scores": scores})
-    return scores
+    results = Results("vehicle", Settings(vehicle=vehicle))
+    results.figures["azimuths_deg"] = [frame.azimuth_deg for frame in frames]
+    for name, detector in loaded.items():
+        scores = car_score(detector, images, boxes).tolist()
+        results.add("detectors", name=name, scores=scores, mean=float(np.mean(scores)))
+    sides = {f"{frame.azimuth_deg:.0f}°": f"{{scores[{i}]:.2f}}" for i, frame in enumerate(frames)}
+    columns = {"detector": "{name}", **sides, "mean": "{mean:.3f}"}
+    results.table("car score (azimuth 0: front)", columns, results.rows["detectors"])
+    results.publish(out)
+    return results

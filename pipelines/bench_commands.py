@@ -95,7 +95,7 @@ def bench_optimize_command(
     json: Json = Path("reports/optimize.json"),
 ) -> None:
     """Milliseconds of an optimization step by stage, and with Algorithm 2 in place of taps."""
-    load_benchmark("optimize.bench").bench_optimize(json, quick, docs)
+    start("optimize", json, quick, docs=docs)
 
 
 @bench_app.command("detect")
@@ -118,7 +118,7 @@ def bench_agreement_command(
     json: Json = Path("reports/agreement.json"),
 ) -> None:
     """The neural renderer's distance from Cycles on the frames of a data set."""
-    load_benchmark("agreement").bench_agreement(dataset, camouflage, json)
+    start("agreement", json, dataset=dataset, camouflage=camouflage)
 
 
 @bench_app.command("vehicle")
@@ -131,7 +131,7 @@ def bench_vehicle_command(
 ) -> None:
     """Do detectors take the plain vehicle for a car, from every side?"""
     chosen = vehicle_arguments(vehicle, paint_mask, paint_material)
-    load_benchmark("vehicle").bench_vehicle(chosen, detector or _fetched(), json)
+    start("vehicle", json, vehicle=chosen, detectors=detector or _fetched())
 
 
 @bench_app.command("defences")
@@ -158,7 +158,7 @@ def bench_jobs_command(
     json: Json = Path("reports/jobs.json"),
 ) -> None:
     """Data set jobs: memory over 500 frames; the same bytes after 20 SIGKILLs."""
-    load_benchmark("jobs").bench_jobs(json, quick)
+    start("jobs", json, quick)
 
 
 @bench_app.command("stability")

@@ -12,14 +12,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.contract import Camera, Vehicle
-from rauca_core.render import SparseOperator, rasterize
-from rauca_core.render.product import from_triplets
-from rauca_core.render.raster.pattern import pattern
-from rauca_core.render.sampling.facet_steps import texel_faces, uv_traversal_step, uv_traversal_step_back
-from rauca_core.render.sampling.facets import facet_fragments
+from benchmarks.algorithm2 import pixels_from_cells, texel_faces, uv_traversal_step, uv_traversal_step_back
+from rauca_core.contract import Camera
 from rauca_core.render.sampling.sampler import TEXTURE_SIZE
-from rauca_core.render.sampling.surface import find_surface
 
 from .scenes import Car
 
@@ -50,19 +45,3 @@ class UvTraversalStep:
         on_cells_array = on_cells.numpy().reshape(*total.shape, 3)
         result: NDArray[np.float32] = uv_traversal_step_back(on_cells_array, total, self.uvs, self.faces)
         return result
-
-
-def pixels_from_cells(vehicle: Vehicle, camera: Camera) -> tuple[NDArray[np.int64], SparseOperator]:
-    """The painted pixels (R,) of a view, and how they read T_fc: eight cells per subsample, averaged over the pixel."""
-    paint = vehicle.paint_faces()
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
-    found = facet_fragments(vehicle, find_surface(raster, paint), TEXTURE_SIZE, np.cumsum(paint) - 1)
-    y, x = np.nonzero(found.index >= 0)
-    pixels = (y + raster.y0) // SUBSAMPLES * camera.width + (x + raster.x0) // SUBSAMPLES
-    names, row_of = np.unique(pixels, return_inverse=True)
-    n = found.index[y, x]
-    weights = found.weights[n] * found.paint[n, None] / SUBSAMPLES**2
-    cells = found.texels[n]
-    count = int(paint.sum()) * TEXTURE_SIZE**3
-    rows = np.repeat(row_of, cells.shape[1])
-    return names, from_triplets(rows, cells.ravel(), weights.ravel(), (len(names), count))

@@ -61,4 +61,4 @@ def test_an_unknown_detector_is_told_before_the_ring_is_rendered(
 
     monkeypatch.setattr(vehicle, "run_blender", render)
     with pytest.raises(RaucaError, match="nosuch"):
-        vehicle.bench_vehicle(["--vehicle", "sedan"], ["nosuch"], tmp_path / "vehicle.json")
+        vehicle.bench(tmp_path / "vehicle.json", ["--vehicle", "sedan"], ["nosuch"])

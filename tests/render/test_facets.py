@@ -1,4 +1,4 @@
-"""Algorithms 1 and 2 as operators and as steps, against the printed loops, forward and backward."""
+"""Algorithms 1 and 2 as operators against the printed loops, forward and backward; the benchmark's Algorithm 2 too."""
 
 from __future__ import annotations
 
@@ -9,16 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from benchmarks.algorithm2 import texel_faces, uv_traversal_step, uv_traversal_step_back
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, SparseOperator, rasterize
 from rauca_core.render.product import compose, from_triplets
-from rauca_core.render.sampling.facet_steps import (
-    tensor_traversal_step,
-    tensor_traversal_step_back,
-    texel_faces,
-    uv_traversal_step,
-    uv_traversal_step_back,
-)
 from rauca_core.render.sampling.facets import check_texture_size, onto_pyramid, tensor_traversal, uv_traversal
 from rauca_core.render.sampling.sampler import Sampler, facet_operator, look_up
 from rauca_core.render.sampling.surface import find_surface
@@ -117,21 +111,17 @@ def test_operators_are_the_printed_algorithms(number: int, seed: int, ts: int) -
 
 
 @pytest.mark.parametrize(("seed", "ts"), CASES)
-def test_steps_are_the_operators(seed: int, ts: int) -> None:
+def test_the_benchmarks_step_is_the_operator(seed: int, ts: int) -> None:
     uvs, uv_map = faces_in_the_map(seed), random_map(seed).detach().numpy()
     gradient = np.random.default_rng(seed).normal(size=(len(uvs), ts, ts, ts, 3))
-    first, second = tensor_traversal(uvs, SIZE, ts, np.float64), uv_traversal(uvs, SIZE, ts, np.float64)
-    faces = texel_faces(uvs, SIZE)
+    operator, faces = uv_traversal(uvs, SIZE, ts, np.float64), texel_faces(uvs, SIZE)
     cells, total = uv_traversal_step(uv_map, uvs, faces, ts)
-    for operator, forward, back in (
-        (first, tensor_traversal_step(uv_map, uvs, ts), tensor_traversal_step_back(gradient, uvs, SIZE)),
-        (second, cells, uv_traversal_step_back(gradient, total, uvs, faces)),
-    ):
-        wanted = operator(torch.from_numpy(uv_map.reshape(-1, 3))).numpy()
-        assert np.allclose(forward.reshape(-1, 3), wanted, rtol=0, atol=1e-10)
-        wanted = operator.transpose(torch.from_numpy(gradient.reshape(-1, 3))).numpy()
-        assert np.allclose(back.reshape(-1, 3), wanted, rtol=0, atol=1e-10)
-    assert ((total > 0).ravel() == (np.diff(second.indptr) > 0)).all()
+    wanted = operator(torch.from_numpy(uv_map.reshape(-1, 3))).numpy()
+    assert np.allclose(cells.reshape(-1, 3), wanted, rtol=0, atol=1e-10)
+    back = uv_traversal_step_back(gradient, total, uvs, faces)
+    wanted = operator.transpose(torch.from_numpy(gradient.reshape(-1, 3))).numpy()
+    assert np.allclose(back.reshape(-1, 3), wanted, rtol=0, atol=1e-10)
+    assert ((total > 0).ravel() == (np.diff(operator.indptr) > 0)).all()
     assert (total == 0).any()
 
 

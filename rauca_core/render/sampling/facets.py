@@ -2,8 +2,7 @@
 
 Every face owns ts^3 cells, addressed by its barycentrics times ts - 1. The paper fills them from the UV map in two ways
 (its Algorithms 1 and 2), and Neural Renderer then reads pixels from the cells. All three steps are linear and depend on
-geometry only, so each is an operator here; `facet_steps` has the first two as kernels that work them out at every
-step, as the published code does.
+geometry only, so each is an operator here; the published code works them out at every step.
 
 Cell (m, x, y, z) is row ``((m * ts + x) * ts + y) * ts + z``. Texel (row, column) of the map is column
 ``row * size + column``. Map coordinates follow this project, not the published code: u * size - 0.5, row 0 at the top,

@@ -1,1 +1,0 @@
-"""``rauca bench optimize``: where the milliseconds of an optimizer's step go."""
