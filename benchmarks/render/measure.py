@@ -67,7 +67,7 @@ def measure_scene(
             times.append(1e3 * (time.perf_counter() - started))
         taps[contender.name], build[contender.name] = views, float(np.median(times))
         moved()
-    steps = resident_steps(taps, scene.car.canvas(), settings.repeats, moved)
+    steps = resident_steps(taps, scene.car.texture(), settings.repeats, moved)
     return [entry for c in contenders for entry in _entries(scene, c, taps[c.name], build[c.name], steps[c.name])]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rauca_core.contract import Camera, Vehicle
-from rauca_core.render import Canvas, Pyramid
+from rauca_core.render import MipmappedTexture, Pyramid
 
 from .embree import RayCaster
 from .reference import Reference, embree_sees, render_reference
@@ -36,9 +36,9 @@ class Car:
     maps: NDArray[np.float32]
     texels: list[Tensor]
 
-    def canvas(self) -> Canvas:
+    def texture(self) -> MipmappedTexture:
         """The first texture, that asks for gradients."""
-        return Canvas(self.pyramid, self.texels[0][: len(self.pyramid.texels)].clone().requires_grad_())
+        return MipmappedTexture(self.pyramid, self.texels[0][: len(self.pyramid.texels)].clone().requires_grad_())
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from statistics import median
 
 import torch
 
-from rauca_core.render import Canvas, Pyramid, TapCache, Taps, TapSettings
+from rauca_core.render import MipmappedTexture, Pyramid, TapCache, Taps, TapSettings
 
 from .contenders import Contender
 from .scenes import Scene
@@ -32,7 +32,7 @@ def elapsed_ms(work: Callable[[], object]) -> float:
 
 
 def resident_steps(
-    all_taps: dict[str, Sequence[Taps]], canvas: Canvas, repeats: int, moved: Callable[[], None]
+    all_taps: dict[str, Sequence[Taps]], texture: MipmappedTexture, repeats: int, moved: Callable[[], None]
 ) -> dict[str, StepTime]:
     """Forward and backward of a whole ring as one batch, per image, for each contender, taps in memory.
 
@@ -42,21 +42,21 @@ def resident_steps(
     times: dict[str, list[StepTime]] = {name: [] for name in all_taps}
     for repeat in range(repeats + 1):
         for name, taps in all_taps.items():
-            step = _step(taps, canvas)
+            step = _step(taps, texture)
             if repeat:  # the first round compiles and warms the caches
                 times[name].append(step)
             moved()
     return {name: _median(steps) for name, steps in times.items()}
 
 
-def _step(taps: Sequence[Taps], canvas: Canvas) -> StepTime:
+def _step(taps: Sequence[Taps], texture: MipmappedTexture) -> StepTime:
     operators = [view.rows for view in taps]
     started = time.perf_counter()
-    pixels = canvas.see(operators)
+    pixels = texture.sample(operators)
     forwarded = time.perf_counter()
     asked = torch.ones_like(pixels)
     asking = time.perf_counter()
-    torch.autograd.grad(pixels, canvas.ticket, asked)
+    torch.autograd.grad(pixels, texture.ticket, asked)
     ended = time.perf_counter()
     scale = 1e3 / len(taps)
     return StepTime(scale * (forwarded - started), scale * (ended - asking))
@@ -72,12 +72,12 @@ def levels_step(pyramid: Pyramid, taps: Taps, repeats: int) -> StepTime:
     steps = []
     for _ in range(repeats + 1):
         started = time.perf_counter()
-        canvas = Canvas(pyramid, texels)
+        texture = MipmappedTexture(pyramid, texels)
         forwarded = time.perf_counter()
-        pixels = canvas.see([taps.rows])
-        (ticket,) = torch.autograd.grad(pixels, canvas.ticket, torch.ones_like(pixels))
+        pixels = texture.sample([taps.rows])
+        (ticket,) = torch.autograd.grad(pixels, texture.ticket, torch.ones_like(pixels))
         asking = time.perf_counter()
-        torch.autograd.grad(canvas.ticket, texels, ticket)
+        torch.autograd.grad(texture.ticket, texels, ticket)
         ended = time.perf_counter()
         steps.append(StepTime(1e3 * (forwarded - started), 1e3 * (ended - asking)))
     return _median(steps[1:])
@@ -89,15 +89,15 @@ def streamed_ms(scene: Scene, contender: Contender, repeats: int) -> float:
     Nothing is held in memory but the system's own page cache: a step that meets each view once in a long run.
     """
     vehicle, pyramid = scene.car.vehicle, scene.car.pyramid
-    canvas = scene.car.canvas()
+    texture = scene.car.texture()
     settings = TapSettings(pyramid.size, contender.samples, "box")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary)
 
         def step(cache: TapCache) -> None:
             taps = [cache.get(camera) for camera in scene.cameras]
-            pixels = canvas.see([view.rows for view in taps])
-            torch.autograd.grad(pixels, canvas.ticket, torch.ones_like(pixels))
+            pixels = texture.sample([view.rows for view in taps])
+            torch.autograd.grad(pixels, texture.ticket, torch.ones_like(pixels))
 
         step(TapCache(folder, vehicle, settings))  # builds them
         # A new cache each time holds nothing in memory; opening it is not part of a step.

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from rauca_core.render import Canvas
+from rauca_core.render import MipmappedTexture
 
 from .contenders import Contender
 from .published import UvTraversalStep
@@ -71,15 +71,15 @@ def measure_speedup(scene: Scene, ours: Contender, repeats: int) -> Speedup:
         del colors, kept
         for _ in range(4):  # ours is short: the last of a few, its caches as warm as in a run
             clock.restart()
-            canvas = Canvas(pyramid, texels)
+            texture = MipmappedTexture(pyramid, texels)
             clock.lap()
-            pixels = canvas.see([taps.rows])
+            pixels = texture.sample([taps.rows])
             clock.lap()
             asked = torch.ones_like(pixels)
             clock.restart()
-            (ticket,) = torch.autograd.grad(pixels, canvas.ticket, asked)
+            (ticket,) = torch.autograd.grad(pixels, texture.ticket, asked)
             clock.lap()
-            torch.autograd.grad(canvas.ticket, texels, ticket)
+            torch.autograd.grad(texture.ticket, texels, ticket)
             clock.lap()
         times.append(clock.laps[:2] + clock.laps[-4:])
     a2_forward, a2_backward, up, forward, backward, down = (median(t) for t in zip(*times[1:], strict=True))

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import Camera, RaucaError, color
-from rauca_core.render import Canvas, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
+from rauca_core.render import MipmappedTexture, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
 from rauca_core.render.sampling.sampler import Sampler, look_up
 
 from .box import painted_box
@@ -34,7 +34,7 @@ def _nothing_in_view(dtype: torch.dtype) -> str:
     pyramid = Pyramid.of(painted_box(), MAP)
     taps = build_taps(painted_box(), AWAY, MAP, pyramid=pyramid)
     texels = _random_texels(pyramid, dtype).requires_grad_()
-    Canvas(pyramid, texels).see([taps.rows]).sum().backward()
+    MipmappedTexture(pyramid, texels).sample([taps.rows]).sum().backward()
     assert texels.grad is not None
     expect(len(taps) == 0, f"{len(taps)} pixels have taps")
     expect(not texels.grad.any(), "texels have a gradient")
@@ -181,10 +181,10 @@ def _nan_in_a_gradient(dtype: torch.dtype) -> str:
     pyramid = Pyramid.of(box, MAP)
     rows = build_taps(box, ASIDE, MAP, pyramid=pyramid).rows
     texels = _random_texels(pyramid, dtype).requires_grad_()
-    seen = Canvas(pyramid, texels).see([rows])
+    seen = MipmappedTexture(pyramid, texels).sample([rows])
     (bad,) = torch.autograd.grad(seen, texels, torch.full_like(seen, torch.nan))
     expect(bad.isnan().any(), "NaN is hidden")
-    (good,) = torch.autograd.grad(Canvas(pyramid, texels).see([rows]).sum(), texels)
+    (good,) = torch.autograd.grad(MipmappedTexture(pyramid, texels).sample([rows]).sum(), texels)
     expect(torch.isfinite(good).all(), "NaN stays in the buffer")
     return "shown in its own step, gone in the next"
 

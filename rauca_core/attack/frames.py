@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
-from ..render import Canvas, Taps, composite, linear_to_srgb, saturate
+from ..render import MipmappedTexture, Taps, composite, linear_to_srgb, saturate
 from ..runtime.images import read_image
 from .lights import light_source
 from .media import make_medium
@@ -116,9 +116,9 @@ class FrameStore:
         return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)
 
 
-def sample_texture(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+def sample_texture(batch: Sequence[ReadyFrame], texture: MipmappedTexture) -> Tensor:
     """Linear albedo (R, 3) that the taps of a batch read from a texture, frame after frame."""
-    return canvas.see([f.taps.rows for f in batch])
+    return texture.sample([f.taps.rows for f in batch])
 
 
 def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
@@ -138,9 +138,9 @@ def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
     return flat.reshape(len(batch), height, width, 3).permute(0, 3, 1, 2)
 
 
-def render_batch(batch: Sequence[ReadyFrame], canvas: Canvas) -> Tensor:
+def render_batch(batch: Sequence[ReadyFrame], texture: MipmappedTexture) -> Tensor:
     """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1]."""
-    return shade(batch, sample_texture(batch, canvas))
+    return shade(batch, sample_texture(batch, texture))
 
 
 def boxes_of(batch: Sequence[ReadyFrame]) -> Tensor:

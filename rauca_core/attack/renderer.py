@@ -20,7 +20,7 @@ from torch import Tensor
 
 from ..contract import Camouflage, Dataset, Frame, RaucaError, save_camouflage
 from ..contract.seeding import named_seed
-from ..render import Canvas, srgb_to_linear
+from ..render import MipmappedTexture, srgb_to_linear
 from .frames import FrameStore, boxes_of, render_batch
 from .lights import LightName
 from .settings import make_settings
@@ -116,7 +116,7 @@ class Renderer:
         if not chosen:
             raise RaucaError("frames: none is named; name one, or leave them out for all")
         batch = [self._store.ready(index) for index in chosen]
-        images = render_batch(batch, Canvas(self._store.pyramid, srgb_to_linear(self._texels(texture))))
+        images = render_batch(batch, MipmappedTexture(self._store.pyramid, srgb_to_linear(self._texels(texture))))
         return images, boxes_of(batch).to(images.device)
 
     def save(self, texture: Tensor, path: Path | str, name: str = "own") -> Path:

@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
-from ..render import Canvas, srgb_to_linear, tap_format
+from ..render import MipmappedTexture, srgb_to_linear, tap_format
 from ..runtime.cpu import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
@@ -151,7 +151,8 @@ class Run:
     def _render(self, batch: list[ReadyFrame], watch: Stopwatch) -> Tensor:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
-            albedo = sample_texture(batch, Canvas(self.store.medium.taps.pyramid, srgb_to_linear(self._painted())))
+            colors = srgb_to_linear(self._painted())
+            albedo = sample_texture(batch, MipmappedTexture(self.store.medium.taps.pyramid, colors))
         with watch.time("environment"):
             return shade(batch, albedo)
 

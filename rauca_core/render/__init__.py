@@ -1,10 +1,9 @@
 """The neural renderer: visibility once per view, then texture to pixels as one sparse linear operator."""
 
 from .cache import FacetSettings, PatternSettings, TapCache, TapRecipe, TapSettings
-from .canvas import Canvas
 from .composite import composite, linear_to_srgb, saturate, srgb_to_linear
 from .facet_texture import bake_facets, cell_positions
-from .pyramid import Pyramid
+from .mipmap import MipmappedTexture, Pyramid
 from .raster.rasterize import Raster, rasterize
 from .sampling import Sampler
 from .sparse import SparseOperator, apply_many
@@ -12,8 +11,8 @@ from .taps import Taps, build_taps, tap_format
 from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pattern
 
 __all__ = [
-    "Canvas",
     "FacetSettings",
+    "MipmappedTexture",
     "PatternSettings",
     "Pyramid",
     "Raster",

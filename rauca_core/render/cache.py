@@ -14,7 +14,7 @@ import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
 from .facet_texture import build_facet_taps, cells_pyramid
-from .pyramid import Pyramid
+from .mipmap import Pyramid
 from .sampling import Sampler
 from .sampling.sampler import TEXTURE_SIZE
 from .taps import FORMAT, Taps, build_taps, tap_format

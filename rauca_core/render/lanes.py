@@ -1,7 +1,7 @@
 """Colors in compiled kernels: red, green and blue as one vector, loaded, scaled and added by one instruction each.
 
 Written per channel, the loops over taps were bound by the processor, not by memory: one vector for three numbers makes
-them a third faster. Rows of four numbers of which the last is spare (see `canvas`) never straddle a cache line, which
+them a third faster. Rows of four numbers of which the last is spare (see `mipmap`) never straddle a cache line, which
 makes them half as long again.
 """
 

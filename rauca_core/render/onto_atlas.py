@@ -13,8 +13,8 @@ from ..contract import Camera, RaucaError, Vehicle
 from .coverage import SUBSAMPLES
 from .filters import filter_table
 from .merge import Rows, merge_pixels
+from .mipmap import Pyramid
 from .product import from_triplets
-from .pyramid import Pyramid
 from .raster.atlas import rasterize_atlas
 from .raster.pattern import pattern
 from .raster.rasterize import Raster

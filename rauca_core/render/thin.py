@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import njit
-from .pyramid import Tree
+from .mipmap import Tree
 
 _UNSEEN, _STAYS, _MERGES = 0, -1, -2  # of a parent; larger numbers count its listed children
 # The light of a pixel holds its paint coverage: a faint pixel may err more. Down to this coverage, not further.

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..contract import Camera, RaucaError, Vehicle
 from .filters import filter_table
 from .merge import filter_fragments
+from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
-from .pyramid import Pyramid
 from .raster.pattern import pattern
 from .raster.rasterize import Raster, rasterize
 from .sampling.fragments import Fragments

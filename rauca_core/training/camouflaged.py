@@ -20,7 +20,7 @@ from torch import Tensor
 from ..contract import RaucaError, load_camouflage
 from ..contract.color import srgb_to_linear
 from ..environment.frames import LightFrames
-from ..render import Canvas, Pyramid, TapCache, TapSettings
+from ..render import MipmappedTexture, Pyramid, TapCache, TapSettings
 from ..runtime.images import read_image
 from .paint import draw_color
 from .samples import Samples
@@ -76,7 +76,7 @@ class CamouflagedSamples(Samples):
         """The frame with paintable texels (P, 3) linear on its vehicle."""
         frame, cache = self.frames.get(index), self._cache(index)
         taps = cache.get(self.frames.camera(index))
-        albedo = Canvas(cache.pyramid, texels).see([taps.rows])
+        albedo = MipmappedTexture(cache.pyramid, texels).sample([taps.rows])
         A, B = (light.float().reshape(3, -1) for light in (frame.A, frame.B))
         pixels = torch.from_numpy(taps.pixels.astype(np.int64))
         lit = A[:, pixels] * albedo.T + B[:, pixels]

@@ -12,7 +12,7 @@ from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.environment import load_exact
-from rauca_core.render import Canvas
+from rauca_core.render import MipmappedTexture
 
 SETTINGS = make_settings(map_size=64, samples=2)
 
@@ -21,7 +21,7 @@ def test_one_color_is_the_light_maps_own_image(dataset: Dataset) -> None:
     store = FrameStore(dataset, SETTINGS)
     batch = [store.ready(i) for i in range(len(store))]
     color = torch.tensor([0.7, 0.2, 0.4])
-    images = render_batch(batch, Canvas(store.pyramid, color.expand(len(store.pyramid.texels), 3)))
+    images = render_batch(batch, MipmappedTexture(store.pyramid, color.expand(len(store.pyramid.texels), 3)))
     reference = srgb_to_linear(np.array(dataset.plan.reference_srgb) / 255)
     for image, frame, box in zip(images, store.frames, boxes_of(batch), strict=True):
         light = load_exact(dataset, frame.id)

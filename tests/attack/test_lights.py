@@ -15,7 +15,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
 from rauca_core.environment.published import PublishedEfe
 from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
-from rauca_core.render import Canvas, linear_to_srgb
+from rauca_core.render import MipmappedTexture, linear_to_srgb
 from rauca_core.runtime.images import read_image
 
 SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
@@ -24,7 +24,7 @@ SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
 def in_color(dataset: Dataset, light: str, color: tuple[float, float, float]) -> tuple[FrameStore, torch.Tensor]:
     store = FrameStore(dataset, make_settings(light=light, **SMALL))
     texels = torch.tensor(color).expand(len(store.pyramid.texels), 3)
-    return store, render_batch([store.ready(0)], Canvas(store.pyramid, texels))[0]
+    return store, render_batch([store.ready(0)], MipmappedTexture(store.pyramid, texels))[0]
 
 
 @pytest.mark.parametrize(("light", "method"), [("transfer", transfer_render), ("none", plain_render)])
@@ -84,7 +84,7 @@ def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weight
     store = FrameStore(dataset, make_settings(light=light, extractor=extractor, **SMALL))
     texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
     batch = [store.ready(i) for i in range(3)]
-    images = render_batch(batch, Canvas(store.pyramid, texels))
+    images = render_batch(batch, MipmappedTexture(store.pyramid, texels))
     images.square().sum().backward()
     assert texels.grad is not None
     assert torch.isfinite(texels.grad).all()
@@ -99,5 +99,5 @@ def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weight
 def test_every_sampler_of_the_literature_can_be_optimized_through(dataset: Dataset, sampler: str) -> None:
     store = FrameStore(dataset, make_settings(sampler=sampler, **SMALL))
     texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
-    render_batch([store.ready(0)], Canvas(store.pyramid, texels)).sum().backward()
+    render_batch([store.ready(0)], MipmappedTexture(store.pyramid, texels)).sum().backward()
     assert texels.grad.abs().sum() > 0

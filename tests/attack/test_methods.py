@@ -30,7 +30,7 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.detect import DensePredictions
-from rauca_core.render import Canvas, srgb_to_linear
+from rauca_core.render import MipmappedTexture, srgb_to_linear
 from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
@@ -115,10 +115,10 @@ def test_uv_map_shows_what_was_optimized(
     with torch.no_grad():
         optimized = render_batch(
             [store.ready(i) for i in indices],
-            Canvas(store.medium.taps.pyramid, srgb_to_linear(run.texture.colors())),
+            MipmappedTexture(store.medium.taps.pyramid, srgb_to_linear(run.texture.colors())),
         )
         deployed = render_batch(
-            [on_map.ready(i) for i in indices], Canvas(on_map.pyramid, srgb_to_linear(run.texture.texels()))
+            [on_map.ready(i) for i in indices], MipmappedTexture(on_map.pyramid, srgb_to_linear(run.texture.texels()))
         )
     run.close()
     painted = np.stack([on_map.ready(i).taps.coverage() > 0.99 for i in indices])

@@ -13,7 +13,7 @@ from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import Detector, car_score, load_detector
-from rauca_core.render import Canvas, srgb_to_linear
+from rauca_core.render import MipmappedTexture, srgb_to_linear
 from rauca_core.runtime.images import read_image
 from tests.published import published_weights
 
@@ -35,8 +35,8 @@ def test_a_few_steps_hide_the_sedan(yolo: Detector, tmp_path: Path, dataset_fact
     batch = [store.ready(i) for i in range(len(store))]
 
     def score(uv_map: torch.Tensor) -> float:
-        canvas = Canvas(store.pyramid, srgb_to_linear(store.pyramid.from_map(uv_map)))
-        return float(car_score(yolo, render_batch(batch, canvas), boxes_of(batch)).mean())
+        texture = MipmappedTexture(store.pyramid, srgb_to_linear(store.pyramid.from_map(uv_map)))
+        return float(car_score(yolo, render_batch(batch, texture), boxes_of(batch)).mean())
 
     image = torch.tensor(read_image(load_camouflage(path)[1])).permute(2, 0, 1) / 255
     before, after = score(torch.full((3, 256, 256), 0.5)), score(image)

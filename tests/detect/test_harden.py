@@ -21,7 +21,7 @@ from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import Detector, load_detector
 from rauca_core.detect.synth import read_card
 from rauca_core.environment.frames import LightFrames
-from rauca_core.render import Canvas, TapSettings
+from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.images import read_image
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
@@ -84,7 +84,7 @@ def test_composed_frames_are_those_of_the_optimizer(data: Dataset, noise: Path, 
     store = FrameStore(data, make_settings(map_size=MAP, samples=SAMPLES, tap_folder=tmp_path / "taps"))
     texels = read_texels(noise.with_suffix(".png"), store.pyramid)
     batch = [store.ready(index) for index in range(len(store))]
-    theirs = render_batch(batch, Canvas(store.pyramid, texels))
+    theirs = render_batch(batch, MipmappedTexture(store.pyramid, texels))
     for index, image in enumerate(theirs):
         ours = worn.plain(index, named_rng("frame", index)).image
         assert (ours - image).abs().max() < 0.003  # 8 bits of the picture around, half precision of the light

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import RaucaError, Vehicle
+from ..mipmap import Pyramid
 from ..product import from_triplets
-from ..pyramid import Pyramid
 from ..raster.atlas import rasterize_atlas
 from ..sparse import SparseOperator
 from .fragments import Fragments

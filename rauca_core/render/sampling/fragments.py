@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ..kernels import njit
-from ..pyramid import Pyramid
+from ..mipmap import Pyramid
 from ..raster.pattern import PLACES
 from ..raster.rasterize import Raster
 

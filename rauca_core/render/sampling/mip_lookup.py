@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ..kernels import njit
-from ..pyramid import Pyramid
+from ..mipmap import Pyramid
 from .fragments import Fragments
 from .surface import Array, Surface, mask_at
 

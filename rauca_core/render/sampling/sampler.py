@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
-from ..pyramid import Pyramid
+from ..mipmap import Pyramid
 from ..raster.rasterize import Raster
 from ..sparse import SparseOperator
 from .facets import facet_fragments, onto_pyramid, tensor_traversal, uv_traversal

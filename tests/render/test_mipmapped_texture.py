@@ -1,4 +1,4 @@
-"""The canvas of a step: the same numbers as levels and views one by one, and a buffer that is always left clear."""
+"""The mipmapped texture of a step: the same numbers as levels and views one by one, and a buffer always left clear."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, Vehicle
-from rauca_core.render import Canvas, Pyramid, Taps, apply_many, build_taps
+from rauca_core.render import MipmappedTexture, Pyramid, Taps, apply_many, build_taps
 
 MAP = 64
 
@@ -29,7 +29,7 @@ def test_sees_and_learns_what_levels_and_operators_do(pyramid: Pyramid, views: l
     operators = [view.rows for view in views]
     start = torch.rand(len(pyramid.texels), 3, generator=torch.Generator().manual_seed(0)).to(dtype)
     texels, others = start.clone().requires_grad_(), start.clone().requires_grad_()
-    seen, wanted = Canvas(pyramid, texels).see(operators), apply_many(operators, pyramid(others))
+    seen, wanted = MipmappedTexture(pyramid, texels).sample(operators), apply_many(operators, pyramid(others))
     assert torch.equal(seen, wanted)
     asked = torch.rand_like(seen)
     seen.backward(asked)
@@ -40,8 +40,8 @@ def test_sees_and_learns_what_levels_and_operators_do(pyramid: Pyramid, views: l
 
 def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: list[Taps]) -> None:
     texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    together = Canvas(pyramid, texels)
-    one, two = (together.see([view.rows]) for view in views)
+    together = MipmappedTexture(pyramid, texels)
+    one, two = (together.sample([view.rows]) for view in views)
     (both,) = torch.autograd.grad(one.square().sum() + two.sum(), texels, retain_graph=True)
     kept = both.clone()
     assert not next(iter(pyramid.spare.values())).any()
@@ -51,25 +51,25 @@ def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: li
     assert torch.equal(both, kept)  # what was handed out stays the caller's
 
 
-def test_two_canvases_may_be_in_work(pyramid: Pyramid, views: list[Taps]) -> None:
+def test_two_textures_may_be_in_work(pyramid: Pyramid, views: list[Taps]) -> None:
     texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    left, right = (Canvas(pyramid, texels).see([view.rows]).square().sum() for view in views)
+    left, right = (MipmappedTexture(pyramid, texels).sample([view.rows]).square().sum() for view in views)
     apart = [torch.autograd.grad(x, texels, retain_graph=True)[0] for x in (left, right)]
     (joint,) = torch.autograd.grad(left + right, texels)
     assert torch.allclose(joint, apart[0] + apart[1], atol=1e-5)
     assert not next(iter(pyramid.spare.values())).any()
 
 
-def test_an_unused_canvas_has_no_gradient(pyramid: Pyramid) -> None:
+def test_an_unused_texture_has_no_gradient(pyramid: Pyramid) -> None:
     texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    pixels = Canvas(pyramid, texels).see([])
+    pixels = MipmappedTexture(pyramid, texels).sample([])
     assert pixels.shape == (0, 3)
     pixels.sum().backward()
     assert not texels.grad.any()
-    assert not Canvas(pyramid, texels.detach()).see([]).requires_grad
+    assert not MipmappedTexture(pyramid, texels.detach()).sample([]).requires_grad
 
 
 def test_gradients_by_finite_differences(pyramid: Pyramid, views: list[Taps]) -> None:
     texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, requires_grad=True)
-    see = lambda t: Canvas(pyramid, t).see([view.rows for view in views])  # noqa: E731
+    see = lambda t: MipmappedTexture(pyramid, t).sample([view.rows for view in views])  # noqa: E731
     assert torch.autograd.gradcheck(see, (texels,), fast_mode=True)
