@@ -94,11 +94,16 @@ def _check(views: Sequence[Path], weathers: Sequence[str]) -> None:
 
 
 def _print(gains: Gains) -> None:
-    from rauca_core.report.hardening_page import HEAD, spoken
+    from rauca_core.report.hardening_page import COLUMNS
+    from rauca_core.report.table import printed
 
-    table = Table(*HEAD, title=f"{gains.vehicle}, {gains.weathers}: {gains.frames} held-out views")
+    numbers = COLUMNS[:-1]
+    table = Table(
+        "paint", *(c.name for c in numbers), title=f"{gains.vehicle}, {gains.weathers}: {gains.frames} held-out views"
+    )
     for gain in (gains.clean, *gains.rows, gains.held_out):
-        share = "–" if gain.recovered is None else spoken(gain.recovered, percent=True)
-        table.add_row(gain.paint, spoken(gain.before), spoken(gain.after), spoken(gain.change, sign=True), share)
+        found = zip((gain.before, gain.after, gain.change, gain.recovered), numbers, strict=True)
+        told = [e and [printed(value, column.kind) for value in (e.ap, e.low, e.high)] for e, column in found]
+        table.add_row(gain.paint, *(f"{one[0]} [{one[1]}, {one[2]}]" if one else "–" for one in told))
     output(100).print(table)
     console.print(f"in brackets: 95 % interval by a bootstrap over {gains.draws}")

@@ -17,7 +17,9 @@ from pipelines.extras import EXTRAS, missing
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
-    "rauca_core/report/report.css",
+    "rauca_core/report/templates/page.html",
+    "rauca_core/report/templates/parts.html",
+    "rauca_core/report/templates/report.css",
     "rauca_core/assets/vehicles/sedan/vehicle.json",
     "rauca_core/assets/weathers/base.json",
     "blender_addon/blender_manifest.toml",

@@ -1,10 +1,9 @@
 """Reports: tables, figures and pages of studies."""
 
 from .ablation_page import write_ablation
-from .frame import frame_of
-from .hardening_page import HardeningNotes, write_hardening
-from .showcase import save_showcase
-from .study_page import ReportNotes, write_report
+from .hardening_page import HardeningNotes, hardening_table, write_hardening
+from .study_page import ReportNotes, save_showcase, write_report
+from .study_tables import frame_of
 from .tradeoff_page import Curve, measure_points, write_curve
 
 __all__ = [
@@ -12,6 +11,7 @@ __all__ = [
     "HardeningNotes",
     "ReportNotes",
     "frame_of",
+    "hardening_table",
     "measure_points",
     "save_showcase",
     "write_ablation",

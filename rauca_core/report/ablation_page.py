@@ -1,37 +1,34 @@
-"""An ablation as one HTML file, and its numbers as CSV and JSON beside it."""
+"""An ablation as one HTML file, and its numbers beside it: its table, the paper's, and what became of its orderings."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from html import escape
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..contract.files import write_bytes
 from ..study.ablations.findings import Findings
 from ..study.ablations.paired import Scores
 from ..study.ablations.verdicts import Outcome, Verdict
-from ..study.results import Estimate
-from . import pages, sections
-from .ablation_tables import FILE, beside_table, gap_table, main_table, paper_table
-from .colors import paint_styles
-from .data_section import anchors_of
-from .grid import FramePicker
-from .maps import maps_of
-from .tables import tables_csv
-from .tables.html import TableWriter
-from .tables.model import AVERAGE
+from ..study.contestants import NORMAL, RANDOM
+from ..study.families import in_table_order
+from ..study.results import MEAN, Estimate
+from ..study.study import Entry
+from .figures import paint_styles
+from .frames import FramePicker
+from .page import SUFFIXES, Bullets, Facts, Grid, Heading, Page, Part, Picture, Section, write_page
+from .pictures import maps_of
+from .published import PaperTable, paper_tables
+from .sections import anchors_of, grid_of, limitations, provenance, published_aside
+from .study_tables import detector_columns, sourced, unique, weathers_title
+from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
-FORMAT = ("rauca-ablation", 1)
 _MARKS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?"}
+_LIMIT = "Several claims are judged at once and each interval is for itself: of twenty true ties one is called."
 
 
 def write_ablation(found: Findings, out: Path) -> list[Path]:
-    """Write ``out`` (.html) and its numbers (.json, .csv) beside it.
+    """Write ``out`` (.html) and its numbers (.csv, .json, .tex) beside it.
 
     Returns:
         What was written, the page first.
@@ -39,57 +36,129 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
     Raises:
         RaucaError: images, detections or camouflages of the study are missing; then nothing was written.
     """
+    study, experiment, base = found.study, found.experiment, out.parent
     scores = found.scores()
-    verdicts, table, paper = found.verdicts(scores), main_table(found, scores), paper_table(found)
-    beside = beside_table(found, scores, paper) if paper else None
-    anchors = {FILE: "data", **anchors_of(found.study, out.parent)}
-    write = TableWriter(paint_styles(found.titles.values()), anchors)
-    body = [
-        _verdicts(found, verdicts),
-        pages.section(table.title, write(table), _reading(found)),
-        *(
-            [pages.section(beside.title, write(beside) + sections.published_aside(paper, write))]
-            if paper and beside
-            else []
-        ),
+    verdicts, main = found.verdicts(scores), _main_table(found, scores, base)
+    tables, compared = [main], []
+    if paper := next((one for one in paper_tables() if one.beside == experiment.paper), None):
+        tables.append(_beside_table(found, scores, paper, base))
+        compared = [Section(tables[-1].title, [tables[-1], published_aside(paper)])]
+    orderings = []
+    if verdicts:
+        tables.append(_gaps(found, verdicts))
+        orderings = [_orderings(found, verdicts, tables[-1])]
+    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
+    sections = [
+        *orderings,
+        Section(main.title, [main], _reading(found)),
+        *compared,
         _pictures(found),
         _settings(found),
-        _data(found, out),
-        sections.limitations(found.study, _limits(found)),
+        provenance(study, base, beside, {}, timings_s=found.timings_s),
+        limitations(study, [_LIMIT]),
     ]
-    lead = "".join(pages.paragraph(line, "lead") for line in _headline(verdicts))
-    header = f"<h1>{escape(found.experiment.title)}</h1><p>{escape(found.experiment.question)}</p>{lead}"
-    footer = f"Written by rauca {escape(__version__)}. Every table and picture is inside this file."
-    files = {
-        ".html": pages.page(found.experiment.title, header, body, footer).encode(),
-        ".json": _json(found, scores, verdicts),
-        ".csv": tables_csv([table, *([beside] if beside else [])]),
-    }
-    for suffix, data in files.items():
-        write_bytes(out.with_suffix(suffix), data)
-    return [out.with_suffix(suffix) for suffix in files]
+    styles = paint_styles(found.titles.values())
+    page = Page(experiment.title, experiment.question, _lead(verdicts), sections, styles, anchors_of(study, base))
+    return write_page(out, page, tables, study.command, _about(found, verdicts))
 
 
-def _headline(verdicts: Sequence[Verdict]) -> list[str]:
+def _lead(verdicts: Sequence[Verdict]) -> list[str]:
     counts = Counter(verdict.outcome for verdict in verdicts if verdict.claim.by == "the paper")
-    if not counts:
-        return []
     told = ", ".join(f"{counts[outcome]} {outcome}" for outcome in _MARKS if counts[outcome])
-    return [f"Of the paper's orderings: {told}."]
+    return [f"Of the paper's orderings: {told}."] if told else []
 
 
-def _verdicts(found: Findings, verdicts: Sequence[Verdict]) -> str:
+def _main_table(found: Findings, scores: Scores, base: Path) -> Table:
+    """AP of every row and detector, a block per set of weathers."""
+    names = in_table_order(list(scores.detectors))
+    blocks = []
+    for entry in found.study.entries:
+        rows = []
+        for row, title in found.titles.items():
+            attacked = found.attacked if row not in (NORMAL, RANDOM) else ()
+            cells = [_cell(found, scores, row, entry, [name], base, name in attacked) for name in names]
+            rows.append(Row(title, (*cells, _cell(found, scores, row, entry, found.detectors, base))))
+        blocks.append(Block(weathers_title(entry.weathers), tuple(rows)))
+    left_out = " but this project's own" if len(found.detectors) < len(names) else ""
+    repeats = f", mean of {found.seeds} optimizations" if found.seeds > 1 else ""
+    category = found.study.entries[0].category.capitalize()
+    caption = f"{category} AP@0.5{repeats}; the average is over all detectors{left_out}."
+    columns = (*detector_columns(names, found.attacked), Column(AVERAGE))
+    return Table(f"ablation-{found.experiment.name}", found.experiment.title, caption, columns, tuple(blocks))
+
+
+def _cell(
+    found: Findings,
+    scores: Scores,
+    row: str,
+    entry: Entry,
+    detectors: Sequence[str],
+    base: Path,
+    white_box: bool = False,
+) -> Cell:
+    """AP of a row; where it is a mean, its source is what holds all of its parts."""
+    estimate, paints = scores.ap(row, detectors, [entry.weathers]), found.paints[row]
+    every = list(detectors) == list(entry.results.detectors)
+    column = [detectors[0]] if len(detectors) == 1 else [MEAN] if every else []
+    keys = ("table", paints[0], *column) if len(paints) == 1 else ("table",)
+    return sourced(estimate, entry, base, *keys, white_box=white_box)
+
+
+def _beside_table(found: Findings, scores: Scores, paper: PaperTable, base: Path) -> Table:
+    """Averages of ours and of the paper's rows, side by side."""
+    blocks, entries = paper.table.blocks, found.study.entries
+    names = {NORMAL: "Normal", RANDOM: "Random", **{v.key: v.paper_row for v in found.variants}}
+    rows = []
+    for row, title in found.titles.items():
+        ours = [_cell(found, scores, row, entry, found.detectors, base) for entry in entries]
+        rows.append(Row(title, (*ours, *(_printed(block, names[row], paper.number) for block in blocks))))
+    columns = [
+        *(Column(weathers_title(entry.weathers), "measured here") for entry in entries),
+        *(Column(block.title or "its views", f"the paper's Table {paper.number}") for block in blocks),
+    ]
+    caption = "AP@0.5 averaged over detectors: ours and the paper's. Compare the order and the gaps, not the digits."
+    key = f"beside-{found.experiment.name}"
+    return Table(key, "Beside the paper", caption, tuple(columns), (Block("", tuple(rows)),))
+
+
+def _printed(block: Block, name: str | None, table: int) -> Cell | None:
+    """The paper's average in a row of that name; None where it printed none."""
+    row = next((row.cells[-1] for row in block.rows if row.name == name), None)
+    return None if row is None else Cell(row.value, source=Source(f"the paper, Table {table}", (str(name), AVERAGE)))
+
+
+def _orderings(found: Findings, verdicts: Sequence[Verdict], gaps: Table) -> Section:
     lines = [f"{_MARKS[verdict.outcome]} {verdict.sentence(found.titles)}" for verdict in verdicts]
-    head, *rows = gap_table(found, verdicts)
-    seeds = max(len(paints) for paints in found.paints.values())
     note = (
         "A gap is AP@0.5 of one camouflage minus that of another on the same frames; its 95 % interval is a bootstrap "
         f"over {found.study.entries[0].results.clusters}, both in the same places"
-        + (" and over optimizations" if seeds > 1 else "")
+        + (" and over optimizations" if found.seeds > 1 else "")
         + ". Confirmed: the interval lies above 0; refuted: below; undecided: it holds 0."
-        + ("" if seeds > 1 else " One optimization each: the luck of a seed is not in the intervals.")
+        + ("" if found.seeds > 1 else " One optimization each: the luck of a seed is not in the intervals.")
     )
-    return pages.section("Orderings", pages.bullets(lines) + _listing(head, rows), note)
+    return Section("Orderings", [Bullets(lines), gaps], note)
+
+
+def _gaps(found: Findings, verdicts: Sequence[Verdict]) -> Table:
+    """What decides the verdicts: a row per pair, its gap over all views and those of parts."""
+    comparisons = [(verdict, one) for verdict in verdicts for one in verdict.comparisons]
+    scopes = unique(scope for _, one in comparisons for scope in one.by_scope)
+    rows = []
+    for verdict, one in comparisons:
+        gaps = [_gap(one.gap), *(_gap(one.by_scope[scope]) if scope in one.by_scope else None for scope in scopes)]
+        told = Cell(found.titles[one.worse]), *gaps, Cell(one.outcome), Cell(verdict.claim.by)
+        rows.append(Row(found.titles[one.better], told))
+    names = ["gap, all views", *(f"gap, {scope}" for scope in scopes)]
+    columns = (
+        Column("higher AP claimed", kind="text"),
+        *(Column(name, kind="change") for name in names),
+        *(Column(name, kind="text") for name in ("outcome", "claim of")),
+    )
+    return listing("gaps", "lower AP claimed", columns, tuple(rows), "Orderings")
+
+
+def _gap(gap: Estimate) -> Cell:
+    return Cell(gap.ap, gap.low, gap.high)
 
 
 def _reading(found: Findings) -> str:
@@ -100,101 +169,28 @@ def _reading(found: Findings) -> str:
     )
 
 
-def _pictures(found: Findings) -> str:
+def _pictures(found: Findings) -> Section:
     """A row per camouflage: its UV map, and the frames that the report's rule picks, with what a detector found."""
-    picker = FramePicker(found.study.entries)
+    picker, entries = FramePicker(found.study.entries), found.study.entries
     detector = (found.white_box or found.detectors)[0]
-    grid = picker.grid(detector)
-    maps = {record.name: jpeg for record, jpeg in maps_of(found.study.entries)}
+    grid, jpegs = grid_of(picker, detector), {record.name: jpeg for record, jpeg in maps_of(entries)}
     rows = {
         found.titles_of_paints[paint]: [
-            pages.image(maps[paint], "image/jpeg", f"UV map of {paint}") if paint in maps else "",
-            *(pages.image(tile, "image/jpeg", f"{paint} seen by {detector}") for tile in tiles),
+            Picture(jpegs[paint], f"UV map of {paint}") if paint in jpegs else None,
+            *pictures,
         ]
-        for paint, tiles in grid.rows.items()
+        for paint, pictures in grid.rows.items()
     }
     note = f"UV maps, and the same frames rendered by Cycles in each, with what {detector} finds. {picker.rule}"
-    return pages.section("Pictures", pages.picture_grid(["UV map", *grid.titles], rows), note)
+    return Section("Pictures", [Grid(["UV map", *grid.titles], rows)], note)
 
 
-def _settings(found: Findings) -> str:
-    rows = [(found.titles[key], _told(settings) or "–") for key, settings in found.settings.items()]
-    body = _listing(("variant", "settings of its own"), rows) + "<h3>Common to all</h3>" + pages.facts(found.common)
-    notes = found.experiment.notes
-    return pages.section("Settings", pages.bullets(notes) + body if notes else body)
-
-
-def _data(found: Findings, out: Path) -> str:
-    files = ", ".join(f'<a href="{out.stem}{suffix}">{escape(out.stem + suffix)}</a>' for suffix in (".json", ".csv"))
-    entries = found.study.entries
-    rows = [
-        (entry.weathers, str(len(entry.results.frames)), f"{entry.results.cluster_count} {entry.results.clusters}",
-         f"{entry.weathers}/results.json")
-        for entry in entries
-    ]  # fmt: skip
-    body = (
-        '<div id="data">' + pages.commands([found.study.command])
-        + _listing(("weathers", "frames", "bootstrap draws", "file"), rows)
-        + f'<p class="note">All numbers of this page, at full precision: {files}.</p></div>'
-    )  # fmt: skip
-    if found.timings_s:
-        body += "<h3>Time taken</h3>" + pages.facts({stage: f"{s:.0f} s" for stage, s in found.timings_s.items()})
-    return pages.section("Where the numbers come from", body)
-
-
-def _limits(found: Findings) -> list[str]:
-    return ["Several claims are judged at once and each interval is for itself: of twenty true ties one is called."]
-
-
-def _json(found: Findings, scores: Scores, verdicts: Sequence[Verdict]) -> bytes:
-    name, version = FORMAT
-    value: dict[str, Any] = {
-        "format": name,
-        "version": version,
-        "experiment": found.experiment.name,
-        "command": found.study.command,
-        "detectors_of_average": found.detectors,
-        "attacked": list(found.attacked),
-        "rows": found.titles,
-        "paints": {row: list(paints) for row, paints in found.paints.items()},
-        "scores": {weathers: _scores(found, scores, weathers) for weathers in scores.weathers},
-        "verdicts": [_verdict(verdict, found) for verdict in verdicts],
-        "common": found.common,
-        "settings": found.settings,
-        "timings_s": found.timings_s,
-    }
-    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
-
-
-def _scores(found: Findings, scores: Scores, weathers: str) -> dict[str, dict[str, Any]]:
-    return {
-        row: {
-            **{name: asdict(scores.ap(row, [name], [weathers])) for name in scores.detectors},
-            AVERAGE: asdict(scores.ap(row, found.detectors, [weathers])),
-        }
-        for row in found.titles
-    }
-
-
-def _verdict(verdict: Verdict, found: Findings) -> dict[str, Any]:
-    def gap(value: Estimate) -> dict[str, float]:
-        return {"gap": value.ap, "low": value.low, "high": value.high}
-
-    return {
-        "by": verdict.claim.by,
-        "outcome": verdict.outcome,
-        "sentence": verdict.sentence(found.titles),
-        "comparisons": [
-            {
-                "better": one.better,
-                "worse": one.worse,
-                "outcome": one.outcome,
-                **gap(one.gap),
-                "parts": {scope: gap(value) for scope, value in one.by_scope.items()},
-            }
-            for one in verdict.comparisons
-        ],
-    }
+def _settings(found: Findings) -> Section:
+    rows = [Row(found.titles[key], (Cell(_told(settings) or "–"),)) for key, settings in found.settings.items()]
+    own = listing("settings", "variant", (Column("settings of its own", kind="text"),), tuple(rows))
+    parts: list[Part] = [Bullets(found.experiment.notes)] if found.experiment.notes else []
+    parts += [own] if rows else []
+    return Section("Settings", [*parts, Heading("Common to all"), Facts(found.common)])
 
 
 def _told(settings: Mapping[str, Any]) -> str:
@@ -204,8 +200,17 @@ def _told(settings: Mapping[str, Any]) -> str:
     )
 
 
-def _listing(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    titles = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    table = f'<table class="listing"><thead><tr>{titles}</tr></thead><tbody>{body}</tbody></table>'
-    return f'<div class="scroll">{table}</div>'
+def _about(found: Findings, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    return {
+        "experiment": found.experiment.name,
+        "detectors_of_average": found.detectors,
+        "attacked": list(found.attacked),
+        "paints": {row: list(paints) for row, paints in found.paints.items()},
+        "verdicts": [
+            {"by": verdict.claim.by, "outcome": verdict.outcome, "sentence": verdict.sentence(found.titles)}
+            for verdict in verdicts
+        ],
+        "common": dict(found.common),
+        "settings": {row: dict(settings) for row, settings in found.settings.items()},
+        "timings_s": dict(found.timings_s),
+    }

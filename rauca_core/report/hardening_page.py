@@ -1,25 +1,24 @@
-"""The report of a hardening: one HTML file, its numbers beside it as CSV and JSON."""
+"""A detector before and after hardening as one HTML file, and its numbers beside it."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 
-from .. import __version__
-from ..contract.files import write_bytes
 from ..study.hardening import Gain, Gains
 from ..study.results import Estimate
-from ..study.study import Entry
-from . import pages
-from .grid import PICTURE_THRESHOLD, FramePicker
+from ..study.study import Entry, Study
+from .frames import FramePicker
+from .page import SUFFIXES, Bullets, Grid, Page, Section, write_page
+from .sections import anchors_of, grid_of, provenance
+from .study_tables import sourced
+from .table import Cell, Column, Row, Table, listing, printed
 
-FORMAT = ("rauca-hardening-report", 1)
-HEAD = ("paint", "AP@0.5 before", "after", "change", "recovered")
+COLUMNS = (
+    Column("AP@0.5 before"), Column("after"), Column("change", kind="change"), Column("recovered", kind="share"),
+    Column("made", kind="text"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class HardeningNotes:
 
 
 def write_hardening(gains: Sequence[Gains], entries: Sequence[Entry], out: Path, notes: HardeningNotes) -> list[Path]:
-    """Write the page to ``out`` (.html), and ``.csv`` and ``.json`` beside it; returns all, the page first.
+    """Write the page to ``out`` (.html), and its numbers (.csv, .json, .tex) beside it; returns all, the page first.
 
     Args:
         gains: one for each of ``entries``.
@@ -50,106 +49,63 @@ def write_hardening(gains: Sequence[Gains], entries: Sequence[Entry], out: Path,
     Raises:
         RaucaError: images or detections that are missing or have changed; then nothing was written.
     """
-    title = f"{notes.before}, hardened"
+    study, base = Study(notes.command, tuple(entries)), out.parent
+    tables = [hardening_table(one, entry, base, notes) for one, entry in zip(gains, entries, strict=True)]
+    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
     sections = [
-        *(_table(one, notes) for one in gains),
+        *(Section(table.title, [table], _reading(one)) for table, one in zip(tables, gains, strict=True)),
         *(_pictures(entry, notes) for entry in entries),
-        pages.section("How it was made", pages.commands([notes.command]) + pages.facts(notes.facts)),
-        pages.section("What this does not say", pages.bullets(notes.limitations)),
+        provenance(study, base, beside, notes.facts),
+        Section("What this does not say", [Bullets(notes.limitations)]),
     ]
-    header = f"<h1>{escape(title)}</h1>" + "".join(pages.paragraph(_sentence(one), "lead") for one in gains)
-    page = pages.page(title, header, sections, f"Written by rauca {escape(__version__)}.")
-    files = {".html": page.encode(), ".csv": _csv(gains).encode(), ".json": _json(gains, notes).encode()}
-    for suffix, data in files.items():
-        write_bytes(out.with_suffix(suffix), data)
-    return [out.with_suffix(suffix) for suffix in files]
+    page = Page(
+        f"{notes.before}, hardened", "", [_sentence(one) for one in gains], sections, {}, anchors_of(study, base)
+    )
+    about = {
+        "before": notes.before, "after": notes.after, "made": dict(notes.notes), "settings": dict(notes.facts),
+    }  # fmt: skip
+    return write_page(out, page, tables, notes.command, about)
+
+
+def hardening_table(gains: Gains, entry: Entry, base: Path, notes: HardeningNotes) -> Table:
+    """A row per paint, the vehicle's own first and the mean over the held-out ones last."""
+
+    def row(gain: Gain, *keys: str) -> Row:
+        def cell(estimate: Estimate, *detector: str) -> Cell:
+            return sourced(estimate, entry, base, "table", *keys, *(detector if keys else ()))
+
+        share = None if gain.recovered is None else cell(gain.recovered)
+        told = cell(gain.before, notes.before), cell(gain.after, notes.after), cell(gain.change), share
+        return Row(gain.paint, (*told, Cell(notes.notes.get(gain.paint, ""))))
+
+    title = f"Before and after: {gains.vehicle}, {gains.weathers}"
+    rows = (*(row(gain, gain.paint) for gain in (gains.clean, *gains.rows)), row(gains.held_out))
+    return listing(f"hardening-{gains.vehicle}-{gains.weathers}", "paint", COLUMNS, rows, title)
 
 
 def _sentence(gains: Gains) -> str:
     mean, clean = gains.held_out, gains.clean
     share = "nothing was lost" if mean.recovered is None else f"{mean.recovered.ap:.0%} of the loss recovered"
     return (
-        f"{gains.vehicle}, {gains.weathers} weathers: on held-out camouflages AP@0.5 {mean.before.ap:.3f} before and "
-        f"{mean.after.ap:.3f} after ({share}); in its own paint {clean.before.ap:.3f} before and {clean.after.ap:.3f} "
-        "after."
+        f"{gains.vehicle}, {gains.weathers} weathers: on held-out camouflages AP@0.5 {printed(mean.before.ap)} before "
+        f"and {printed(mean.after.ap)} after ({share}); in its own paint {printed(clean.before.ap)} before and "
+        f"{printed(clean.after.ap)} after."
     )
 
 
-def _table(gains: Gains, notes: HardeningNotes) -> str:
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in (*HEAD, "made"))
-    rows = "".join(_row(gain, notes) for gain in (gains.clean, *gains.rows, gains.held_out))
-    body = (
-        f'<div class="scroll"><table class="listing"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+def _reading(gains: Gains) -> str:
+    return (
+        f"{gains.frames} held-out views rendered by Cycles in every paint. Below each value: its 95 % interval, by a "
+        f"bootstrap over {gains.draws}, shared by all rows and both detectors. Recovered: (after - before) / (own "
+        "paint before - before); 100 % means as good as the first detector was on the plain vehicle."
     )
-    note = (
-        f"{gains.frames} held-out views rendered by Cycles in every paint. In brackets: 95 % intervals by a bootstrap "
-        f"over {gains.draws}, shared by all rows and both detectors. Recovered: (after - before) / (own paint before "
-        "- before); 100 % means as good as the first detector was on the plain vehicle."
-    )
-    return pages.section(f"Before and after: {gains.vehicle}, {gains.weathers}", body, note)
 
 
-def _row(gain: Gain, notes: HardeningNotes) -> str:
-    share = "–" if gain.recovered is None else spoken(gain.recovered, percent=True)
-    cells = [spoken(gain.before), spoken(gain.after), spoken(gain.change, sign=True), share]
-    cells.append(notes.notes.get(gain.paint, ""))
-    return f'<tr><th scope="row">{escape(gain.paint)}</th>' + "".join(f"<td>{escape(c)}</td>" for c in cells) + "</tr>"
-
-
-def spoken(estimate: Estimate, percent: bool = False, sign: bool = False) -> str:
-    """An estimate with its interval, as tables show it."""
-    if percent:
-        return f"{estimate.ap:.0%} [{estimate.low:.0%}, {estimate.high:.0%}]"
-    plus = "+" if sign else ""
-    return f"{estimate.ap:{plus}.3f} [{estimate.low:{plus}.2f}, {estimate.high:{plus}.2f}]"
-
-
-def _pictures(entry: Entry, notes: HardeningNotes) -> str:
+def _pictures(entry: Entry, notes: HardeningNotes) -> Section:
     """The same views before and after, paint by paint."""
     picker = FramePicker([entry])
-    grids = {when: picker.grid(name) for when, name in (("before", notes.before), ("after", notes.after))}
-    titles = grids["before"].titles
-    rows = {
-        f"{paint}, {when}": [
-            pages.image(tile, "image/jpeg", f"{paint}, {title.replace(chr(10), ', ')}, {when} hardening")
-            for title, tile in zip(titles, grid.rows[paint], strict=True)
-        ]
-        for paint in picker.paints
-        for when, grid in grids.items()
-    }
-    note = (
-        f"{picker.rule} Cut out around the vehicle. Thin white: the true box. Detections that score "
-        f"{PICTURE_THRESHOLD} or more: blue finds the {entry.category}, red reports one elsewhere, yellow takes it, or "
-        "something else, for another thing."
-    )
+    before, after = grid_of(picker, notes.before, ", before hardening"), grid_of(picker, notes.after, ", after it")
+    grids = {"before": before, "after": after}
+    rows = {f"{paint}, {when}": grid.rows[paint] for paint in picker.paints for when, grid in grids.items()}
     title = f"What the detector sees: {entry.vehicle}, {entry.weathers}"
-    return pages.section(title, pages.picture_grid(titles, rows), note)
-
-
-def _csv(gains: Sequence[Gains]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    ends = ("ap", "low", "high")
-    names = [f"{what}_{end}" for what in ("before", "after", "change", "recovered") for end in ends]
-    writer.writerow(["vehicle", "weathers", "paint", *names])
-    for one in gains:
-        for gain in (one.clean, *one.rows, one.held_out):
-            found = (gain.before, gain.after, gain.change, gain.recovered)
-            values = [getattr(estimate, end) if estimate else "" for estimate in found for end in ends]
-            writer.writerow([one.vehicle, one.weathers, gain.paint, *values])
-    return stream.getvalue()
-
-
-def _json(gains: Sequence[Gains], notes: HardeningNotes) -> str:
-    name, version = FORMAT
-    value = {
-        "format": name,
-        "version": version,
-        "command": notes.command,
-        "before": notes.before,
-        "after": notes.after,
-        "made": dict(notes.notes),
-        "settings": dict(notes.facts),
-        "gains": [one.to_json() for one in gains],
-    }
-    return json.dumps(value, indent=1, allow_nan=False) + "\n"
+    return Section(title, [Grid(before.titles, rows)], picker.reading)

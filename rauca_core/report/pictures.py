@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from ..contract import Camouflage, Dataset, load_camouflage
 from ..detect import canonical
 from ..runtime.images import read_image
 from ..study.average_precision import IOU_THRESHOLD
 from ..study.bootstrap import box_overlaps
 from ..study.detection_cache import Found
+from ..study.study import Entry
 
 TILE = 300  # pixels across a picture of the grid
 MAP = 512  # and a UV map
@@ -105,6 +108,25 @@ def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8] | None) -> bytes:
     )
     pixels[edge] = (20, 24, 30)
     return _jpeg(Image.fromarray(pixels.astype(np.uint8)))
+
+
+def maps_of(entries: Sequence[Entry]) -> list[tuple[Camouflage, bytes]]:
+    """Every camouflage once, with its UV map as JPEG, its paintable part outlined where the study names its views.
+
+    Raises:
+        RaucaError: a camouflage that is missing, damaged, or made for another UV atlas than the views' vehicle.
+    """
+    found = {path.resolve(): (path, entry) for entry in entries for path in entry.camouflages.values()}
+    return [_map(path, entry) for path, entry in found.values()]
+
+
+def _map(path: Path, entry: Entry) -> tuple[Camouflage, bytes]:
+    camouflage, uv_map = load_camouflage(path)
+    if entry.views is None:
+        return camouflage, map_picture(uv_map, None)
+    views = Dataset(entry.views)
+    camouflage.check_fits(views.plan.atlas_id, str(path))
+    return camouflage, map_picture(uv_map, read_image(views.vehicle_folder / "paint_mask.png"))
 
 
 def _thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:

@@ -1,61 +1,24 @@
-"""The sections of the report, each from the part of the study that it shows."""
+"""Sections that pages of several kinds share."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
-from html import escape
+from pathlib import Path
 
-from ..study.defended import NO_DEFENCE
-from ..study.families import family_of, in_table_order
+from ..study.families import family_of, in_table_order, is_own
 from ..study.study import Entry, Study
-from . import pages, plots
-from .colors import Style
-from .grid import PICTURE_THRESHOLD, FramePicker
-from .maps import maps_of
-from .tables import PaperTable, Table, odd_averages, paper_tables, white_box_of
-from .tables.html import TableWriter
-from .tables.of_study import unique, vehicles_of, weathers_title
+from .frames import FramePicker
+from .page import Aside, Bullets, Commands, Facts, Figure, Figures, Grid, Heading, Note, Part, Picture, Section
+from .pictures import maps_of
+from .published import PaperTable, odd_averages
+from .study_tables import defence_title, results_file, unique, vehicles_of, weathers_title, white_box_of
+from .table import Cell, Column, Row, Table, listing
 
-MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
 MAX_MAPS = 8
 
 
-def tables(drawn: Sequence[Table], study: Study, write: TableWriter) -> list[str]:
-    """A section per table; under the last of its kind, what the paper printed."""
-    published = {paper.beside: paper for paper in paper_tables()}
-    sections = []
-    for index, table in enumerate(drawn):
-        kind = _kind(table)
-        last = all(_kind(other) != kind for other in drawn[index + 1 :])
-        body = write(table) + (published_aside(published[kind], write) if last and kind in published else "")
-        sections.append(pages.section(table.title, body, "" if index else _reading(drawn, study)))
-    return sections
-
-
-def _kind(table: Table) -> str:
-    return table.key.partition("-")[0]
-
-
-def _reading(drawn: Sequence[Table], study: Study) -> str:
-    """How to read the tables, said above the first."""
-    first = study.entries[0].results
-    columns = [column for table in drawn for column in table.columns]
-    notes = [
-        "AP@0.5 from 0 to 1; the lower, the better the camouflage. Lowest in bold, second underlined; values that "
-        "print alike share the rank, and the vehicle's normal paint takes no part.",
-        f"Below each value: its 95 % interval, by bootstrap over {first.clusters}.",
-    ]
-    if any(column.white_box for column in columns):
-        notes.append("White-box: a camouflage was optimized against this detector (shaded where the two meet).")
-    if any(column.own for column in columns):
-        notes.append(
-            "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
-            "average leaves them out."
-        )
-    return " ".join(notes)
-
-
-def published_aside(paper: PaperTable, write: TableWriter) -> str:
+def published_aside(paper: PaperTable) -> Aside:
     """The paper's table, marked off from ours."""
     notes = [
         "As printed, not measured here: another simulator, vehicle and places, and other detectors, so compare the "
@@ -65,99 +28,36 @@ def published_aside(paper: PaperTable, write: TableWriter) -> str:
         notes.append("Its groups are kept: it counts DDTR, a transformer, among the single-stage detectors.")
     if odd := odd_averages(paper.table):
         notes.append(f"Printed averages that are not the mean of their row: {'; '.join(odd)}.")
-    return (
-        f'<aside class="published"><h3>{paper.table.title}: published figures</h3>'
-        f"{pages.paragraph(' '.join(notes))}{write(paper.table)}</aside>"
-    )
+    return Aside(f"{paper.table.title}: published figures", " ".join(notes), paper.table)
 
 
-def curves(drawn: Mapping[str, Sequence[Table]], styles: Mapping[str, Style], write: TableWriter) -> list[str]:
-    """A panel of plots per set of weathers."""
-    note = (
-        "AP@0.5, mean over detectors, of all undefended frames that share a value, whatever else they vary in (nominal "
-        "camera, before jitter). Bands and whiskers: 95 % intervals. The numbers are below each plot."
-    )
-    panels = []
-    for weathers, some in drawn.items():
-        if not some:
-            continue
-        paints = [row.name for row in some[0].blocks[0].rows]
-        title = f"<h3>{escape(weathers_title(weathers))}</h3>" if len(drawn) > 1 else ""
-        plotted = "".join(_curve(curve, styles, write) for curve in some)
-        legend = pages.legend({paint: styles[paint] for paint in paints})
-        panels.append(f'{title}{legend}<div class="plots">{plotted}</div>')
-    return [pages.section("Along camera and weather", "".join(panels), note)] if panels else []
-
-
-def _curve(curve: Table, styles: Mapping[str, Style], write: TableWriter) -> str:
-    drawn = pages.drawing(plots.themed(plots.curve_svg(curve, styles)), f"AP@0.5 of every paint: {curve.caption}")
-    numbers = f"<details><summary>Numbers</summary>{write(curve)}</details>"
-    return pages.figure(drawn, curve.caption, numbers, "ring" if plots.is_ring(curve) else "")
-
-
-def pictures(study: Study) -> list[str]:
-    """Grids of the first vehicle's frames for the detectors that were attacked, then one of every other family."""
-    entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
-    if not entries:
-        return []
-    picker = FramePicker(entries)
-    size = picker.columns * len(picker.paints)
-    asked = shown_detectors(entries)
-    shown = asked[: max(1, MAX_PICTURES // size)]
-    grids = "".join(_grid(picker, name) for name in shown)
-    note = (
-        f"{picker.rule} Cut out around the vehicle. Thin white: the true box. Detections that score "
-        f"{PICTURE_THRESHOLD} or more: blue finds the {entries[0].category}, red reports one elsewhere, yellow takes "
-        "it, or something else, for another thing."
-    )
-    if left := asked[len(shown) :]:
-        note += f" Left out for the page's size: {', '.join(left)}."
-    return [pages.section("What detectors see", grids, note)]
-
-
-def shown_detectors(entries: Sequence[Entry]) -> list[str]:
-    """Those that were attacked, then the first of every other family."""
-    names = in_table_order(list(entries[0].results.detectors))
-    met = {name for entry in entries for against in white_box_of(entry).values() for name in against}
-    attacked = [name for name in names if name in met]
-    families = {family_of(name) for name in attacked}
-    others = [next(n for n in names if family_of(n) == f) for f in unique(map(family_of, names)) if f not in families]
-    return [*attacked, *others]
-
-
-def _grid(picker: FramePicker, detector: str) -> str:
+def grid_of(picker: FramePicker, detector: str, when: str = "") -> Grid:
+    """What a detector saw in the chosen frames, a row per paint; ``when`` is added to the pictures' descriptions."""
     grid = picker.grid(detector)
+    titles = [title.replace("\n", ", ") for title in grid.titles]
     rows = {
         paint: [
-            pages.image(tile, "image/jpeg", f"{paint}, {title.replace(chr(10), ', ')}, seen by {detector}")
-            for title, tile in zip(grid.titles, tiles, strict=True)
+            Picture(tile, f"{paint}, {title}, seen by {detector}{when}")
+            for title, tile in zip(titles, tiles, strict=True)
         ]
         for paint, tiles in grid.rows.items()
     }
-    return f"<h3>{escape(detector)}</h3>" + pages.picture_grid(grid.titles, rows)
+    return Grid(grid.titles, rows)
 
 
-def maps(study: Study) -> list[str]:
+def maps(entries: Sequence[Entry]) -> list[Section]:
     """The UV maps of all camouflages, each once."""
-    drawn, every = [], maps_of(study.entries)
+    drawn, every = [], maps_of(entries)
     for camouflage, jpeg in every[:MAX_MAPS]:
         caption = f"{camouflage.name} for the {camouflage.vehicle_name}: {camouflage.size} × {camouflage.size} texels"
-        drawn.append(pages.figure(pages.image(jpeg, "image/jpeg", f"UV map {caption}"), caption))
+        drawn.append(Figure(Picture(jpeg, f"UV map {caption}"), caption))
     note = "sRGB UV maps over the vehicle's atlas; outlined: paint that may change; faded: never seen on the vehicle."
     if len(every) > MAX_MAPS:
         note += f" The first {MAX_MAPS} of {len(every)}."
-    return [pages.section("UV maps", f'<div class="maps">{"".join(drawn)}</div>', note)] if drawn else []
+    return [Section("UV maps", [Figures("maps", drawn)], note)] if drawn else []
 
 
-def training(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> list[str]:
-    if not histories:
-        return []
-    drawn = pages.drawing(plots.themed(plots.history_svg(histories)), "loss against optimization step")
-    figure = pages.figure(drawn, "Each term of the loss against the optimization step.", kind="history")
-    return [pages.section("Optimization", figure)]
-
-
-def limitations(study: Study, more: Sequence[str]) -> str:
+def limitations(study: Study, more: Sequence[str]) -> Section:
     general = [
         "Rendered frames are not photographs: what holds here need not hold for a real vehicle, camera and paint.",
         "The intervals say how much the numbers would move with other draws of what the bootstrap draws; other towns, "
@@ -167,4 +67,80 @@ def limitations(study: Study, more: Sequence[str]) -> str:
     fewest = min(len(entry.results.frames) for entry in study.entries)
     if fewest < 100:
         general.append(f"{fewest} frames are few: read small differences with care.")
-    return pages.section("Limitations", pages.bullets([*general, *more]))
+    return Section("Limitations", [Bullets([*general, *more])])
+
+
+def anchors_of(study: Study, base: Path) -> dict[str, str]:
+    """File of results, relative to ``base`` -> id of its row on the page."""
+    return {results_file(entry, base): f"data-{number}" for number, entry in enumerate(study.entries, start=1)}
+
+
+def provenance(
+    study: Study,
+    base: Path,
+    beside: Sequence[str],
+    settings: Mapping[str, object],
+    commands: Sequence[str] = (),
+    timings_s: Mapping[str, float] | None = None,
+) -> Section:
+    """Where every number comes from: commands, files, detectors, settings.
+
+    Args:
+        base: the page's folder.
+        beside: names of the files that hold the page's numbers.
+        commands: more than the study's own.
+        timings_s: stage -> seconds.
+    """
+    first = study.entries[0].results
+    counted = {
+        "lowest score counted": first.settings.score_threshold,
+        "overlap of non-maximum suppression": first.settings.iou_threshold,
+        "bootstrap": f"{first.resamples} resamples of {first.clusters}, seed {first.seed}, 95 % interval",
+    }
+    parts: list[Part] = [
+        Heading("Command"),
+        Commands(unique([study.command, *commands])),
+        Heading("Results"),
+        _results(study, base),
+        Note("All numbers of this page, at full precision:", beside),
+        Heading("Detectors"),
+        _detectors(study),
+        Heading("Settings"),
+        Facts({**counted, **settings}),
+    ]
+    if timings_s:
+        parts += [Heading("Time taken"), Facts({stage: f"{seconds:.1f} s" for stage, seconds in timings_s.items()})]
+    note = "Each number above links to its row below; hover over it for the place inside the file."
+    return Section("Where the numbers come from", parts, note)
+
+
+def _results(study: Study, base: Path) -> Table:
+    several = len(vehicles_of(study)) > 1
+    names = ["vehicle"] * several + ["defence", "frames", "left out", "bootstrap draws", "file"]
+    anchors = anchors_of(study, base)
+    rows = []
+    for entry in study.entries:
+        results, file = entry.results, results_file(entry, base)
+        told = [*([entry.vehicle] if several else []), defence_title(entry.defence)]
+        told += [str(len(results.frames)), str(len(results.dropped)), f"{results.cluster_count} {results.clusters}"]
+        digest = hashlib.sha256((entry.folder / "results.json").read_bytes()).hexdigest()
+        cells = (*map(Cell, told), Cell(file, link=file), Cell(digest[:16]))
+        rows.append(Row(weathers_title(entry.weathers), cells, anchors[file]))
+    columns = (*(Column(name, kind="text") for name in names), Column("sha256", kind="code"))
+    return listing("results", "weathers", columns, tuple(rows))
+
+
+def _detectors(study: Study) -> Table:
+    prints = {name: value for entry in study.entries for name, value in entry.results.detectors.items()}
+    against: dict[str, list[str]] = {}
+    for entry in study.entries:
+        for paint, names in white_box_of(entry).items():
+            for name in names:
+                against.setdefault(name, []).append(paint)
+    rows = []
+    for name in in_table_order(list(prints)):
+        trained = "this project's synthetic images" if is_own(name) else "its publisher's images"
+        met = ", ".join(unique(against.get(name, []))) or "–"
+        rows.append(Row(name, tuple(map(Cell, (family_of(name), trained, met, prints[name][:16])))))
+    columns = [Column(name, kind="text") for name in ("family", "trained on", "white-box for")]
+    return listing("fingerprints", "detector", (*columns, Column("fingerprint", kind="code")), tuple(rows))

@@ -1,21 +1,27 @@
-"""A study as one HTML file that can be mailed, archived and opened anywhere; its numbers as CSV and JSON beside it."""
+"""A study as one HTML file that can be mailed, archived and opened anywhere; its numbers and main figures as files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 
-from .. import __version__
+from ..contract import RaucaError
 from ..contract.files import write_bytes
-from ..study.study import Study
-from . import pages, sections
-from .colors import paint_styles
-from .data_section import anchors_of, data_section
-from .headline import headline, scope
-from .tables import curves_of, tables_csv, tables_json, tables_latex, tables_of
-from .tables.html import TableWriter
+from ..study.defended import NO_DEFENCE
+from ..study.families import family_of, in_table_order
+from ..study.results import MEAN, Results
+from ..study.study import Entry, Study
+from .figures import Style, curve_svg, history_svg, is_ring, paint_styles
+from .frames import FramePicker, strongest_paint
+from .page import SUFFIXES, Figure, Figures, Heading, Page, Part, Picture, Section, write_page
+from .pictures import maps_of
+from .published import paper_tables
+from .sections import anchors_of, grid_of, limitations, maps, provenance, published_aside
+from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
+from .table import Table, is_normal, is_random, printed
+
+MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
 
 
 @dataclass(frozen=True)
@@ -51,29 +57,188 @@ def write_report(study: Study, out: Path, notes: ReportNotes | None = None, late
         RaucaError: images, detections or camouflages that are missing or do not belong to the results; then nothing
             was written.
     """
-    notes = notes or ReportNotes()
-    base = out.parent
+    notes, base = notes or ReportNotes(), out.parent
     tables, curves = tables_of(study, base), curves_of(study, base)
     styles = paint_styles(dict.fromkeys(paint for entry in study.entries for paint in entry.results.paints))
-    write = TableWriter(styles, anchors_of(study, base))
-    every = [*tables, *(curve for some in curves.values() for curve in some)]
-    files = {".csv": tables_csv(every), ".json": tables_json(every, study.command)}
-    if latex:
-        files[".tex"] = tables_latex(tables, study.command)
-    body = [
-        *sections.tables(tables, study, write),
-        *sections.pictures(study),
-        *sections.curves(curves, styles, write),
-        *sections.maps(study),
-        *sections.training(notes.histories),
-        data_section(study, base, notes, [out.with_suffix(suffix).name for suffix in files]),
-        sections.limitations(study, notes.limitations),
+    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1 : 4 if latex else 3]]
+    sections = [
+        *_tables(tables, study),
+        *_pictures(study),
+        *_curves(curves, styles),
+        *maps(study.entries),
+        *_training(notes.histories),
+        provenance(study, base, beside, notes.settings, notes.commands, notes.timings_s),
+        limitations(study, notes.limitations),
     ]
-    header = f"<h1>{escape(notes.title)}</h1><p>{escape(scope(study))}</p>" + "".join(
-        pages.paragraph(sentence, "lead") for sentence in headline(study)
+    page = Page(notes.title, scope(study), headline(study), sections, styles, anchors_of(study, base))
+    every = [*tables, *(curve for some in curves.values() for curve in some)]
+    return write_page(out, page, every, study.command, {}, latex)
+
+
+def scope(study: Study) -> str:
+    """How much was measured."""
+    results = [entry.results for entry in study.entries]
+    detectors = unique(name for found in results for name in found.detectors)
+    paints = unique(paint for found in results for paint in found.paints)
+    conditions = unique(weathers_title(entry.weathers).removesuffix(" weathers").lower() for entry in study.entries)
+    defences = [defence_title(d) for d in unique(entry.defence for entry in study.entries) if d != NO_DEFENCE]
+    parts = [
+        _count(len(paints), "paint"),
+        _count(len(detectors), "detector"),
+        _count(len(vehicles_of(study)), "vehicle"),
+        " and ".join(conditions) + (" weathers" if {"seen", "unseen"} >= set(conditions) else ""),
+        *([f"defences: {', '.join(defences)}"] if defences else []),
+    ]
+    images = sum(len(found.frames) * len(found.paints) for found in results)
+    return f"{', '.join(parts)}; {images:,} images evaluated."
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def headline(study: Study) -> list[str]:
+    """A sentence per set of weathers: how far the most effective paint lowers AP, undefended."""
+    entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
+    return [_sentence(entry) for entry in entries if any(map(is_normal, entry.results.paints))]
+
+
+def _sentence(entry: Entry) -> str:
+    results = entry.results
+    where = f"{weathers_title(entry.weathers).capitalize()}: "
+    normal = next(paint for paint in results.paints if is_normal(paint))
+    best = strongest_paint(results)
+    if best == normal:
+        return f"{where}{entry.category} AP@0.5, mean over detectors: {_mean(results, normal)} for {normal}."
+    before, after = results.table[normal][MEAN], results.table[best][MEAN]
+    # Random paint alone lowers AP too: no result should be read without it.
+    randoms = [paint for paint in results.paints if is_random(paint) and paint != best]
+    verb = "lowers" if after.ap < before.ap else "does not lower"
+    values = [f"{_mean(results, paint)} for {paint}" for paint in (normal, *randoms, best)]
+    cautions = [f", no lower than {paint}" for paint in randoms if after.ap >= results.table[paint][MEAN].ap]
+    if after.high >= before.low and before.high >= after.low:
+        cautions.append(f"; the intervals of {normal} and {best} overlap")
+    mean = f"(mean over {_count(len(results.detectors), 'detector')})"
+    return f"{where}{best} {verb} {entry.category} AP@0.5 {mean}: {', '.join(values)}{''.join(cautions)}."
+
+
+def _mean(results: Results, paint: str) -> str:
+    return printed(results.table[paint][MEAN].ap)
+
+
+def _tables(tables: Sequence[Table], study: Study) -> list[Section]:
+    """A section per table; under the last of its kind, what the paper printed."""
+    published = {paper.beside: paper for paper in paper_tables()}
+    kinds = [table.key.partition("-")[0] for table in tables]
+    sections = []
+    for index, (table, kind) in enumerate(zip(tables, kinds, strict=True)):
+        last = kind in published and kind not in kinds[index + 1 :]
+        parts: list[Part] = [table, *([published_aside(published[kind])] if last else [])]
+        sections.append(Section(table.title, parts, "" if index else _reading(tables, study)))
+    return sections
+
+
+def _reading(tables: Sequence[Table], study: Study) -> str:
+    """How to read the tables, said above the first."""
+    first = study.entries[0].results
+    columns = [column for table in tables for column in table.columns]
+    notes = [
+        "AP@0.5 from 0 to 1; the lower, the better the camouflage. Lowest in bold, second underlined; values that "
+        "print alike share the rank, and the vehicle's normal paint takes no part.",
+        f"Below each value: its 95 % interval, by bootstrap over {first.clusters}.",
+    ]
+    if any(column.white_box for column in columns):
+        notes.append("White-box: a camouflage was optimized against this detector (shaded where the two meet).")
+    if any(column.own for column in columns):
+        notes.append(
+            "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
+            "average leaves them out."
+        )
+    return " ".join(notes)
+
+
+def _curves(drawn: Mapping[str, Sequence[Table]], styles: Mapping[str, Style]) -> list[Section]:
+    """A panel of plots per set of weathers."""
+    note = (
+        "AP@0.5, mean over detectors, of all undefended frames that share a value, whatever else they vary in (nominal "
+        "camera, before jitter). Bands and whiskers: 95 % intervals. The numbers are below each plot."
     )
-    footer = f"Written by rauca {escape(__version__)}. Every table, picture and curve is inside this file."
-    written = {".html": pages.page(notes.title, header, body, footer).encode(), **files}
-    for suffix, data in written.items():
-        write_bytes(out.with_suffix(suffix), data)
-    return [out.with_suffix(suffix) for suffix in written]
+    parts: list[Part] = []
+    for weathers, curves in drawn.items():
+        if curves:
+            parts += [Heading(weathers_title(weathers))] if len(drawn) > 1 else []
+            legend = {row.name: styles[row.name] for row in curves[0].blocks[0].rows}
+            parts.append(Figures("plots", [_curve(curve, styles) for curve in curves], legend))
+    return [Section("Along camera and weather", parts, note)] if parts else []
+
+
+def _curve(curve: Table, styles: Mapping[str, Style]) -> Figure:
+    drawn = Picture(curve_svg(curve, styles), f"AP@0.5 of every paint: {curve.caption}")
+    return Figure(drawn, curve.caption, "ring" if is_ring(curve) else "", curve)
+
+
+def _pictures(study: Study) -> list[Section]:
+    """Grids of the first vehicle's frames for the detectors that were attacked, then one of every other family."""
+    entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
+    if not entries:
+        return []
+    picker = FramePicker(entries)
+    asked = _shown_detectors(entries)
+    chosen = asked[: max(1, MAX_PICTURES // (picker.columns * len(picker.paints)))]
+    parts: list[Part] = [part for name in chosen for part in (Heading(name), grid_of(picker, name))]
+    left = asked[len(chosen) :]
+    note = picker.reading + (f" Left out for the page's size: {', '.join(left)}." if left else "")
+    return [Section("What detectors see", parts, note)]
+
+
+def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
+    """Those that were attacked, then the first of every other family."""
+    names = in_table_order(list(entries[0].results.detectors))
+    met = {name for entry in entries for against in white_box_of(entry).values() for name in against}
+    attacked = [name for name in names if name in met]
+    families = {family_of(name) for name in attacked}
+    others = [next(n for n in names if family_of(n) == f) for f in unique(map(family_of, names)) if f not in families]
+    return [*attacked, *others]
+
+
+def _training(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> list[Section]:
+    if not histories:
+        return []
+    drawn = Picture(history_svg(histories), "loss against optimization step")
+    return [Section("Optimization", [Figure(drawn, "Each term of the loss against the optimization step.", "history")])]
+
+
+def save_showcase(study: Study, folder: Path) -> list[Path]:
+    """Write the main figures as files, for a README or a talk.
+
+    ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per parameter varied, ``ap-<parameter>.svg``: all of the
+    first vehicle, undefended, under the study's first weathers.
+
+    Raises:
+        RaucaError: that vehicle was evaluated behind defences only.
+    """
+    vehicle = vehicles_of(study)[0]
+    entry = next(iter(study.of(vehicle=vehicle, defence=NO_DEFENCE)), None)
+    if entry is None:
+        raise RaucaError(f"{folder}: no pictures; the {vehicle} was evaluated with defences only, add the defence none")
+    folder.mkdir(parents=True, exist_ok=True)
+    FramePicker([entry]).grid(_shown_detectors([entry])[0]).sheet().save(folder / "grid.jpg", quality=88)
+    files = {"table.md": _markdown(entry).encode()}
+    files |= {f"map-{camouflage.name}.jpg": jpeg for camouflage, jpeg in maps_of([entry])}
+    styles = paint_styles(entry.results.paints)
+    curves = {curve.key.partition("-")[0]: curve for curve in curves_of(study, folder)[entry.weathers]}
+    files |= {f"ap-{name}.svg": curve_svg(curve, styles).encode() for name, curve in curves.items()}
+    for name, data in files.items():
+        write_bytes(folder / name, data)
+    return [folder / name for name in ("grid.jpg", *files)]
+
+
+def _markdown(entry: Entry) -> str:
+    """AP@0.5 of every paint and detector with its 95 % interval."""
+    table = entry.results.table
+    columns = list(next(iter(table.values())))
+    lines = ["| paint | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
+    for paint, row in table.items():
+        cells = (f"{row[name].ap:.3f} ({row[name].low:.2f}-{row[name].high:.2f})" for name in columns)
+        lines.append(f"| {paint} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

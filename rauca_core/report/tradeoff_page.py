@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from html import escape
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from .. import __version__
 from ..attack.naturalness import Naturalness
 from ..attack.naturalness.finish import Distance, distance_of_map
 from ..attack.naturalness.granulometry import measure_patches
 from ..contract import load_camouflage, load_vehicle
-from ..contract.files import write_bytes, write_json
 from ..runtime.images import read_image
 from ..study.contestants import NORMAL
 from ..study.recorded import Recorded
 from ..study.results import Estimate
-from ..study.study import Entry
-from . import pages
-from .colors import GREY, PALETTE, Style
-from .grid import FramePicker
-from .maps import maps_of
-from .plots import curve_svg, themed
-from .tables import Table
-from .tables.html import TableWriter
-from .tables.model import Block, Cell, Column, Row
+from ..study.study import Entry, Study
+from .figures import GREY, PALETTE, Style, curve_svg
+from .frames import FramePicker
+from .page import SUFFIXES, Figure, Figures, Page, Picture, Section, write_page
+from .sections import anchors_of, grid_of, maps, provenance
+from .study_tables import sourced, weathers_title
+from .table import Block, Cell, Column, Row, Table, listing
 
-FORMAT = ("rauca-tradeoff", 1)
 WHITE, BLACK = "white-box", "black-box, mean"
 STYLES = {
     WHITE: Style(*PALETTE[1], "o"),
@@ -104,178 +95,124 @@ def _centimetres(metres: float) -> float | None:
 
 
 def write_curve(curve: Curve, out: Path) -> list[Path]:
-    """Write ``out`` (.html) and its numbers (.json, .csv) beside it; returns what was written, the page first."""
-    scores = {entry.weathers: _scores(curve, entry) for entry in curve.entries}
-    rows = [_row(point, weathers, table) for weathers, table in scores.items() for point in curve.points]
-    name, version = FORMAT
-    first = curve.entries[0].results
-    value = {
-        "format": name, "version": version, "command": curve.command,
+    """Write ``out`` (.html) and its numbers (.csv, .json, .tex) beside it; returns what was written, the page first.
+
+    Raises:
+        RaucaError: images, detections or camouflages of the study are missing; then nothing was written.
+    """
+    study, base = Study(curve.command, curve.entries), out.parent
+    results = curve.entries[0].results
+    others = ", ".join(_black_box(curve))
+    scores = [_scores(curve, entry) for entry in curve.entries]
+    numbers = _numbers(curve, scores, base)
+    sweeps = [
+        sweep
+        for entry, found in zip(curve.entries, scores, strict=True)
+        for sweep in (_by_distance(curve, entry, found, base), _by_size(curve, entry, found, base))
+        if len(sweep.columns) > 1
+    ]
+    picker, attacked = FramePicker(curve.entries[:1]), curve.attacked[0]
+    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
+    sections = [
+        *(_sweep(sweep, results.clusters) for sweep in sweeps),
+        Section(numbers.title, [numbers], READING),
+        *maps(curve.entries[:1]),
+        Section(f"What {attacked} sees", [grid_of(picker, attacked)], picker.reading),
+        provenance(study, base, beside, {}),
+    ]
+    lead = (
+        f"{len(curve.points)} camouflages against {', '.join(curve.attacked)}, each judged on {len(results.frames)} "
+        f"held-out views rendered by Cycles. AP@0.5: lower is better hidden. Black-box: {others}, never attacked here."
+    )
+    page = Page("What naturalness costs", "", [lead], sections, STYLES, anchors_of(study, base))
+    about = {
         "reference": None if curve.reference is None else curve.reference.reference,
-        "white_box": list(curve.attacked), "black_box": _black_box(curve, curve.entries[0]),
+        "white_box": list(curve.attacked),
+        "black_box": _black_box(curve),
         "frames": {entry.weathers: len(entry.results.frames) for entry in curve.entries},
-        "intervals": f"95 %, bootstrap over {first.cluster_count} {first.clusters}",
-        "normal": {weathers: _flat(table[NORMAL]) for weathers, table in scores.items()},
-        "points": rows,
-    }  # fmt: skip
-    page = _page(curve, scores)
-    write_json(out.with_suffix(".json"), value)
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_bytes(out.with_suffix(".csv"), stream.getvalue().encode())
-    write_bytes(out, page.encode())
-    return [out, out.with_suffix(".json"), out.with_suffix(".csv")]
+        "intervals": f"95 %, bootstrap over {results.cluster_count} {results.clusters}",
+    }
+    return write_page(out, page, [numbers, *sweeps], curve.command, about)
 
 
-Scores = dict[str, dict[str, Estimate]]  # [paint][WHITE or BLACK]
+READING = (
+    "Distances are Euclidean in CIELAB (dE) and CIEDE2000, means over the painted surface. A patch's size is the "
+    "diameter of the largest disc inside it, measured on the finished map and the mesh, to about a centimeter or a "
+    "tenth of its size."
+)
+Scores = Mapping[str, Mapping[str, Estimate]]  # [paint][WHITE or BLACK]
 
 
 def _scores(curve: Curve, entry: Entry) -> Scores:
-    recorded, others = Recorded(entry), _black_box(curve, entry)
+    recorded, kinds = Recorded(entry), {WHITE: curve.attacked, BLACK: _black_box(curve)}
     return {
-        paint: {WHITE: recorded.mean_over(curve.attacked, paint), BLACK: recorded.mean_over(others, paint)}
+        paint: {kind: recorded.mean_over(names, paint) for kind, names in kinds.items()}
         for paint in entry.results.paints
     }
 
 
-def _black_box(curve: Curve, entry: Entry) -> list[str]:
-    return [name for name in entry.results.detectors if name not in curve.attacked]
+def _black_box(curve: Curve) -> list[str]:
+    return [name for name in curve.entries[0].results.detectors if name not in curve.attacked]
 
 
-def _row(point: Measured, weathers: str, table: Scores) -> dict[str, Any]:
-    """One line of numbers; what does not apply is None, an empty field of the CSV."""
-    distance = asdict(point.distance) if point.distance else {"mean": None, "largest": None, "mean_2000": None}
-    return {
-        "label": point.label, "weathers": weathers, "max_delta_e": point.bound, "feature_cm": point.feature_cm,
-        "mean_delta_e": distance["mean"], "largest_delta_e": distance["largest"],
-        "mean_delta_e_2000": distance["mean_2000"], "smallest_patch_cm": point.smallest_cm,
-        "median_patch_cm": point.median_cm, "attack_loss": point.losses["attack"], **_flat(table[point.label]),
-    }  # fmt: skip
+def _sweep(table: Table, clusters: str) -> Section:
+    title = ": ".join(filter(None, (f"Against the {table.title}", table.blocks[0].title)))
+    figure = Figure(Picture(curve_svg(table, STYLES), title), f"Bands: 95 % intervals by bootstrap over {clusters}.")
+    return Section(title, [Figures("plots", [figure], STYLES), table])
 
 
-def _flat(scores: Mapping[str, Estimate]) -> dict[str, float]:
-    names = {WHITE: "white_box", BLACK: "black_box"}
-    return {
-        f"{names[kind]}_{field}": value for kind, one in scores.items() for field, value in asdict(one).items()
-    }  # fmt: skip
+def _by_distance(curve: Curve, entry: Entry, scores: Scores, base: Path) -> Table:
+    """Points that differ in their bound, nearest first, the free one too."""
+    found = [(p.distance.mean, p.label) for p in curve.points if p.distance is not None and p.feature_cm is None]
+    places = [(label, f"{distance:.1f}") for distance, label in sorted(found, key=lambda pair: pair[0])]
+    axis = "mean CIELAB distance from the reference"
+    return _sweep_table("distance", axis, places, (curve, entry, scores, base))
 
 
-def _page(curve: Curve, scores: Mapping[str, Scores]) -> str:
-    title = "What naturalness costs"
-    several = len(scores) > 1
-    parts = []
-    for weathers, table in scores.items():
-        where = f", {weathers} weathers" if several else ""
-        parts += _sweep(curve, table, f"Against the distance from the reference{where}", by_distance=True)
-        parts += _sweep(curve, table, f"Against the smallest patch{where}", by_distance=False)
-    parts += [_numbers(curve, scores), _maps(curve), *_views(curve)]
-    lead = (
-        f"{len(curve.points)} camouflages against {', '.join(curve.attacked)}, each judged on "
-        f"{len(curve.entries[0].results.frames)} held-out views rendered by Cycles. AP@0.5: lower is better hidden. "
-        f"Black-box: {', '.join(_black_box(curve, curve.entries[0]))}, never attacked here."
-    )
-    header = f"<h1>{escape(title)}</h1>" + pages.paragraph(lead, "lead")
-    footer = f"Written by rauca {escape(__version__)}: {escape(curve.command)}"
-    return pages.page(title, header, parts, footer)
+def _by_size(curve: Curve, entry: Entry, scores: Scores, base: Path) -> Table:
+    found = [(p.feature_cm or 0.0, p.label) for p in curve.points if p.bound is None]
+    places = [(label, f"{size:g}") for size, label in sorted(found, key=lambda pair: pair[0])]
+    axis = "smallest patch asked for, cm (0: free)"
+    return _sweep_table("patch", axis, places, (curve, entry, scores, base))
 
 
-def _sweep(curve: Curve, table: Scores, title: str, by_distance: bool) -> list[str]:
-    chosen = _along_distance(curve) if by_distance else _along_size(curve)
-    if len(chosen) < 2:
-        return []
-    axis = "mean CIELAB distance from the reference" if by_distance else "smallest patch asked for, cm (0: free)"
-    drawn = _table(axis, chosen, table)
-    svg = pages.drawing(themed(curve_svg(drawn, STYLES)), title)
-    figure = pages.figure(svg, f"Bands: 95 % intervals by bootstrap over {curve.entries[0].results.clusters}.")
-    body = pages.legend(STYLES) + f'<div class="plots">{figure}</div>' + TableWriter(STYLES, {})(drawn)
-    return [pages.section(title, body)]
+def _sweep_table(
+    key: str, axis: str, places: Sequence[tuple[str, str]], of: tuple[Curve, Entry, Scores, Path]
+) -> Table:
+    """AP along (label, value) of some points, and that of the vehicle's own paint to compare with."""
+    curve, entry, scores, base = of
+
+    def cell(paint: str, kind: str) -> Cell:
+        return sourced(scores[paint][kind], entry, base, "table", paint)
+
+    rows = [Row(kind, tuple(cell(label, kind) for label, _ in places)) for kind in (WHITE, BLACK)]
+    for kind in (WHITE, BLACK):  # a line: its interval would only cover the others'
+        plain = cell(NORMAL, kind)
+        rows.append(Row(f"normal paint, {kind}", (Cell(plain.value, source=plain.source),) * len(places)))
+    where = weathers_title(entry.weathers) if len(curve.entries) > 1 else ""
+    columns = tuple(Column(value) for _, value in places)
+    blocks = (Block(where, tuple(rows)),)
+    return Table(f"{key}-{entry.weathers}", axis, f"AP@0.5 by {axis}.", columns, blocks, ranked=False)
 
 
-def _along_distance(curve: Curve) -> list[tuple[str, str]]:
-    """(label, value) of the points that differ in their bound, nearest first, the free one too."""
-    some = [p for p in curve.points if p.distance is not None and p.feature_cm is None]
-    ordered = sorted(some, key=lambda p: p.distance.mean if p.distance else 0.0)
-    return [(p.label, f"{p.distance.mean:.1f}") for p in ordered if p.distance]
-
-
-def _along_size(curve: Curve) -> list[tuple[str, str]]:
-    some = [p for p in curve.points if p.bound is None]
-    ordered = sorted(some, key=lambda p: p.feature_cm or 0.0)
-    return [(p.label, f"{p.feature_cm or 0:g}") for p in ordered]
-
-
-def _table(axis: str, chosen: Sequence[tuple[str, str]], table: Scores) -> Table:
-    def row(name: str, paints: Sequence[str], kind: str) -> Row:
-        found = [table[paint][kind] for paint in paints]
-        return Row(name, tuple(Cell(one.ap, one.low, one.high) for one in found))
-
-    labels = [label for label, _ in chosen]
-    rows = [row(kind, labels, kind) for kind in (WHITE, BLACK)]
-    # A line to compare with: its interval would only cover the others'.
-    plain = {kind: tuple(Cell(table[NORMAL][kind].ap) for _ in labels) for kind in (WHITE, BLACK)}
-    rows += [Row(f"normal paint, {kind}", cells) for kind, cells in plain.items()]
-    columns = tuple(Column(value) for _, value in chosen)
-    return Table("tradeoff", axis, f"AP@0.5 by {axis}.", columns, (Block("", tuple(rows)),))
-
-
-def _numbers(curve: Curve, scores: Mapping[str, Scores]) -> str:
-    """One row per camouflage: what was asked, what it is, what was found."""
-    heads = [
-        "camouflage",
-        "bound",
-        "mean dE",
-        "mean dE2000",
-        "largest dE",
-        "patch, cm",
-        "smallest found",
-        "median found",
-    ]
-    heads += [f"{kind} {weathers}" for weathers in scores for kind in (WHITE, BLACK)]
-    body = ""
+def _numbers(curve: Curve, scores: Sequence[Scores], base: Path) -> Table:
+    """A row per camouflage: what was asked, what it is, what was found."""
+    rows = []
     for point in curve.points:
         d = point.distance
-        cells = [point.bound, d and d.mean, d and d.mean_2000, d and d.largest, point.feature_cm]
-        cells += [point.smallest_cm, point.median_cm]
-        shown = ["–" if value is None else f"{value:.1f}" for value in cells]
-        shown += [
-            f"{one.ap:.3f} ({one.low:.2f}–{one.high:.2f})"
-            for table in scores.values()
-            for one in (table[point.label][WHITE], table[point.label][BLACK])
-        ]
-        body += (
-            f'<tr><th scope="row">{escape(point.label)}</th>' + "".join(f"<td>{cell}</td>" for cell in shown) + "</tr>"
-        )
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    note = (
-        "Distances are Euclidean in CIELAB (dE) and CIEDE2000, means over the painted surface. A patch's size is the "
-        "diameter of the largest disc inside it, measured on the finished map and the mesh, to about a centimetre or "
-        "a tenth of its size."
-    )
-    table = (
-        f'<div class="scroll"><table class="scores"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-    )
-    return pages.section("Every camouflage", table, note)
-
-
-def _maps(curve: Curve) -> str:
-    drawn = "".join(
-        pages.figure(pages.image(jpeg, "image/jpeg", f"UV map {camouflage.name}"), camouflage.name)
-        for camouflage, jpeg in maps_of(curve.entries[:1])
-    )
-    return pages.section("UV maps", f'<div class="maps">{drawn}</div>')
-
-
-def _views(curve: Curve) -> list[str]:
-    picker = FramePicker(curve.entries[:1])
-    grid = picker.grid(curve.attacked[0])
-    rows = {
-        paint: [
-            pages.image(tile, "image/jpeg", f"{paint}, {title.replace(chr(10), ', ')}")
-            for title, tile in zip(grid.titles, tiles, strict=True)
-        ]
-        for paint, tiles in grid.rows.items()
-    }
-    body = pages.picture_grid(grid.titles, rows)
-    return [pages.section(f"What {curve.attacked[0]} sees", body, picker.rule)]
+        distances = (None, None, None) if d is None else (d.mean, d.mean_2000, d.largest)
+        patches = point.feature_cm, point.smallest_cm, point.median_cm
+        told = point.bound, *distances, *patches, point.losses["attack"]
+        cells = [None if value is None else Cell(value) for value in told]
+        for entry, found in zip(curve.entries, scores, strict=True):
+            cells += [sourced(one, entry, base, "table", point.label) for one in found[point.label].values()]
+        rows.append(Row(point.label, tuple(cells)))
+    distance = ("bound", "mean dE", "mean dE2000", "largest dE")
+    patch = ("asked for", "smallest found", "median found")
+    columns = [
+        *(Column(name, "distance", kind="number") for name in distance),
+        *(Column(name, "patch, cm", kind="number") for name in patch),
+        Column("attack loss", kind="loss"),
+        *(Column(kind, weathers_title(entry.weathers)) for entry in curve.entries for kind in (WHITE, BLACK)),
+    ]
+    return listing("tradeoff", "camouflage", tuple(columns), tuple(rows), "Every camouflage")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import copy
-import io
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,73 +18,24 @@ import pytest
 from PIL import Image
 
 from pipelines.report import report_run
+from rauca_core.attack.naturalness import Naturalness
+from rauca_core.attack.naturalness.finish import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
-from rauca_core.report import ReportNotes, save_showcase, write_report
-from rauca_core.report.frame_choice import PLACES, frame_scores, placed_frames, strongest_paint
-from rauca_core.report.grid import FramePicker
-from rauca_core.report.tables import shown, tables_of
+from rauca_core.report import Curve, ReportNotes, frame_of, save_showcase, write_curve, write_report
+from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_frames, strongest_paint
+from rauca_core.report.study_tables import tables_of
+from rauca_core.report.table import printed
+from rauca_core.report.tradeoff_page import Measured
 from rauca_core.study import evaluate, reference_images
 from rauca_core.study.defences import make_defence
 from rauca_core.study.recorded import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
+from tests.evaluate.page import whole_page
 
-VOID = {"meta", "img", "br", "wbr", "link", "input"}
 HOSTILE = "<script>alert(1)</script>"
 COMMAND = "rauca evaluate --out <study> & more"
-
-
-class Page(HTMLParser):
-    """Collects what a browser would load, where links go, and what a reader would read; notes what does not close."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.loads: list[str] = []
-        self.links: list[str] = []
-        self.alts: list[str] = []
-        self.ids: list[str] = []
-        self.tags: list[str] = []
-        self.cells: list[tuple[str, str, str]] = []  # title, whole text, tag of the rank
-        self.text = ""
-        self._open: list[str] = []
-        self._cell: list[str] | None = None
-        self.feed(text)
-        self.close()
-        assert self._open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = dict(attrs)
-        assert not any(name.startswith("on") for name in found)
-        self.tags.append(tag)
-        self.loads += [value or "" for name, value in attrs if name in ("src", "srcset", "action", "data")]
-        if tag == "a":
-            self.links.append(found["href"] or "")
-        elif tag == "image" or tag == "use":  # inside a drawing
-            assert (found.get("href") or found.get("xlink:href") or "").startswith("#")
-        if tag == "img":
-            self.alts.append(found.get("alt") or "")
-        if "svg" in self._open:
-            pass  # its ids name glyphs
-        elif found.get("id"):
-            self.ids.append(found["id"] or "")
-        if found.get("title"):
-            self._cell = [found["title"] or "", "", ""]
-        elif self._cell and tag in ("b", "u"):
-            self._cell[2] = tag
-        if tag not in VOID:
-            self._open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-        if self._cell and tag in ("a", "span"):
-            self.cells.append((self._cell[0], self._cell[1], self._cell[2]))
-            self._cell = None
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-        if self._cell:
-            self._cell[1] += data
 
 
 @pytest.fixture(scope="session")
@@ -124,12 +73,6 @@ def make_study(scene, detectors: list[Detector], folder: Path) -> None:
     save_study(folder / "study.json", COMMAND, entries)
 
 
-def decode(load: str) -> bytes:
-    match = re.fullmatch(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", load)
-    assert match
-    return base64.b64decode(match[1], validate=True)
-
-
 def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
     steps = np.linspace(1, 0.2, 40)
     notes = ReportNotes(
@@ -142,12 +85,7 @@ def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Det
     )
     out = tmp_path / "study" / "report.html"
     assert [path.suffix for path in write_report(study, out, notes, latex=True)] == [".html", ".csv", ".json", ".tex"]
-    text = out.read_text(encoding="utf-8")
-    page = Page(text)
-    assert not {"script", "link", "iframe", "object", "input"} & set(page.tags)
-    assert "@import" not in text
-    assert "url(http" not in text
-    assert not re.search(r"url\((?!#)", text)
+    text, page = out.read_text(encoding="utf-8"), whole_page(out)
     for words in (
         "A small report",
         HOSTILE,
@@ -162,27 +100,10 @@ def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Det
     assert "The car is a drawing." in page.text
     # 3 paints x 2 sets of weathers x best, median and worst, for the attacked detector; 1 map
     assert len(page.loads) == 3 * 2 * 3 + 1
-    for load in page.loads:
-        Image.open(io.BytesIO(decode(load))).load()
-    assert len(set(page.alts)) == len(page.alts)
-    assert all(page.alts)
     drawings = re.findall(r"<svg role=.*?</svg>", text, re.DOTALL)
     # seen: azimuth, distance, sun; unseen: azimuth, distance; the loss
     assert len(drawings) == 3 + 2 + 1
-    for drawing in drawings:
-        ElementTree.fromstring(drawing)
-        assert 'aria-label="' in drawing
-
-
-def test_links_lead_to_files_and_rows_that_are_there(study: Study, tmp_path: Path) -> None:
-    out = tmp_path / "study" / "report.html"
-    write_report(study, out)
-    page = Page(out.read_text())
-    assert len(set(page.ids)) == len(page.ids)
-    for link in set(page.links):
-        assert link[1:] in page.ids if link.startswith("#") else (out.parent / link).is_file(), link
     assert {"seen/none/results.json", "unseen/bits/results.json", "report.csv", "report.json"} <= set(page.links)
-    assert str(tmp_path) not in out.read_text()  # nothing of the machine gets in
 
 
 def test_another_process_in_another_folder_writes_the_same_bytes(study: Study, tmp_path: Path) -> None:
@@ -201,24 +122,25 @@ def test_another_process_in_another_folder_writes_the_same_bytes(study: Study, t
 def test_the_numbers_are_those_of_the_study(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
     out = tmp_path / "study" / "report.html"
     write_report(study, out)
-    page = Page(out.read_text())
+    page = whole_page(out)
     for entry in study.entries:
         file = f"{entry.weathers}/{entry.defence}/results.json"
         for name in [*(d.name for d in detectors), "mean"]:
             column = {paint: row[name] for paint, row in entry.results.table.items()}
-            order = sorted({shown(e.ap) for paint, e in column.items() if paint != "normal"})
+            order = sorted({printed(e.ap) for paint, e in column.items() if paint != "normal"})
             for paint, estimate in column.items():
                 title = (
-                    f"{shown(estimate.ap)}, 95 % interval {shown(estimate.low)} to {shown(estimate.high)}; "
+                    f"{printed(estimate.ap)}, 95 % interval {printed(estimate.low)} to {printed(estimate.high)}; "
                     f"{file}: table / {paint} / {name}"
                 )
                 cells = [(text, rank) for found, text, rank in page.cells if found == title]
-                rank = "" if paint == "normal" else dict(zip(order, "bu", strict=False)).get(shown(estimate.ap), "")
-                assert (shown(estimate.ap), rank) in cells
+                rank = "" if paint == "normal" else dict(zip(order, "bu", strict=False)).get(printed(estimate.ap), "")
+                assert (printed(estimate.ap), rank) in cells
         point = entry.results.groups["azimuth_deg"][0].mean["noise"]
         if entry.defence == "none":
             assert any(
-                found.startswith(shown(point.ap)) and found.endswith(f"{file}: groups / azimuth_deg / 0 / mean / noise")
+                found.startswith(printed(point.ap))
+                and found.endswith(f"{file}: groups / azimuth_deg / 0 / mean / noise")
                 for found, _, _ in page.cells
             )
     first = out.read_text()
@@ -284,7 +206,7 @@ def test_the_average_without_our_own_detectors_has_the_same_intervals(
         alone, _, _, average = row.cells
         assert alone
         assert average
-        assert (alone.ap, alone.low, alone.high) == (average.ap, average.low, average.high)
+        assert (alone.value, alone.low, alone.high) == (average.value, average.low, average.high)
 
 
 def test_frames_are_chosen_by_their_rule(study: Study) -> None:
@@ -327,3 +249,41 @@ def test_the_main_figures_are_files_too(study: Study, tmp_path: Path) -> None:
         drawing = path.read_text()
         ElementTree.fromstring(drawing)
         assert "var(" not in drawing  # a file has no page to take its colors from
+
+
+def test_the_curve_of_a_tradeoff_shows_every_point(study: Study, detectors: list[Detector], tmp_path: Path) -> None:
+    near, far = Distance(1.0, 5.0, 0.8), Distance(40.0, 60.0, 30.0)
+    points = (
+        Measured("noise", None, None, far, None, None, {"attack": 0.25}),
+        Measured(HOSTILE, 5.0, None, near, None, None, {"attack": 0.5}),
+    )
+    entries = study.of(defence="none")
+    curve = Curve(COMMAND, (detectors[0].name,), Naturalness(reference="#8c8c8c"), points, entries)
+    written = write_curve(curve, tmp_path / "study" / "tradeoff.html")
+    assert [path.suffix for path in written] == [".html", ".csv", ".json", ".tex"]
+    page = whole_page(written[0])
+    assert HOSTILE in page.text
+    assert page.text.count("Against the mean CIELAB distance from the reference") == 2  # sets of weathers
+    assert "Against the smallest patch" not in page.text  # one point is no curve
+    value = json.loads(written[2].read_text())
+    assert (value["reference"], value["black_box"]) == ("#8c8c8c", [detectors[1].name])
+    (found,) = [
+        line
+        for line in value["tables"][0]["values"]
+        if (line["row"], line["group"], line["column"]) == ("noise", "Unseen weathers", "white-box")
+    ]
+    estimate = entries[1].results.table["noise"][detectors[0].name]
+    assert (found["value"], found["low"], found["high"]) == (estimate.ap, estimate.low, estimate.high)
+    assert found["file"] == "unseen/none/results.json"
+
+
+def test_a_study_as_a_data_frame(study: Study) -> None:
+    frame = frame_of(study)
+    rows = frame if isinstance(frame, list) else frame.to_dict("records")
+    assert len(rows) == sum(len(row) for entry in study.entries for row in entry.results.table.values())
+    entry = study.entries[0]
+    paint, detector = "noise", next(iter(entry.results.detectors))
+    (found,) = [
+        row for row in rows if (row["weathers"], row["paint"], row["detector"]) == (entry.weathers, paint, detector)
+    ]
+    assert (found["ap"], found["n"]) == (entry.results.table[paint][detector].ap, len(entry.results.frames))

@@ -16,26 +16,11 @@ import pytest
 
 from rauca_core.contract import Camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.report.headline import headline
-from rauca_core.report.tables import (
-    BEST,
-    SECOND,
-    Block,
-    Cell,
-    Column,
-    Row,
-    Table,
-    curves_of,
-    odd_averages,
-    paper_tables,
-    ranks,
-    shown,
-    tables_csv,
-    tables_json,
-    tables_latex,
-    tables_of,
-)
-from rauca_core.report.tables.latex import escape
+from rauca_core.report.published import odd_averages, paper_tables
+from rauca_core.report.study_page import headline
+from rauca_core.report.study_tables import curves_of, tables_of
+from rauca_core.report.table import BEST, SECOND, Block, Cell, Column, Row, Table, printed
+from rauca_core.report.writers import escape_latex, tables_csv, tables_json, tables_latex
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
 from rauca_core.study.families import family_of, in_table_order
 from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
@@ -63,7 +48,7 @@ def results(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> R
     frames = tuple(FrameRow(f"f{i}", "clear", 90.0 * i, 10, 6, 45, 0, (0, 0, 9, 9), i, i) for i in range(4))
     mean = {paint: row[MEAN] for paint, row in table.items()}
     ap = {paint: {name: row[name].ap for name in detectors} for paint, row in table.items()}
-    azimuths = tuple(Group(90.0 * i, 1, ap, mean if i else {}) for i in range(4))
+    azimuths = tuple(Group(90.0 * i, 1, ap, mean) for i in range(4))
     return Results(
         dataset="made up",
         settings=DetectionSettings(),
@@ -102,8 +87,10 @@ def study_at(
     return load_study(folder)
 
 
-def block(*rows: tuple[str, list[float | None]]) -> Block:
-    return Block("", tuple(Row(name, tuple(None if v is None else Cell(v) for v in values)) for name, values in rows))
+def ranks(*rows: tuple[str, list[float | None]]) -> list[list[int]]:
+    block = Block("", tuple(Row(name, tuple(v if v is None else Cell(v) for v in values)) for name, values in rows))
+    columns = tuple(Column(str(place)) for place in range(len(rows[0][1])))
+    return Table("", "", "", columns, (block,)).ranks(block)
 
 
 @pytest.mark.parametrize(
@@ -120,12 +107,12 @@ def block(*rows: tuple[str, list[float | None]]) -> Block:
 )
 def test_best_and_second(values: list[float | None], expected: list[int]) -> None:
     rows = [("normal", [0.0])] + [(f"paint {i}", [value]) for i, value in enumerate(values)]
-    assert ranks(block(*rows)) == [[0], *[[rank] for rank in expected]]
-    assert ranks(block(*rows[::-1])) == [*[[rank] for rank in expected[::-1]], [0]]
+    assert ranks(*rows) == [[0], *[[rank] for rank in expected]]
+    assert ranks(*rows[::-1]) == [*[[rank] for rank in expected[::-1]], [0]]
 
 
 def test_one_camouflage_alone_is_not_the_best() -> None:
-    assert ranks(block(("Normal", [0.9, 0.8]), ("ours", [0.1, 0.2]))) == [[0, 0], [0, 0]]
+    assert ranks(("Normal", [0.9, 0.8]), ("ours", [0.1, 0.2])) == [[0, 0], [0, 0]]
 
 
 @pytest.mark.parametrize(
@@ -178,8 +165,8 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
             for column, cell in zip(main.columns, row.cells, strict=True):
                 assert cell is not None
                 if column.name in found:
-                    assert (cell.ap, cell.low, cell.high) == tuple(vars(found[column.name]).values())
-            every, published = (cell.ap for cell in row.cells[-2:] if cell)
+                    assert (cell.value, cell.low, cell.high) == tuple(vars(found[column.name]).values())
+            every, published = (cell.value for cell in row.cells[-2:] if cell)
             assert every == found[MEAN].ap
             others = [found[name].ap for name in DETECTORS if name != "frcnn-synth"]
             assert published == pytest.approx(np.mean(others), abs=1e-12)
@@ -226,10 +213,10 @@ def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
             for key in cell.source.keys:
                 value = value[int(key)] if isinstance(value, list) else value[key]
             if "ap" in value:
-                assert value["ap"] == cell.ap
+                assert value["ap"] == cell.value
             else:  # an average of these
                 numbers = [v["ap"] if isinstance(v, dict) else v for v in value.values()]
-                assert min(numbers) <= cell.ap <= max(numbers)
+                assert min(numbers) <= cell.value <= max(numbers)
             checked += 1
     assert checked > 80
 
@@ -238,23 +225,23 @@ def test_csv_and_json_hold_every_number_in_full(tmp_path: Path) -> None:
     study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "unseen", "none")], ("normal", HOSTILE, 'a,"b"\n'))
     tables = tables_of(study, tmp_path)
     lines = list(csv.DictReader(io.StringIO(tables_csv(tables).decode(), newline="")))
-    value = json.loads(tables_json(tables, study.command))
+    value = json.loads(tables_json(tables, study.command, {}))
     assert value["command"] == "rauca evaluate --out here"
     stored = [line for table in value["tables"] for line in table["values"]]
     assert len(lines) == len(stored) == 2 * 3 * 7
     for line, other in zip(lines, stored, strict=True):
         assert (line["block"], line["row"], line["column"]) == (other["block"], other["row"], other["column"])
-        assert float(line["ap"]) == other["ap"]
+        assert float(line["value"]) == other["value"]
         if line["column"] not in ("all", "pre-trained"):
             entry = study.entries[line["block"] == "Unseen weathers"]
             estimate = entry.results.table[line["row"]][line["column"]]
-            assert (float(line["ap"]), float(line["low"]), float(line["high"])) == (
+            assert (float(line["value"]), float(line["low"]), float(line["high"])) == (
                 estimate.ap,
                 estimate.low,
                 estimate.high,
             )
     best = [line for line in lines if line["column"] == "detr" and line["rank"] == "best"]
-    assert [float(line["ap"]) for line in best] == [
+    assert [float(line["value"]) for line in best] == [
         min(e.results.table[p]["detr"].ap for p in e.results.paints[1:]) for e in study.entries
     ]
 
@@ -301,12 +288,12 @@ def test_latex_holds_the_numbers_and_is_well_formed(tmp_path: Path, detectors: t
     assert latex.splitlines()[0] == "% Written by: rauca evaluate \\input{secret}"
     rows = checked(latex)
     for place, row in enumerate(table.blocks[1].rows):
-        found = [line for line in rows if line[0] == escape(row.name)][-1]
+        found = [line for line in rows if line[0] == escape_latex(row.name)][-1]
         values = found[1:][-len(table.columns) :]
-        for cell, value, rank in zip(row.cells, values, ranks(table.blocks[1])[place], strict=True):
+        for cell, value, rank in zip(row.cells, values, table.ranks(table.blocks[1])[place], strict=True):
             assert cell is not None
             form = {BEST: r"\textbf{%s}", SECOND: r"\underline{%s}"}.get(rank, "%s")
-            assert value == form % shown(cell.ap)
+            assert value == form % printed(cell.value)
     assert "\\textsuperscript{w}" in latex
 
 
@@ -363,9 +350,9 @@ def test_the_papers_tables_are_as_printed() -> None:
         width = len(paper.table.columns)
         assert [row.name for row in blocks[0].rows] == [name for name in found if name]
         for number, part in enumerate(blocks):
-            for row, places in zip(part.rows, ranks(part), strict=True):
+            for row, places in zip(part.rows, paper.table.ranks(part), strict=True):
                 expected = found[row.name][number * width : (number + 1) * width]
-                cells = [shown(cell.ap) for cell in row.cells if cell]
+                cells = [printed(cell.value) for cell in row.cells if cell]
                 assert [float(cell) for cell in cells] == [float(value) for value, _, _ in expected]
                 if paper.number != 10:  # which has nothing bold
                     assert [rank == BEST for rank in places] == [bold for _, bold, _ in expected]

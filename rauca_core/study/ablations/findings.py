@@ -44,6 +44,11 @@ class Findings:
         return {NORMAL: "Normal", RANDOM: "Random", **{v.key: v.title for v in self.variants}}
 
     @property
+    def seeds(self) -> int:
+        """The most camouflages of a row."""
+        return max(len(paints) for paints in self.paints.values())
+
+    @property
     def titles_of_paints(self) -> dict[str, str]:
         """Paint of the study -> the title of its row, numbered where there are several seeds."""
         titles = self.titles

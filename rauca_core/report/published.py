@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from statistics import mean
 from typing import Any
 
-from ...contract.assets import assets_folder
-from ...contract.schema import Fields, read_json
-from .model import AVERAGE, Block, Cell, Column, Row, Source, Table, shown
+from ..contract.assets import assets_folder
+from ..contract.schema import Fields, read_json
+from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, printed
 
 FORMAT = ("rauca-paper-tables", 1)
 ROUNDING = 0.0015  # of six values and of their mean, each printed to 0.001
@@ -58,8 +58,8 @@ def odd_averages(table: Table) -> list[str]:
         return odd
     for block in table.blocks:
         for row in block.rows:
-            *values, printed = (cell.ap for cell in row.cells if cell is not None)
-            if abs(mean(values) - printed) > ROUNDING:
+            *values, told = (float(cell.value) for cell in row.cells if cell is not None)
+            if abs(mean(values) - told) > ROUNDING:
                 where = ", ".join(filter(None, (row.name, block.title.lower())))
-                odd.append(f"{where}: {shown(printed)} printed, {shown(mean(values))} computed")
+                odd.append(f"{where}: {printed(told)} printed, {printed(mean(values))} computed")
     return odd

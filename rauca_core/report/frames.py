@@ -1,4 +1,4 @@
-"""The grid of pictures: every paint in the same views, with what one detector made of them."""
+"""The frames that stand for all in a report, chosen by a rule and not by eye, and grids of pictures of them."""
 
 from __future__ import annotations
 
@@ -6,19 +6,53 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import RaucaError
 from ..detect.weights_file import sha256_of
+from ..study.average_precision import IOU_THRESHOLD, Sample
+from ..study.bootstrap import box_overlaps
 from ..study.detection_cache import Found
 from ..study.recorded import Recorded
-from ..study.results import FrameRow
+from ..study.results import MEAN, FrameRow, Results
 from ..study.study import Entry
-from .frame_choice import FEW, PLACES, frame_scores, placed_frames, strongest_paint
 from .pictures import TILE, frame_picture
+from .table import is_normal, is_random
 
+PLACES = {"best": 0.0, "lower quartile": 0.25, "median": 0.5, "upper quartile": 0.75, "worst": 1.0}
+FEW = ("best", "median", "worst")
 PICTURE_THRESHOLD = 0.25
 _MARGIN = 26  # pixels for the paint's name above each row of the sheet
+
+
+def strongest_paint(results: Results) -> str:
+    """The camouflage with the lowest AP, mean over detectors; without any, random paint, else the vehicle's own."""
+    paints = [paint for paint in results.paints if not is_normal(paint)]
+    rivals = [paint for paint in paints if not is_random(paint)] or paints or list(results.paints)
+    return min(rivals, key=lambda paint: results.table[paint][MEAN].ap)
+
+
+def found_score(sample: Sample) -> float:
+    """The highest score of a detection of the target's class that overlaps it by half; 0 when it is missed."""
+    right = box_overlaps(sample.boxes, sample.truth) >= IOU_THRESHOLD
+    return float(sample.scores[right].max(initial=0.0))
+
+
+def frame_scores(results: Results, recorded: Recorded, paint: str) -> NDArray[np.float64]:
+    """(F,) how surely each frame's target is found in ``paint``: the mean over detectors of :func:`found_score`."""
+    scores = [
+        [found_score(recorded.sample(name, paint, index)) for name in results.detectors]
+        for index in range(len(results.frames))
+    ]
+    return np.array(scores, np.float64).mean(1)
+
+
+def placed_frames(scores: NDArray[np.float64], places: Sequence[str]) -> list[int]:
+    """The frames at some of :data:`PLACES` when sorted by score, lowest first; equal ones stay in plan order."""
+    order = np.argsort(scores, kind="stable")
+    return [int(order[round(PLACES[place] * (len(order) - 1))]) for place in places]
 
 
 @dataclass(frozen=True)
@@ -61,6 +95,15 @@ class FramePicker:
             f"Frames are chosen by rule: sorted by how surely the {self._entries[0].category} is found in "
             f"{self._paint} (highest score at an overlap of 0.5 or more, 0 when missed; mean over all detectors), "
             f"from the camouflage's best to its worst: {', '.join(self._places)}."
+        )
+
+    @property
+    def reading(self) -> str:
+        """How to read the pictures, after how they were chosen."""
+        return (
+            f"{self.rule} Cut out around the vehicle. Thin white: the true box. Detections that score "
+            f"{PICTURE_THRESHOLD} or more: blue finds the {self._entries[0].category}, red reports one elsewhere, "
+            "yellow takes it, or something else, for another thing."
         )
 
     @property

@@ -1,11 +1,15 @@
-"""Curves of the report as SVG, so that they stay sharp at any zoom and need no script."""
+"""Every figure of a report as SVG, which stays sharp at any zoom and needs no script; one color and mark per paint.
+
+The colors are the same in every table and figure, told apart with any color vision and in print.
+"""
 
 from __future__ import annotations
 
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
@@ -13,8 +17,54 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .colors import COLORS, PALETTE, Style, themed_color
-from .tables.model import Block, Table
+from .table import Block, Table, is_normal, is_random
+
+# Okabe and Ito's colors; the second of each pair is for dark pages.
+GREY, OCHRE = ("#6b7280", "#a3abb6"), ("#b07d00", "#e0b04a")
+PALETTE = (
+    ("#0072b2", "#4aa8e0"), ("#d55e00", "#f08a3c"), ("#009e73", "#35c79c"), ("#b0578d", "#df92c0"),
+    ("#3f8fc4", "#8fcbf2"), ("#7a6a00", "#d6c84a"),
+)  # fmt: skip
+COLORS = (GREY, OCHRE, *PALETTE)
+MARKS = "os^Dvp*"  # matplotlib's: circle, square, triangle, diamond, ...
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a paint is drawn: its color on light and on dark pages, its mark, and its dashes."""
+
+    light: str
+    dark: str
+    mark: str
+    dashes: str = "-"
+
+
+def paint_styles(paints: Iterable[str]) -> dict[str, Style]:
+    """Grey for ``normal``, ochre for ``random``, colors in turn for camouflages, dashed when they come round again."""
+    styles: dict[str, Style] = {}
+    number = 0
+    for paint in paints:
+        if is_normal(paint):
+            styles[paint] = Style(*GREY, MARKS[0])
+        elif is_random(paint):
+            styles[paint] = Style(*OCHRE, MARKS[1])
+        else:
+            turn, place = divmod(number, len(PALETTE))
+            styles[paint] = Style(*PALETTE[place], MARKS[2 + number % (len(MARKS) - 2)], ("-", "--", ":")[turn % 3])
+            number += 1
+    return styles
+
+
+def themed_color(light: str) -> str:
+    """The page's name for a color, which stands for itself where the page defines none."""
+    return f"var(--c-{light[1:]}, {light})"
+
+
+def color_rules() -> str:
+    """The style sheet that gives every color its darker-page twin."""
+    rules = "".join(f"--c-{light[1:]}: {dark}; " for light, dark in COLORS)
+    return f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {rules}}} }}"
+
 
 INK, GRID = "#1c2128", "#dde1e6"
 _STYLE: Any = {
@@ -102,7 +152,7 @@ def _lines(block: Block) -> list[tuple[str, NDArray[np.float64], NDArray[np.floa
     """Paint, values, and the lower and upper edge of its band; NaN where nothing was measured."""
     lines = []
     for row in block.rows:
-        rows = [(c.ap, c.low, c.high) if c is not None else (None, None, None) for c in row.cells]
+        rows = [(c.value, c.low, c.high) if c is not None else (None, None, None) for c in row.cells]
         value, low, high = np.array(rows, np.float64).T
         lines.append((row.name, value, low, high))
     return lines

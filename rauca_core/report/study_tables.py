@@ -1,21 +1,55 @@
-"""The tables of a study: by detector, by defence, by vehicle."""
+"""The tables of a study: by detector, by defence, by vehicle, along one parameter; and all of it as a data frame."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
-from ...contract import load_camouflage
-from ...study.defended import NO_DEFENCE
-from ...study.families import family_of, in_table_order, is_own
-from ...study.recorded import Recorded
-from ...study.results import MEAN
-from ...study.study import Entry, Study
-from .model import AVERAGE, Block, Cell, Column, Row, Source, Table
+from ..contract import load_camouflage
+from ..study.defended import NO_DEFENCE
+from ..study.families import family_of, in_table_order, is_own
+from ..study.recorded import Recorded
+from ..study.results import AXES, MEAN, Estimate
+from ..study.study import Entry, Study
+from .table import AVERAGE, Block, Cell, Column, Row, Source, Table
 
 PUBLISHED = "pre-trained"  # the average without the detectors of this project, which have seen its images
+AXIS_TITLES = {
+    "azimuth_deg": "Azimuth (°), 0 = front",
+    "elevation_deg": "Camera elevation (°)",
+    "distance_m": "Distance (m)",
+    "sun_altitude_deg": "Sun altitude (°)",
+    "fog_density": "Fog density (CARLA, 0-100)",
+}
 _DEFENCES = {NO_DEFENCE: "No defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG", "bits": "Bit depth"}
+
+
+def frame_of(study: Study) -> Any:
+    """A row per vehicle, weathers, defence, paint and detector, with ``"mean"`` as the last detector of each paint.
+
+    Returns:
+        A `pandas.DataFrame` where pandas is installed, else a list of dicts with the same names: ``vehicle``,
+        ``weathers``, ``defence``, ``paint``, ``detector``, ``ap`` (AP@0.5, 0 to 1), ``low`` and ``high`` (its 95 %
+        interval) and ``n`` (frames).
+    """
+    rows = [
+        {
+            "vehicle": entry.vehicle, "weathers": entry.weathers, "defence": entry.defence, "paint": paint,
+            "detector": detector, "ap": found.ap, "low": found.low, "high": found.high,
+            "n": len(entry.results.frames),
+        }
+        for entry in study.entries
+        for paint, row in entry.results.table.items()
+        for detector, found in row.items()
+    ]  # fmt: skip
+    if importlib.util.find_spec("pandas") is None:
+        return rows
+    import pandas
+
+    return pandas.DataFrame(rows)
 
 
 def weathers_title(weathers: str) -> str:
@@ -45,6 +79,23 @@ def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
     """
     made = {paint: load_camouflage(path)[0].made.get("detector") for paint, path in entry.camouflages.items()}
     return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
+
+
+def results_file(entry: Entry, base: Path) -> str:
+    """The entry's results as a page in the folder ``base`` names them."""
+    return Path(os.path.relpath(entry.folder / "results.json", base)).as_posix()
+
+
+def sourced(estimate: Estimate, entry: Entry, base: Path, *keys: str, white_box: bool = False) -> Cell:
+    """The cell of a number that stands in the entry's results under ``keys``, or is computed from what stands there."""
+    source = Source(results_file(entry, base), keys)
+    return Cell(estimate.ap, estimate.low, estimate.high, source, white_box)
+
+
+def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Column, ...]:
+    """A column per detector, under its family."""
+    met = set(attacked)
+    return tuple(Column(name, family_of(name), is_own(name), name in met) for name in names)
 
 
 def tables_of(study: Study, base: Path) -> list[Table]:
@@ -91,15 +142,14 @@ def _by_defence(study: Study, vehicle: str, base: Path, alone: bool) -> Table:
 
 def _table(key: str, title: str, caption: str, blocks: Sequence[tuple[str, Entry]], base: Path) -> Table:
     names = in_table_order(unique(name for _, entry in blocks for name in entry.results.detectors))
-    attacked = {name for _, entry in blocks for names in white_box_of(entry).values() for name in names}
-    columns = [Column(name, family_of(name), is_own(name), name in attacked) for name in names]
+    attacked = [name for _, entry in blocks for names in white_box_of(entry).values() for name in names]
     published = [name for name in names if not is_own(name)]
     if len(published) in (0, len(names)):
         averages = [Column(AVERAGE)]
     else:
         averages = [Column("all", AVERAGE), Column(PUBLISHED, AVERAGE)]
     drawn = [Block(heading, _rows(entry, names, published, len(averages) > 1, base)) for heading, entry in blocks]
-    return Table(key, title, caption, (*columns, *averages), tuple(drawn))
+    return Table(key, title, caption, (*detector_columns(names, attacked), *averages), tuple(drawn))
 
 
 def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool, base: Path) -> tuple[Row, ...]:
@@ -107,42 +157,56 @@ def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: b
     here = [name for name in published if name in entry.results.detectors]
     rows = []
     for paint in entry.results.paints:
-        cells = [estimate_cell(entry, paint, name, base, name in against.get(paint, ())) for name in (*names, MEAN)]
-        if split and here:
-            estimate = recorded.mean_over(here, paint)
-            cells.append(Cell(estimate.ap, estimate.low, estimate.high, source(entry, base, "table", paint)))
-        elif split:
-            cells.append(None)
+        cells = [_cell(entry, paint, name, base, name in against.get(paint, ())) for name in (*names, MEAN)]
+        if split:
+            cells.append(sourced(recorded.mean_over(here, paint), entry, base, "table", paint) if here else None)
         rows.append(Row(paint, tuple(cells)))
     return tuple(rows)
 
 
-def estimate_cell(entry: Entry, paint: str, detector: str, base: Path, white_box: bool = False) -> Cell | None:
+def _cell(entry: Entry, paint: str, detector: str, base: Path, white_box: bool = False) -> Cell | None:
     """The cell of a paint and a detector (or ``"mean"``); None where the entry has none."""
-    estimate = entry.results.table.get(paint, {}).get(detector)
-    if estimate is None:
-        return None
-    return Cell(estimate.ap, estimate.low, estimate.high, source(entry, base, "table", paint, detector), white_box)
+    found = entry.results.table.get(paint, {}).get(detector)
+    return None if found is None else sourced(found, entry, base, "table", paint, detector, white_box=white_box)
 
 
 def _by_vehicle(study: Study, base: Path) -> Table:
     entries = study.of(defence=NO_DEFENCE)
-    vehicles = unique(entry.vehicle for entry in entries)
     category = {entry.vehicle: entry.category for entry in entries}
     blocks = []
     for weathers in unique(entry.weathers for entry in entries):
         here = {entry.vehicle: entry for entry in entries if entry.weathers == weathers}
         paints = unique(paint for entry in here.values() for paint in entry.results.paints)
-        rows = [
-            Row(p, tuple(estimate_cell(here[v], p, MEAN, base) if v in here else None for v in vehicles))
-            for p in paints
-        ]
-        blocks.append(Block(weathers_title(weathers), tuple(rows)))
-    columns = tuple(Column(vehicle, category[vehicle]) for vehicle in vehicles)
+        cells = [[_cell(here[v], paint, MEAN, base) if v in here else None for v in category] for paint in paints]
+        rows = tuple(Row(paint, tuple(row)) for paint, row in zip(paints, cells, strict=True))
+        blocks.append(Block(weathers_title(weathers), rows))
+    columns = tuple(Column(vehicle, of) for vehicle, of in category.items())
     caption = "AP@0.5 of each vehicle's own class, averaged over the detectors."
     return Table("vehicles", "Other vehicles", caption, columns, tuple(blocks))
 
 
-def source(entry: Entry, base: Path, *keys: str) -> Source:
-    """Where a number of the entry's results stands."""
-    return Source(Path(os.path.relpath(entry.folder / "results.json", base)).as_posix(), keys)
+def curves_of(study: Study, base: Path) -> dict[str, list[Table]]:
+    """Weathers -> a table per parameter that varies there, whose columns are its values.
+
+    Of the first vehicle, undefended, mean over detectors.
+    """
+    entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
+    return {
+        entry.weathers: [_curve(entry, axis, base) for axis in AXES if len(entry.results.groups[axis]) > 1]
+        for entry in entries
+    }
+
+
+def _curve(entry: Entry, axis: str, base: Path) -> Table:
+    groups = entry.results.groups[axis]
+    rows = []
+    for paint in entry.results.paints:
+        places = [("groups", axis, str(index), "mean", paint) for index in range(len(groups))]
+        cells = [sourced(group.mean[paint], entry, base, *keys) for group, keys in zip(groups, places, strict=True)]
+        rows.append(Row(paint, tuple(cells)))
+    sizes = sorted({group.frames for group in groups})
+    frames = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
+    caption = f"{AXIS_TITLES[axis]}: {frames} frame{'' if frames == '1' else 's'} per value."
+    columns = tuple(Column(f"{group.value:g}") for group in groups)
+    key = f"{axis.partition('_')[0]}-{entry.weathers}"
+    return Table(key, AXIS_TITLES[axis], caption, columns, (Block(weathers_title(entry.weathers), tuple(rows)),))

@@ -1,0 +1,196 @@
+"""A page as data: sections of a few kinds of parts, which templates draw; they escape whatever they are given."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from .. import __version__
+from ..contract.files import write_bytes
+from .figures import Style, color_rules, themed, themed_color
+from .table import Cell, Column, Table, interval, laid_out, shown
+from .writers import tables_csv, tables_json, tables_latex
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Inside a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """A paragraph that explains, with links to files beside the page after it."""
+
+    text: str
+    links: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Bullets:
+    texts: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What was typed, a line each."""
+
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and values in two columns."""
+
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A JPEG, or a drawing as SVG that takes part in the page's colors; ``alt`` says what it shows."""
+
+    data: bytes | str
+    alt: str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture over its caption; ``kind`` is ``ring``, ``history`` or nothing, ``numbers`` the table behind it."""
+
+    picture: Picture
+    caption: str
+    kind: str = ""
+    numbers: Table | None = None
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures beside each other: ``plots`` or ``maps``; under a legend where styles are given."""
+
+    kind: str
+    figures: Sequence[Figure]
+    legend: Mapping[str, Style] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rows of pictures under titles of one line or two; None leaves a hole."""
+
+    titles: Sequence[str]
+    rows: Mapping[str, Sequence[Picture | None]]
+
+
+@dataclass(frozen=True)
+class Aside:
+    """What others published, marked off from what was measured."""
+
+    title: str
+    note: str
+    table: Table
+
+
+Part = Heading | Note | Bullets | Commands | Facts | Figure | Figures | Grid | Aside | Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """``note`` says how to read it."""
+
+    title: str
+    parts: Sequence[Part]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole page.
+
+    Attributes:
+        scope: a sentence below the title.
+        lead: what was found, a paragraph each.
+        styles: how rows of these names are marked in tables.
+        anchors: file of a number's source -> id of the row on the page that tells about it.
+    """
+
+    title: str
+    scope: str
+    lead: Sequence[str]
+    sections: Sequence[Section]
+    styles: Mapping[str, Style] = field(default_factory=dict)
+    anchors: Mapping[str, str] = field(default_factory=dict)
+
+    def html(self) -> str:
+        """A document of its own: no script, nothing loaded, no date."""
+        template = _environment().get_template("page.html")
+        return template.render(page=self, colors=Markup(color_rules()), version=__version__)
+
+
+SUFFIXES = (".html", ".csv", ".json", ".tex")
+
+
+def write_page(
+    out: Path, page: Page, tables: Sequence[Table], command: str, about: Mapping[str, Any], latex: bool = True
+) -> list[Path]:
+    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
+
+    Args:
+        about: more fields of the JSON.
+
+    Returns:
+        What was written, the page first.
+    """
+    written = {".html": page.html().encode(), ".csv": tables_csv(tables), ".json": tables_json(tables, command, about)}
+    if latex:
+        written[".tex"] = tables_latex(tables, command)
+    for suffix, data in written.items():
+        write_bytes(out.with_suffix(suffix), data)
+    return [out.with_suffix(suffix) for suffix in written]
+
+
+@cache
+def _environment() -> Environment:
+    loader = FileSystemLoader(Path(__file__).with_name("templates"), encoding="utf-8")
+    found = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found.filters |= {
+        "base64": lambda data: base64.b64encode(data).decode("ascii"),
+        "breakable": lambda text: Markup(escape(text).replace("-", "-<wbr>")),
+        "drawing": _drawing,
+        "kind": lambda part: type(part).__name__,
+        "laid_out": laid_out,
+        "shown": shown,
+        "small": _small_interval,
+        "source": _source,
+        "themed_color": themed_color,
+    }
+    return found
+
+
+def _drawing(picture: Picture) -> Markup:
+    """An ``<svg>`` element put into the page, so that it takes part in its colors."""
+    label = f'<svg role="img" aria-label="{escape(picture.alt, quote=True)}"'
+    return Markup(themed(str(picture.data)).replace("<svg", label, 1))
+
+
+def _small_interval(cell: Cell, column: Column) -> str:
+    """As printed small below a value: without the zero before the point."""
+    low, high = interval(cell, column) or ("", "")
+    if column.kind == "change":
+        return f"{low} to {high}" if low else ""
+    return f"{low.removeprefix('0')}–{high.removeprefix('0')}" if low else ""
+
+
+def _source(cell: Cell, column: Column) -> str:
+    """The value with its interval and where it stands, as shown when it is pointed at."""
+    assert cell.source is not None
+    where = f"{cell.source.file}: {' / '.join(key for key in cell.source.keys if key)}"
+    ends = interval(cell, column)
+    return f"{shown(cell, column)}, 95 % interval {ends[0]} to {ends[1]}; {where}" if ends else where
