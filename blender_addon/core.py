@@ -12,11 +12,7 @@ try:
         assets,
         color,
         files,
-        image_header,
-        instances,
-        json_lines,
         reading,
-        recolor,
         schema,
         seeding,
         semantics,
@@ -24,19 +20,7 @@ try:
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import (
-        assets,
-        color,
-        files,
-        image_header,
-        instances,
-        json_lines,
-        reading,
-        recolor,
-        schema,
-        seeding,
-        semantics,
-    )
+    from rauca_core.contract import assets, color, files, reading, schema, seeding, semantics
     from rauca_core.geometry import bake
 
 __all__ = [
@@ -46,11 +30,7 @@ __all__ = [
     "contract",
     "files",
     "geometry",
-    "image_header",
-    "instances",
-    "json_lines",
     "reading",
-    "recolor",
     "schema",
     "seeding",
     "semantics",

@@ -12,8 +12,8 @@ from rich.text import Text
 
 from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Progress
+from rauca_core.contract.color import find_colors
 from rauca_core.contract.files import write_json
-from rauca_core.contract.recolor import find_colors
 from rauca_core.dataset_tools import (
     CheckResult,
     check_dataset,
@@ -22,7 +22,7 @@ from rauca_core.dataset_tools import (
     remove_damaged,
     view_dataset,
 )
-from rauca_core.dataset_tools.check import MIN_PSNR_DB, STATES
+from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
 
 from .console import console, output, progress_bar
@@ -125,11 +125,11 @@ def dataset_recolor(
 
 def _table(folder: Path, result: CheckResult) -> Table:
     longest = max(map(len, result.weathers))
-    table = Table(Column("weather", min_width=longest), *STATES, "recoloring", title=str(folder))
+    table = Table(Column("weather", min_width=longest), *COUNTED, "recoloring", title=str(folder))
     for name, weather in result.weathers.items():
         psnr = "" if weather.psnr_db is None else f"{weather.psnr_db:.1f} dB of {weather.checked}"
-        table.add_row(name, *(str(weather.counts[state]) for state in STATES), psnr)
-    sums = (str(sum(w.counts[state] for w in result.weathers.values())) for state in STATES)
+        table.add_row(name, *(str(weather.counts[state]) for state in COUNTED), psnr)
+    sums = (str(sum(w.counts[state] for w in result.weathers.values())) for state in COUNTED)
     table.add_section()
     bad = len(result.findings)
     table.add_row("all", *sums, Text(f"{bad} findings", "red") if bad else Text("whole", "green"))

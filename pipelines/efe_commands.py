@@ -9,8 +9,8 @@ import typer
 from rich.table import Table
 
 from rauca_core.contract import RaucaError
+from rauca_core.contract.color import TEST, find_colors
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
-from rauca_core.contract.recolor import TEST, find_colors
 
 from .console import console, output, progress_bar
 

@@ -11,7 +11,7 @@ from blender_addon.scene import composed_fog
 from blender_addon.scene.light_maps import MARGIN_PX
 from blender_addon.scene.render import Crop
 from rauca_core.contract import Weather
-from rauca_core.contract.recolor import recolor
+from rauca_core.contract.color import recolor
 
 from .error import Image, psnr_db, squared_errors
 from .reference import References

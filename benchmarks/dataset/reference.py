@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from rauca_core.contract import Quality, Weather
+from rauca_core.contract.color import Color
 from rauca_core.contract.files import write_bytes
-from rauca_core.contract.recolor import Color
 from rauca_core.contract.seeding import named_seed
 
 from .error import Halves, Image

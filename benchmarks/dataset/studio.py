@@ -22,8 +22,7 @@ from blender_addon.scene.render import render_linear
 from blender_addon.scene.session import Session
 from blender_addon.vehicles import find_vehicle
 from rauca_core.contract import Quality, Weather
-from rauca_core.contract.color import srgb_to_linear
-from rauca_core.contract.recolor import Color
+from rauca_core.contract.color import Color, srgb_to_linear
 from rauca_core.contract.seeding import named_seed
 
 Image = NDArray[np.float32]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 
 from rauca_core.contract import Quality, Weather
-from rauca_core.contract.recolor import Color, recolor
+from rauca_core.contract.color import Color, recolor
 
 from .error import Image, SquaredErrors, psnr_db, squared_errors
 from .reference import References

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rauca_core.contract import Weather, find_preset, in_rendering_order
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.recolor import TRAIN, recolor
+from rauca_core.contract.color import TRAIN, recolor
 
 from .results import WholeSet
 from .settings import Settings

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rauca_core.contract.recolor import TEST
+from rauca_core.contract.color import TEST
 from rauca_core.environment import LightSplitter, load_extractor
 from rauca_core.environment.convergence import smoothed
 from rauca_core.environment.frames import LightFrames

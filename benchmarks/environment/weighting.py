@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rauca_core.contract.recolor import TEST
+from rauca_core.contract.color import TEST
 from rauca_core.environment import LightSplitter
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render

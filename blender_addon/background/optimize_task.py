@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, json_lines, schema
+from ..core import contract, schema
 from .job import Told
 from .thumbnail import thumbnail
 
@@ -70,7 +70,7 @@ def begun(folder: Path) -> bool:
 def earlier(folder: Path, step: int) -> list[Mapping[str, float]]:
     """The figures of the steps before ``step``, as an earlier run left them."""
     try:
-        told = json_lines.whole_lines(folder / HISTORY, MAX_HISTORY_BYTES, "a history of steps", _figures)
+        told = schema.whole_lines(folder / HISTORY, MAX_HISTORY_BYTES, "a history of steps", _figures)
     except contract.RaucaError:
         return []
     return [figures for at, figures in told if at < step]

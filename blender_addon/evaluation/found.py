@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import contract, json_lines, schema
+from ..core import contract, schema
 
 STUDY, RESULTS = "study.json", "results.json"
 MAX_DETECTIONS_BYTES = 2**30  # a line is some 5 kB: 200 000 images
@@ -133,7 +133,7 @@ def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, 
     for path in sorted(folder.glob("*.jsonl")):
         if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
             continue
-        found |= json_lines.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
+        found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
     return found
 
 

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract, instances, semantics
+from ..core import color, contract, semantics
 from . import nodes
 from .annotatable import categories
 from .exchange import exchanged_materials, is_volume, shown_objects
@@ -55,7 +55,7 @@ class Annotation:
 
     def box_xyxy(self) -> contract.Box | None:
         """The tight box of pixels at least half covered by the vehicle; None when fewer than 16 are."""
-        return instances.mask_box(self.vehicle >= 128)
+        return semantics.mask_box(self.vehicle >= 128)
 
 
 @dataclass(eq=False)
@@ -87,7 +87,7 @@ class GeometryView:
         sky = pixels[..., 3] < 0.5
         semantic = np.where(sky, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])
         which = np.ascontiguousarray(numbers[..., 1])
-        return Ids(semantic, which, instances.find_instances(which, self._categories))
+        return Ids(semantic, which, semantics.find_instances(which, self._categories))
 
     def annotate(self, ids: Ids, visible: float, seed: int) -> Annotation:
         """Render coverage and distance for the scene's camera, beside what is known of it."""

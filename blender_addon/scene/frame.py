@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract, recolor
+from ..core import color, contract
 from .annotate import Annotation
 from .light_maps import light_maps
 from .metering import expose, exposure_stops
@@ -107,7 +107,7 @@ def with_rain(light: Light, rain: contract.rain.Streaks | None) -> Light:
 def describe(session: Session, task: contract.PlannedFrame, sight: Sight, stops: float) -> contract.Frame:
     """What ``frame.json`` says."""
     viewpoint, plan = session.viewpoint(task.location, task.view), session.plan
-    checked = recolor.check_color(plan.seed, plan.recolor_share, task.id) if plan.light else None
+    checked = color.check_color(plan.seed, plan.recolor_share, task.id) if plan.light else None
     return contract.Frame(
         id=task.id,
         location=task.location,

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..core import contract, image_header, reading
+from ..core import contract, reading
 
 FLOAT = 5126
 JSON_CHUNK = 0x4E4F534A
@@ -45,7 +45,7 @@ def check_gltf(path: Path) -> int:
     if not 0 <= empty <= MAX_EMPTY_VALUES:
         raise ValueError("its accessors declare more zeros than any mesh has vertices")
     for number, image in enumerate(document.get("images", [])):
-        image_header.require_size(_image_header(document, image, binary, path), f"{path}: image {number}")
+        reading.require_size(_image_header(document, image, binary, path), f"{path}: image {number}")
     primitives = [p for mesh in document.get("meshes", []) for p in mesh["primitives"]]
     accessors = {p["attributes"]["POSITION"] for p in primitives if "POSITION" in p["attributes"]}
     return sum(_bad(document, document["accessors"][i], binary, path) for i in sorted(accessors))
@@ -94,15 +94,15 @@ def _image_header(document: dict[str, Any], image: dict[str, Any], binary: bytes
         view = document["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
         data = _buffer(document["buffers"][view["buffer"]], binary, path)
-        return bytes(data[start : start + min(view["byteLength"], image_header.HEADER_BYTES)])
+        return bytes(data[start : start + min(view["byteLength"], reading.HEADER_BYTES)])
     uri = image.get("uri", "")
     if uri.startswith("data:"):
-        return base64.b64decode(uri.split(",", 1)[1])[: image_header.HEADER_BYTES]
+        return base64.b64decode(uri.split(",", 1)[1])[: reading.HEADER_BYTES]
     beside = path.parent / unquote(uri)
     if not uri or not beside.is_file():
         return b""
     with beside.open("rb") as stream:
-        return stream.read(image_header.HEADER_BYTES)
+        return stream.read(reading.HEADER_BYTES)
 
 
 def _buffer(buffer: dict[str, Any], binary: bytes, path: Path) -> bytes:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, image_header
+from ..core import contract, reading
 
 
 def read_image_blender(path: Path) -> NDArray[np.uint8]:
@@ -21,10 +21,10 @@ def read_image_blender(path: Path) -> NDArray[np.uint8]:
     if not path.is_file():
         raise contract.RaucaError(f"{path}: not found")
     with path.open("rb") as stream:
-        header = stream.read(image_header.HEADER_BYTES)
-    if image_header.declared_size(header) is None:
+        header = stream.read(reading.HEADER_BYTES)
+    if reading.declared_size(header) is None:
         raise contract.RaucaError(f"{path}: not a readable image; save it as PNG or JPEG")
-    image_header.require_size(header, str(path))
+    reading.require_size(header, str(path))
     try:
         image = bpy.data.images.load(str(path.resolve()), check_existing=False)
     except RuntimeError as error:

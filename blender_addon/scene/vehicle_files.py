@@ -11,7 +11,7 @@ from pathlib import Path
 import addon_utils
 import bpy
 
-from ..core import contract, image_header, reading
+from ..core import contract, reading
 from .gltf_check import check_gltf
 from .render import silenced
 from .rendered import rendered_by
@@ -151,13 +151,13 @@ def _check_images(fresh: list[bpy.types.Image], path: Path) -> None:
         if image.source != "FILE" or (appended and vehicle.isdisjoint(_all_users(image, users))):
             continue
         if image.packed_file is not None:
-            header = bytes(image.packed_file.data[: image_header.HEADER_BYTES])
+            header = bytes(image.packed_file.data[: reading.HEADER_BYTES])
         else:
             named = bpy.path.abspath(image.filepath, library=image.library)
             if not appended:
                 _refuse_outside(path, named)
             header = _beginning(Path(named))
-        image_header.require_size(header, f"{path}: image {image.name!r}")
+        reading.require_size(header, f"{path}: image {image.name!r}")
 
 
 def _all_users(block: bpy.types.ID, users: dict[bpy.types.ID, set[bpy.types.ID]]) -> set[bpy.types.ID]:
@@ -175,7 +175,7 @@ def _beginning(path: Path) -> bytes:
     if not path.is_file():
         return b""
     with path.open("rb") as stream:
-        return stream.read(image_header.HEADER_BYTES)
+        return stream.read(reading.HEADER_BYTES)
 
 
 def _refuse_outside(path: Path, named: str) -> None:

@@ -5,24 +5,19 @@ Nobody else parses or writes these files.
 """
 
 from . import rain
-from .balance import balanced_frames
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
-from .carla import weather_from_carla
-from .checksums import seal_dataset
-from .dataset import Dataset, Plan, Ring, claim_folder, frame_folder, read_plan
+from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_states, read_ledger
 from .errors import RaucaError, StoppedError
+from .files import seal_dataset
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
-from .instances import Box, Instance
-from .ledger import LedgerEntry, append_entry, frame_states, read_ledger
-from .optimize_progress import OptimizeProgress, parse_optimize_progress
-from .presets import find_preset, load_weathers, preset_notes, save_weathers
-from .progress import Progress, parse_progress
-from .quality import Quality
-from .scenery import Scenery
+from .plan import Plan, Quality, Ring, Scenery, claim_folder, read_plan
+from .presets import find_preset, load_weathers, preset_notes, save_weathers, weather_from_carla
+from .progress import OptimizeProgress, Progress, parse_optimize_progress, parse_progress
+from .semantics import Box, Instance
 from .vehicle import MAX_EXTENT_M, Material, Vehicle, load_vehicle
 from .weather import Weather
-from .work import PlannedFrame, Shard, cameras_of, chunks, in_rendering_order, planned_frames
+from .work import PlannedFrame, Shard, balanced_frames, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
     "MAX_EXTENT_M",

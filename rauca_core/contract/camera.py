@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RaucaError
-from .schema import Fields
+from .schema import Record
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(Record):
     """A pinhole camera.
 
     The image plane spans [0, width] x [0, height]: the center of the top-left pixel is (0.5, 0.5).
@@ -28,11 +28,11 @@ class Camera:
         width, height: image size, pixels.
     """
 
-    K: Array
-    R: Array
-    t: Array
-    width: int
-    height: int
+    K: Annotated[Array, (3, 3)]
+    R: Annotated[Array, (3, 3)]
+    t: Annotated[Array, (3,)]
+    width: Annotated[int, (1, 16384)]
+    height: Annotated[int, (1, 16384)]
 
     @staticmethod
     def look_at(eye: Array, target: Array, fov_deg: float, width: int, height: int, roll_deg: float = 0.0) -> Camera:
@@ -78,28 +78,9 @@ class Camera:
             self.K, self.R @ object_to_world[:3, :3], self.R @ object_to_world[:3, 3] + self.t, self.width, self.height
         )
 
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "K": self.K.tolist(),
-            "R": self.R.tolist(),
-            "t": self.t.tolist(),
-            "width": self.width,
-            "height": self.height,
-        }
-
-    @staticmethod
-    def from_json(fields: Fields) -> Camera:
-        camera = Camera(
-            fields.array("K", (3, 3)),
-            fields.array("R", (3, 3)),
-            fields.array("t", (3,)),
-            fields.integer("width", 1, 16384),
-            fields.integer("height", 1, 16384),
-        )
-        fields.done()
-        if camera.K[0, 0] <= 0 or camera.K[1, 1] <= 0 or not np.allclose(camera.K[2], [0, 0, 1]):
-            raise RaucaError(f"{fields.where}: K is not a pinhole matrix (positive focal lengths, last row 0 0 1)")
-        within = np.abs(camera.R).max() <= 1.001  # else the product below could overflow
-        if not within or not np.allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-5) or np.linalg.det(camera.R) < 0:
-            raise RaucaError(f"{fields.where}: R is not a rotation")
-        return camera
+    def _check_whole(self, where: str) -> None:
+        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or not np.allclose(self.K[2], [0, 0, 1]):
+            raise RaucaError(f"{where}: K is not a pinhole matrix (positive focal lengths, last row 0 0 1)")
+        within = np.abs(self.R).max() <= 1.001  # else the product below could overflow
+        if not within or not np.allclose(self.R @ self.R.T, np.eye(3), atol=1e-5) or np.linalg.det(self.R) < 0:
+            raise RaucaError(f"{where}: R is not a rotation")

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from .errors import RaucaError
 from .files import write_bytes, write_json
-from .schema import read_json
+from .schema import Record, read_json
 
-FORMAT = ("rauca-camouflage", 1)
 MAX_TEXELS = 8192
-"""A side of the UV map: the largest image that is read (`image_header.MAX_PIXELS`)."""
+"""A side of the UV map: the largest image that is read (`reading.MAX_PIXELS`)."""
 
 
 @dataclass(frozen=True)
-class Camouflage:
+class Camouflage(Record):
     """Metadata of a camouflage; the UV map lies beside it as ``<stem>.png``.
 
     Attributes:
@@ -27,10 +26,11 @@ class Camouflage:
         made: whatever the maker wants to remember (detector, steps, seed, losses).
     """
 
-    name: str
+    FORMAT = ("rauca-camouflage", 1)
+    name: Annotated[str, "plain_name"]
     vehicle_name: str
     atlas_id: str
-    size: int
+    size: Annotated[int, (1, MAX_TEXELS)]
     method: str
     made: dict[str, Any] = field(default_factory=dict)
 
@@ -46,26 +46,14 @@ class Camouflage:
 def save_camouflage(path: Path, camouflage: Camouflage, png: bytes) -> None:
     """Write ``path`` (.json) and the UV map beside it (.png), the map first: a JSON always finds its map."""
     path = Path(path)
-    name, version = FORMAT
     write_bytes(path.with_suffix(".png"), png)
-    write_json(path, {"format": name, "version": version, **camouflage.__dict__})
+    write_json(path, camouflage.to_json())
 
 
 def load_camouflage(path: Path) -> tuple[Camouflage, Path]:
     """Read a camouflage by its JSON or PNG path; returns the metadata and the path of the UV map."""
     path = Path(path).with_suffix(".json")
-    fields = read_json(path)
-    fields.format(*FORMAT)
-    made = fields.raw("made")
-    camouflage = Camouflage(
-        fields.plain_name("name"),
-        fields.text("vehicle_name"),
-        fields.text("atlas_id"),
-        fields.integer("size", 1, MAX_TEXELS),
-        fields.text("method"),
-        made if isinstance(made, dict) else {},
-    )
-    fields.done()
+    camouflage = Camouflage.from_json(read_json(path))
     image = path.with_suffix(".png")
     if not image.is_file():
         raise RaucaError(f"{image}: the camouflage's UV map is missing; keep the .png beside the .json")

@@ -19,29 +19,26 @@ and B is the original frame.
 from __future__ import annotations
 
 import io
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .checksums import write_sums
 from .color import linear_to_srgb, to_bytes
 from .errors import RaucaError
-from .files import atomic_folder, png_bytes, write_bytes, write_json
-from .instances import Box, Instance
-from .schema import Fields, read_json
-from .semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE
+from .files import atomic_folder, png_bytes, write_bytes, write_json, write_sums
+from .schema import Record, Rgb8, read_json
+from .semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, Box, Instance
 from .vehicle import load_arrays
 from .weather import Weather
 
-FORMAT = ("rauca-frame", 2)
-
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(Record):
     """What is known of a frame without opening its images.
 
     Attributes:
@@ -60,76 +57,27 @@ class Frame:
         exposure_stops: powers of two by which the frame is brighter than its weather's exposure makes it.
     """
 
-    id: str
+    FORMAT = ("rauca-frame", 2)
+    id: Annotated[str, "file_name"]
     location: int
     view: int
     camera: Camera
-    vehicle_to_world: NDArray[np.float64]
+    vehicle_to_world: Annotated[NDArray[np.float64], (4, 4)]
     weather: Weather
     azimuth_deg: float
     elevation_deg: float
-    distance_m: float
+    distance_m: Annotated[float, (0, math.inf)]
     box_xyxy: Box | None
-    visible: float
+    visible: Annotated[float, (0, 1)]
     seed: int
     instances: tuple[Instance, ...] = ()
-    check_srgb: tuple[int, int, int] | None = None
-    exposure_stops: float = 0.0
+    check_srgb: Rgb8 | None = None
+    exposure_stops: Annotated[float, (-16, 16)] = 0.0
 
     @property
     def camera_in_vehicle(self) -> Camera:
         """The camera in the vehicle's own frame: all that the renderer's taps depend on."""
         return self.camera.relative_to(self.vehicle_to_world)
-
-    def to_json(self) -> dict[str, Any]:
-        name, version = FORMAT
-        return {
-            "format": name,
-            "version": version,
-            "id": self.id,
-            "location": self.location,
-            "view": self.view,
-            "camera": self.camera.to_json(),
-            "vehicle_to_world": self.vehicle_to_world.tolist(),
-            "weather": self.weather.to_json(),
-            "azimuth_deg": self.azimuth_deg,
-            "elevation_deg": self.elevation_deg,
-            "distance_m": self.distance_m,
-            "box_xyxy": None if self.box_xyxy is None else list(self.box_xyxy),
-            "visible": self.visible,
-            "seed": self.seed,
-            "instances": [instance.to_json() for instance in self.instances],
-            "check_srgb": None if self.check_srgb is None else list(self.check_srgb),
-            "exposure_stops": self.exposure_stops,
-        }
-
-    @staticmethod
-    def from_json(fields: Fields) -> Frame:
-        fields.format(*FORMAT, oldest=2)
-        box = None if fields.is_null("box_xyxy") else fields.array("box_xyxy", (4,)).tolist()
-        instances = (
-            Instance.from_json(Fields(item, f"{fields.where}: instances[{i}]"))
-            for i, item in enumerate(fields.items("instances"))
-        )
-        frame = Frame(
-            id=fields.file_name("id"),
-            location=fields.integer("location"),
-            view=fields.integer("view"),
-            camera=Camera.from_json(fields.nested("camera")),
-            vehicle_to_world=fields.array("vehicle_to_world", (4, 4)),
-            weather=Weather.from_json(fields.nested("weather")),
-            azimuth_deg=fields.number("azimuth_deg"),
-            elevation_deg=fields.number("elevation_deg"),
-            distance_m=fields.number("distance_m", 0),
-            box_xyxy=None if box is None else (box[0], box[1], box[2], box[3]),
-            visible=fields.number("visible", 0, 1),
-            seed=fields.integer("seed"),
-            instances=tuple(instances),
-            check_srgb=None if fields.is_null("check_srgb") else fields.srgb("check_srgb"),
-            exposure_stops=fields.number("exposure_stops", -16, 16),
-        )
-        fields.done()
-        return frame
 
 
 @dataclass(eq=False)

@@ -4,21 +4,62 @@
 
     {"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [{"name": ..., ...}, ...]}
 
-With ``"convention": "carla"`` the entries are CARLA's own parameters (`carla.py`); without it they are ours.
+With ``"convention": "carla"`` the entries are CARLA's own parameters (`carla.WeatherParameters`); without it they are
+ours. Names, ranges and defaults are CARLA 0.9.15's. Two things are converted or ignored, never silently:
+
+- CARLA's world is left-handed, so its azimuth grows clockwise seen from above, ours counter-clockwise: ours is minus
+  CARLA's. CARLA leaves the direction of azimuth zero open; it is taken as the world's +x here.
+- Scattering parameters and dust storms have no counterpart. At CARLA's own defaults they change nothing; at another
+  value the reader gets a note.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from .carla import weather_from_carla
 from .errors import RaucaError
 from .files import write_json
 from .schema import Fields, read_json
 from .weather import Weather
 
 PRESET_FORMAT = ("rauca-weathers", 1)
+CARLA_DEFAULTS = {"sun_altitude_angle": 0.0, "sun_azimuth_angle": 0.0, "fog_falloff": 0.2}  # others are ours
+# Values at which a parameter without a counterpart says nothing: CARLA's two defaults (Python, and the C++ structure).
+WITHOUT_COUNTERPART = {
+    "scattering_intensity": (1.0, 0.0),
+    "mie_scattering_scale": (0.03, 0.0),
+    "rayleigh_scattering_scale": (0.0331,),
+    "dust_storm": (0.0,),
+}
+
+
+def weather_from_carla(
+    parameters: dict[str, Any], name: str, where: str = "CARLA weather"
+) -> tuple[Weather, list[str]]:
+    """A CARLA weather in our terms.
+
+    Args:
+        parameters: any of the attributes of ``carla.WeatherParameters``; what is missing has CARLA's default.
+        where: names the source in errors and notes.
+
+    Returns:
+        The weather and notes: a line for each parameter given that has no effect here.
+
+    Raises:
+        RaucaError: an unknown parameter, or a value outside CARLA's range.
+    """
+    ours = {parameter: value for parameter, value in parameters.items() if parameter not in WITHOUT_COUNTERPART}
+    weather = Weather.from_json(Fields(CARLA_DEFAULTS | ours | {"name": name}, where))
+    fields = Fields(parameters, where)
+    notes = [
+        f"{where}: {parameter} {fields.number(parameter):g} has no counterpart here and is ignored"
+        for parameter, silent in WITHOUT_COUNTERPART.items()
+        if fields.has(parameter) and fields.number(parameter) not in silent
+    ]
+    return replace(weather, sun_azimuth_angle=-weather.sun_azimuth_angle % 360.0), notes
 
 
 def load_weathers(path: Path) -> list[Weather]:
@@ -56,19 +97,17 @@ def _path(name_or_path: str, folder: Path) -> Path:
 def _read(path: Path) -> tuple[list[Weather], list[str]]:
     fields = read_json(path)
     fields.format(*PRESET_FORMAT)
-    convention = fields.text("convention") if fields.has("convention") else "rauca"
-    if convention not in ("rauca", "carla"):
-        raise RaucaError(f"{path}: convention must be rauca or carla, not {convention!r}")
-    items = [Fields(item, f"{path}: weathers[{i}]") for i, item in enumerate(fields.items("weathers"))]
+    convention = fields.choice("convention", ("rauca", "carla")) if fields.has("convention") else "rauca"
+    items = fields.objects("weathers")
     fields.done()
     weathers, notes = [], []
     for item in items:
-        if convention == "carla":
-            weather, ignored = weather_from_carla(item.without("name"), item.text("name"), item.where)
-            notes += ignored
+        if convention == "rauca":
+            weathers.append(Weather.from_json(item))
         else:
-            weather = Weather.from_json(item)
-        weathers.append(weather)
+            weather, ignored = weather_from_carla(item.without("name"), item.text("name"), item.where)
+            weathers.append(weather)
+            notes += ignored
     if not weathers or len({w.name for w in weathers}) != len(weathers):
         raise RaucaError(f"{path}: weathers must be a list of at least one, each with a name of its own")
     return weathers, notes

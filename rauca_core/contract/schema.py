@@ -1,5 +1,8 @@
 """Strict JSON reading: every complaint names the file and the field.
 
+A dataclass that derives from :class:`Record` is read and written field by field, as its annotations say; what has no
+such class is read through the getters of :class:`Fields`.
+
 >>> fields = Fields({"width": "wide"}, "frame.json")
 >>> fields.integer("width", minimum=1)
 Traceback (most recent call last):
@@ -8,21 +11,33 @@ rauca_core.contract.errors.RaucaError: frame.json: width must be a whole number,
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
 import reprlib
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass
+from dataclasses import fields as fields_of
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RaucaError
-from .reading import parse_json, read_text
+from .files import write_bytes
+from .reading import parse_json, read_limited, read_text
 
 MAX_JSON_BYTES = 64 * 2**20
 """The largest of ours, the results of a study of 10 000 frames in ten paints, are some 15 MiB."""
 MAX_NAME = 128
 """Characters of a name that becomes a folder's: file systems take 255 bytes, a suffix or two of ours included."""
+
+_LARGEST_FLOAT = float(np.finfo(np.float64).max)
+_SHORT = reprlib.Repr()  # never writes out a list of millions to show its beginning
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
+
+T = TypeVar("T")
 
 
 class Fields:
@@ -140,26 +155,115 @@ class Fields:
     def nested(self, name: str) -> Fields:
         return Fields(self._get(name), f"{self.where}: {name}")
 
-    def format(self, name: str, version: int, oldest: int = 1) -> None:
+    def objects(self, name: str) -> list[Fields]:
+        """A list of objects, to be read one by one."""
+        return [Fields(item, f"{self.where}: {name}[{i}]") for i, item in enumerate(self.items(name))]
+
+    def choice(self, name: str, words: Sequence[str]) -> str:
+        """One of a few words."""
+        value = self.text(name)
+        if value not in words:
+            raise self._refuse(name, f"one of {', '.join(words)}")
+        return value
+
+    def format(self, name: str, version: int) -> None:
         """Check the ``format`` and ``version`` fields that open every file of the contract."""
         found = self.text("format")
         if found != name:
             raise RaucaError(f"{self.where}: this is a {found} file, a {name} file was expected")
         written = self.integer("version", minimum=1)
-        if written > version:
-            raise RaucaError(
-                f"{self.where}: written in {name} version {written}, this rauca reads up to {version}; update rauca"
-            )
-        if written < oldest:
-            raise RaucaError(
-                f"{self.where}: {name} version {written} is from an older rauca, this one reads from {oldest} on; "
-                "make it again in another folder"
-            )
+        if written != version:
+            remedy = "update rauca" if written > version else "make it again in another folder"
+            raise RaucaError(f"{self.where}: written in {name} version {written}, this rauca reads {version}; {remedy}")
 
     def done(self) -> None:
         unknown = sorted(set(self._data) - self._seen)
         if unknown:
             raise RaucaError(f"{self.where}: unknown field {', '.join(unknown)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A dataclass that is a JSON object on disk; fields that have a default may be left out there.
+
+    Annotations are ``float``, ``int``, ``str``, ``bool``, arrays, records, tuples of numbers or records, free-form
+    dictionaries, and any of these or None. What more a value must be stands beside its type:
+    ``Annotated[float, (0, 1)]`` limits a number, ``Annotated[NDArray, (3, 3)]`` tells the shape of an array,
+    ``Annotated[str, ("town", "blend")]`` the words to choose from, and ``Annotated[str, "plain_name"]`` names the
+    method of :class:`Fields` that reads it.
+    """
+
+    FORMAT: ClassVar[tuple[str, int] | None] = None
+    """Name and version that open the file; None for an object inside another."""
+
+    def to_json(self) -> dict[str, Any]:
+        head = {} if self.FORMAT is None else {"format": self.FORMAT[0], "version": self.FORMAT[1]}
+        return head | {known.name: _plain(getattr(self, known.name)) for known in fields_of(self)}
+
+    @classmethod
+    def from_json(cls, fields: Fields) -> Self:
+        """Read one; raises :class:`RaucaError` naming the field that is missing, unknown or not what it must be."""
+        if cls.FORMAT is not None:
+            fields.format(*cls.FORMAT)
+        values = {}
+        for known in fields_of(cls):
+            if fields.has(known.name) or (known.default is MISSING and known.default_factory is MISSING):
+                values[known.name] = _value(fields, known.name, _annotations(cls)[known.name])
+        record = cls(**values)
+        fields.done()
+        record._check_whole(fields.where)
+        return record
+
+    def check(self, where: str) -> None:
+        """Raise :class:`RaucaError` naming ``where`` and the field unless a reader would accept this record."""
+        type(self).from_json(Fields(self.to_json(), where))
+
+    def _check_whole(self, where: str) -> None:
+        """Raise :class:`RaucaError` naming ``where`` for what no field can tell alone."""
+
+
+Rgb8 = Annotated[tuple[int, int, int], "srgb"]
+_annotations: Callable[[type], dict[str, Any]] = functools.cache(functools.partial(get_type_hints, include_extras=True))
+
+
+def _plain(value: Any) -> Any:
+    """A field of a record as JSON holds it."""
+    if isinstance(value, Record):
+        return value.to_json()
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _value(fields: Fields, name: str, kind: Any) -> Any:
+    """A field of a record, as its annotation says."""
+    mark: Any = ()
+    if get_origin(kind) is Annotated:
+        kind, mark = get_args(kind)
+    parts = get_args(kind)
+    if isinstance(mark, str):
+        return getattr(fields, mark)(name)
+    if type(None) in parts:
+        return None if fields.is_null(name) else _value(fields, name, parts[0])
+    if isinstance(kind, type) and issubclass(kind, Record):
+        return kind.from_json(fields.nested(name))
+    if get_origin(kind) is tuple:
+        return _tuple(fields, name, parts)
+    if get_origin(kind) is dict:
+        fields.nested(name)  # refuses what is no object
+        return fields.raw(name)
+    if kind is str:
+        return fields.choice(name, mark) if mark else fields.text(name)
+    simple: dict[Any, Callable[..., Any]] = {float: fields.number, int: fields.integer, bool: fields.flag}
+    return simple[kind](name, *mark) if kind in simple else fields.array(name, mark)
+
+
+def _tuple(fields: Fields, name: str, parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Numbers or records: as many as the annotation has, or any number."""
+    if issubclass(parts[0], Record):
+        return tuple(parts[0].from_json(item) for item in fields.objects(name))
+    count = len(fields.items(name)) if Ellipsis in parts else len(parts)
+    return tuple(fields.array(name, (count,)).tolist())
 
 
 def read_json(path: Path) -> Fields:
@@ -178,6 +282,24 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-_LARGEST_FLOAT = float(np.finfo(np.float64).max)
-_SHORT = reprlib.Repr()  # never writes out a list of millions to show its beginning
-_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
+def whole_lines(path: Path, limit: int, kind: str, read: Callable[[Fields], T], mend: bool = False) -> list[T]:
+    """What ``read`` makes of every whole line, in the file's order.
+
+    Passed over are lines that are no JSON object and those to which ``read`` raises :class:`RaucaError`.
+
+    Args:
+        limit, kind: as of :func:`~.reading.read_limited`.
+        mend: write the file anew without the lines that were passed over.
+
+    Raises:
+        RaucaError: the file itself cannot be read.
+    """
+    lines = read_limited(path, limit, kind).splitlines()
+    whole, found = [], []
+    for line in lines:
+        with contextlib.suppress(RaucaError):
+            found.append(read(Fields(parse_json(line, path.name), path.name)))
+            whole.append(line)
+    if mend and whole != lines:
+        write_bytes(path, b"".join(line + b"\n" for line in whole))
+    return found

@@ -1,4 +1,4 @@
-"""What a pixel shows: semantic classes, and which vehicle.
+"""What a pixel shows: semantic classes, and which vehicle; the tight boxes of masks.
 
 ``semantic.png`` holds a class id per pixel and ``instances.png`` a vehicle's number. Both are plain grey 8-bit PNGs:
 Pillow, OpenCV and every training framework then read the ids themselves, whereas OpenCV silently turns a palette PNG
@@ -10,8 +10,13 @@ carries ``rauca_instance`` and ``rauca_category``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
+
+from .schema import Record
 
 CLASSES = (
     "unlabeled",
@@ -69,3 +74,50 @@ PALETTE: NDArray[np.uint8] = np.array(
     dtype=np.uint8,
 )
 """(classes, 3) sRGB colors for people; Cityscapes' hues where a class exists there, the vehicle's parts loud."""
+
+
+Box = tuple[float, float, float, float]
+MIN_BOX_PIXELS = 16
+"""Fewer visible pixels than this make no ground truth: nothing could be detected there."""
+
+
+@dataclass(frozen=True)
+class Instance(Record):
+    """Another vehicle in view.
+
+    Attributes:
+        id: its value in ``instances.png``, 1 to 254.
+        category: a COCO class, never that of the data set's vehicle: an image has one object of that.
+        box_xyxy: tight box of its visible pixels, pixels; the right and lower edges lie past the last one.
+        pixels: how many are visible.
+    """
+
+    id: Annotated[int, (NO_INSTANCE + 1, TARGET_INSTANCE - 1)]
+    category: str
+    box_xyxy: Box
+    pixels: Annotated[int, (1, 2**63)]
+
+
+def mask_box(mask: NDArray[np.bool_], fewest: int = MIN_BOX_PIXELS) -> Box | None:
+    """Tight box of an (H, W) mask, pixels: left, top, right, bottom; None when fewer than ``fewest`` are set."""
+    rows, columns = np.nonzero(mask)
+    if rows.size < fewest:
+        return None
+    return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
+
+
+def find_instances(instances: NDArray[np.uint8], categories: dict[int, str]) -> tuple[Instance, ...]:
+    """The other vehicles of an (H, W) map of instance ids, by id.
+
+    Args:
+        categories: COCO class of every id that may occur.
+    """
+    found = []
+    for number in np.unique(instances).tolist():
+        if number in (NO_INSTANCE, TARGET_INSTANCE):
+            continue
+        mask = instances == number
+        box = mask_box(mask, 1)
+        assert box is not None
+        found.append(Instance(number, categories[number], box, int(mask.sum())))
+    return tuple(found)

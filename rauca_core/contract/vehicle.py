@@ -14,11 +14,12 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import zipfile
 import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .reading import require_file
-from .schema import Fields, read_json
+from .schema import Record, read_json
 
 FORMAT = ("rauca-vehicle", 1)
 # What a flipped byte makes of an archive; the last two: it seems encrypted, or packed in another way.
@@ -51,7 +52,7 @@ KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Record):
     """How a part of the vehicle looks when it is not camouflage.
 
     Attributes:
@@ -62,49 +63,19 @@ class Material:
     """
 
     name: str
-    kind: str
+    kind: Annotated[str, KINDS]
     base_color: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    roughness: float = 0.4
-    metallic: float = 0.0
-    coat: float = 0.0
-    emission: float = 0.0
+    roughness: Annotated[float, (0, 1)] = 0.4
+    metallic: Annotated[float, (0, 1)] = 0.0
+    coat: Annotated[float, (0, 1)] = 0.0
+    emission: Annotated[float, (0, math.inf)] = 0.0
     textured: bool = False
-
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "base_color": list(self.base_color),
-            "roughness": self.roughness,
-            "metallic": self.metallic,
-            "coat": self.coat,
-            "emission": self.emission,
-            "textured": self.textured,
-        }
 
     def looks_like(self, other: Material) -> bool:
         """Whether both are the same material but for last digits."""
         one, two = ((*m.base_color, m.roughness, m.metallic, m.coat, m.emission) for m in (self, other))
         words = (self.name, self.kind, self.textured) == (other.name, other.kind, other.textured)
         return words and bool(np.allclose(one, two, rtol=0, atol=_LAST_DIGITS))
-
-    @staticmethod
-    def from_json(fields: Fields) -> Material:
-        red, green, blue = fields.array("base_color", (3,)).tolist()
-        material = Material(
-            fields.text("name"),
-            fields.text("kind"),
-            (red, green, blue),
-            fields.number("roughness", 0, 1),
-            fields.number("metallic", 0, 1),
-            fields.number("coat", 0, 1),
-            fields.number("emission", 0),
-            fields.flag("textured"),
-        )
-        fields.done()
-        if material.kind not in KINDS:
-            raise RaucaError(f"{fields.where}: kind must be one of {', '.join(KINDS)}, not {material.kind!r}")
-        return material
 
 
 @dataclass(eq=False)
@@ -276,10 +247,6 @@ def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
     folder = Path(folder)
     fields = read_json(folder / "vehicle.json")
     fields.format(*FORMAT)
-    where = str(folder / "vehicle.json")
-    materials = [
-        Material.from_json(Fields(item, f"{where}: materials[{i}]")) for i, item in enumerate(fields.items("materials"))
-    ]
     names = ("positions", "triangles", "uvs", "normals", "material")
     arrays = load_arrays(folder / "mesh.npz", names)
     vehicle = Vehicle(
@@ -289,7 +256,7 @@ def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
         licence=fields.text("licence"),
         notes=[str(note) for note in fields.items("notes")],
         padding_texels=fields.integer("padding_texels"),
-        materials=materials,
+        materials=[Material.from_json(item) for item in fields.objects("materials")],
         paint_mask=read_image(folder / "paint_mask.png"),
         base_texture=read_image(folder / "base.png") if fields.flag("base_texture") else None,
         **arrays,

@@ -3,36 +3,24 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RaucaError
-from .schema import MAX_NAME, Fields
+from .schema import MAX_NAME, Record
 
 NIGHT_ALTITUDE_DEG = -18.0  # the end of astronomical twilight: a lower sun lights nothing
 LAMPS_FULL_ALTITUDE_DEG = -6.0  # the end of civil twilight
 FOG_TOP_M = 12.0
 
-# Range of each number and what it is in a file that leaves it out; None: it must be there.
-LIMITS: dict[str, tuple[float, float, float | None]] = {
-    "sun_altitude_angle": (-90, 90, None),
-    "sun_azimuth_angle": (-360, 360, None),
-    "fog_density": (0, 100, None),
-    "cloudiness": (0, 100, 0.0),
-    "precipitation": (0, 100, 0.0),
-    "precipitation_deposits": (0, 100, 0.0),
-    "wetness": (0, 100, 0.0),
-    "wind_intensity": (0, 100, 0.0),
-    "fog_distance": (0, 1e6, 0.0),
-    "fog_falloff": (0, 1e3, 0.0),
-}
+Percent = Annotated[float, (0, 100)]
 
 
 @dataclass(frozen=True)
-class Weather:
+class Weather(Record):
     """One weather; the parameter names and ranges are CARLA's where they mean the same.
 
     Like CARLA's, the parameters are independent: rain without clouds is granted to whoever asks for it.
@@ -41,7 +29,7 @@ class Weather:
         name: identifies the weather in folders and reports.
         sun_altitude_angle: degrees above the horizon, -90 to 90; the light fades from 0 to -18, where night begins.
         sun_azimuth_angle: degrees counter-clockwise from world +x, seen from above. CARLA's runs clockwise: its world
-            is left-handed (`carla.py` converts).
+            is left-handed (`presets.py` converts).
         fog_density: 0 to 100; see :attr:`extinction`.
         cloudiness: 0 (clear) to 100 (overcast, no sun).
         precipitation: 0 to 100; rain of :attr:`rain_rate_mm_h`.
@@ -53,16 +41,16 @@ class Weather:
     """
 
     name: str
-    sun_altitude_angle: float
-    sun_azimuth_angle: float = 60.0
-    fog_density: float = 0.0
-    cloudiness: float = 0.0
-    precipitation: float = 0.0
-    precipitation_deposits: float = 0.0
-    wetness: float = 0.0
-    wind_intensity: float = 0.0
-    fog_distance: float = 0.0
-    fog_falloff: float = 0.0
+    sun_altitude_angle: Annotated[float, (-90, 90)]
+    sun_azimuth_angle: Annotated[float, (-360, 360)] = 60.0
+    fog_density: Percent = 0.0
+    cloudiness: Percent = 0.0
+    precipitation: Percent = 0.0
+    precipitation_deposits: Percent = 0.0
+    wetness: Percent = 0.0
+    wind_intensity: Percent = 0.0
+    fog_distance: Annotated[float, (0, 1e6)] = 0.0
+    fog_falloff: Annotated[float, (0, 1e3)] = 0.0
 
     @property
     def extinction(self) -> float:
@@ -138,26 +126,11 @@ class Weather:
         azimuth = 0.0 if dark or zenith else self.sun_azimuth_angle % 360.0
         return (sun, azimuth, self.cloudiness)
 
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @staticmethod
-    def from_json(fields: Fields) -> Weather:
-        """Read one; numbers that :data:`LIMITS` has a default for may be left out."""
-        numbers: dict[str, float] = {}
-        for name, (low, high, default) in LIMITS.items():
-            if default is None or fields.has(name):
-                numbers[name] = fields.number(name, low, high)
-        weather = Weather(fields.text("name"), **numbers)
-        fields.done()
-        return weather.checked(fields.where)
-
-    def checked(self, where: str) -> Weather:
-        """Itself; raises :class:`RaucaError` when the name cannot name a folder."""
+    def _check_whole(self, where: str) -> None:
+        """The name has to name a folder."""
         if len(self.name) > MAX_NAME:
             raise RaucaError(
                 f"{where}: name {self.name[:20]}... has {len(self.name)} characters, at most {MAX_NAME} are taken"
             )
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", self.name):
             raise RaucaError(f"{where}: name {self.name!r} may hold only letters, digits, '_', '.' and '-'")
-        return self

@@ -24,8 +24,8 @@ from ..contract import (
     planned_frames,
     read_ledger,
 )
+from ..contract.dataset import MAX_LEDGER_BYTES, LedgerEntry
 from ..contract.files import TEMPORARY_PREFIX, disk_errors
-from ..contract.ledger import MAX_LEDGER_BYTES, STATES, entry_of
 from ..contract.reading import parse_json, read_limited
 from ..contract.schema import Fields
 from ..runtime.images import read_image
@@ -239,11 +239,7 @@ def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
 
 def _problem(line: bytes, planned: Collection[str]) -> str | None:
     try:
-        told = Fields(parse_json(line, "ledger"), "ledger")
-        state = told.text("state")
-        if state not in STATES:
-            return f"has the unknown state {state!r}"
-        frame = entry_of(told).frame
-    except RaucaError:
-        return "is damaged"
+        frame = LedgerEntry.from_json(Fields(parse_json(line, "ledger"), "ledger")).frame
+    except RaucaError as error:
+        return f"is damaged ({str(error).removeprefix('ledger: ')})"
     return None if frame in planned else f"names {frame!r}, which is no frame of the plan"

@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Vehicle, load_frame
-from ..contract.checksums import SUMS_FILE, file_digest, read_sums
-from ..contract.color import linear_to_srgb, srgb_to_linear
-from ..contract.instances import find_instances, mask_box
-from ..contract.recolor import recolor
-from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES
+from ..contract.color import linear_to_srgb, recolor, srgb_to_linear
+from ..contract.files import SUMS_FILE, file_digest, read_sums
+from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES, find_instances, mask_box
 from .stored_frame import GREY, StoredFrame
 
 RENDER_AGAIN = "check with --remove-damaged and run the same `rauca dataset make` again"

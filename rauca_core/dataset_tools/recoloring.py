@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..contract import Dataset, Progress, RaucaError
-from ..contract.checksums import read_sums
-from ..contract.color import linear_to_srgb, to_bytes
-from ..contract.files import disk_errors, png_bytes, require_space, write_bytes, write_json
-from ..contract.recolor import Color, hex_name, recolor
+from ..contract.color import Color, hex_name, linear_to_srgb, recolor, to_bytes
+from ..contract.files import disk_errors, png_bytes, read_sums, require_space, write_bytes, write_json
 from ..contract.schema import read_json
 from .stored_frame import StoredFrame
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Box, Dataset, Frame, load_passes, load_vehicle
-from ..contract.instances import MIN_BOX_PIXELS
+from ..contract.semantics import MIN_BOX_PIXELS
 from ..runtime.images import read_image
 
 GREY = ("vehicle.png", "paint.png", "semantic.png", "instances.png")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..contract import Progress
-from ..contract.recolor import Color
+from ..contract.color import Color
 from .extractor import LightSplitter
 from .frames import LightFrame, LightFrames
 from .methods import Render, exact_render, plain_render, splitter_render, transfer_render

@@ -10,8 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..contract.color import srgb_to_linear
-from ..contract.recolor import Color
+from ..contract.color import Color, srgb_to_linear
 from .frames import LightFrame, LightFrames
 from .losses import EPSILON
 from .methods import AffineRender, Render, exact_render

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from ..contract.color import linear_to_srgb, srgb_to_linear, to_bytes
-from ..contract.recolor import Color, recolor
+from ..contract.color import Color, linear_to_srgb, recolor, srgb_to_linear, to_bytes
 from ..contract.seeding import named_rng
 from ..runtime.images import read_image
 from .estimate import estimate_image

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from ..contract.recolor import TRAIN, Color
+from ..contract.color import TRAIN, Color
 from ..render import linear_to_srgb
 from .batches import Batch, collate
 from .frames import LightFrame, LightFrames

@@ -17,8 +17,8 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 
 from ..contract import RaucaError, StoppedError
+from ..contract.color import TEST
 from ..contract.files import append_line
-from ..contract.recolor import TEST
 from ..contract.seeding import named_rng
 from ..runtime.board import Board
 from ..runtime.checkpoint_files import POINTER

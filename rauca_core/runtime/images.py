@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..contract import RaucaError
-from ..contract.image_header import MAX_PIXELS
-from ..contract.reading import require_file
+from ..contract.reading import MAX_PIXELS, require_file
 
 FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
 """Pillow knows some fifty; one of them (EPS) starts a program to read a file."""

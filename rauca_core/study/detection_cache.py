@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract.files import append_line, write_bytes
-from ..contract.json_lines import whole_lines
-from ..contract.schema import Fields
+from ..contract.schema import Fields, whole_lines
 from ..detect import Detections, Detector, canonical
 from ..detect.scoring import class_index
 

@@ -26,9 +26,9 @@ from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
 
 from ..contract import RaucaError, StoppedError
+from ..contract.dataset import MAX_LEDGER_BYTES
 from ..contract.files import append_line
-from ..contract.json_lines import whole_lines
-from ..contract.ledger import MAX_LEDGER_BYTES
+from ..contract.schema import whole_lines
 from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes

@@ -120,8 +120,7 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
 
     from blender_addon.scene.frame import Sight, render_frame
     from rauca_core.contract import PlannedFrame, load_frame, load_passes
-    from rauca_core.contract.color import linear_to_srgb
-    from rauca_core.contract.recolor import TEST, recolor
+    from rauca_core.contract.color import TEST, linear_to_srgb, recolor
     from rauca_core.runtime.images import read_image
 
     session.plan = replace(session.plan, recolor_share=1.0)

@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, load_passes, save_frame
-from rauca_core.contract.checksums import file_digest, read_sums
-from rauca_core.contract.color import srgb_to_linear
-from rauca_core.contract.instances import Instance, find_instances, mask_box
-from rauca_core.contract.recolor import TEST, TRAIN, check_color, find_colors, hex_name, recolor
-from rauca_core.contract.semantics import CLASS_IDS, CLASSES, PALETTE, VEHICLE_CLASSES
+from rauca_core.contract.color import TEST, TRAIN, check_color, find_colors, hex_name, recolor, srgb_to_linear
+from rauca_core.contract.files import file_digest, read_sums
+from rauca_core.contract.semantics import (
+    CLASS_IDS,
+    CLASSES,
+    PALETTE,
+    VEHICLE_CLASSES,
+    Instance,
+    find_instances,
+    mask_box,
+)
 from rauca_core.runtime.images import read_image
 
 SIZE = 32
@@ -83,9 +89,7 @@ def test_a_check_needs_its_color_and_its_render(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("version", "message"), [(1, "older rauca.*make it again in another folder"), (9, "update rauca")]
-)
+@pytest.mark.parametrize(("version", "message"), [(1, "make it again in another folder"), (9, "update rauca")])
 def test_frames_of_another_version_are_refused(tmp_path, version, message):
     save_frame(tmp_path / "f", a_frame(), replace(some_passes(), check_linear=None))
     path = tmp_path / "f" / "frame.json"

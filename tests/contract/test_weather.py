@@ -2,7 +2,7 @@
 
 import itertools
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,17 +10,13 @@ import pytest
 from rauca_core.contract import RaucaError, Weather, find_preset, load_weathers, preset_notes, weather_from_carla
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.schema import Fields
-from rauca_core.contract.weather import FOG_TOP_M, LIMITS
+from rauca_core.contract.weather import FOG_TOP_M
 
 FOLDER = assets_folder() / "weathers"
 
 
 def physics(weather):
     return tuple(value for key, value in weather.to_json().items() if key != "name")
-
-
-def test_every_number_has_limits():
-    assert set(LIMITS) == {field.name for field in fields(Weather)} - {"name"}
 
 
 def test_presets_are_what_they_are_called():

@@ -26,10 +26,8 @@ from rauca_core.contract import (
     save_frame,
     seal_dataset,
 )
-from rauca_core.contract.color import srgb_to_linear
-from rauca_core.contract.instances import find_instances, mask_box
-from rauca_core.contract.recolor import check_color, recolor
-from rauca_core.contract.semantics import CLASS_IDS
+from rauca_core.contract.color import check_color, recolor, srgb_to_linear
+from rauca_core.contract.semantics import CLASS_IDS, find_instances, mask_box
 from rauca_core.render import rasterize
 
 SIZE = 48

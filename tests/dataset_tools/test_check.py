@@ -90,7 +90,7 @@ def test_a_changed_plan_is_found(mini):
     [
         (b'{"frame": "L00-V000-day", "state": "d\xffne"}\n', "line 5 is damaged"),
         (b'["frame"]\n', "line 5 is damaged"),
-        (b'{"frame": "L00-V000-day", "state": "lost"}\n', "line 5 has the unknown state 'lost'"),
+        (b'{"frame": "L00-V000-day", "state": "lost"}\n', "line 5 is damaged (state must be one of done,"),
         (b'{"frame": "L07", "state": "done"}\n', "line 5 names 'L07', which is no frame of the plan"),
         (b'{"frame": "L0', "its last line is cut off"),
     ],

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError, load_passes
-from rauca_core.contract.color import linear_to_srgb, to_bytes
-from rauca_core.contract.recolor import TEST, recolor
+from rauca_core.contract.color import TEST, linear_to_srgb, recolor, to_bytes
 from rauca_core.dataset_tools import export_dataset, recolor_dataset, recoloring
 from rauca_core.dataset_tools.export import encode_mask
 from rauca_core.dataset_tools.stored_frame import StoredFrame

@@ -26,8 +26,8 @@ from pipelines.slurm import slurm_parser
 from rauca_core.attack import make_settings
 from rauca_core.contract import find_preset
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.dataset import FINISHES
-from rauca_core.contract.recolor import find_colors
+from rauca_core.contract.color import find_colors
+from rauca_core.contract.plan import FINISHES
 from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
 from rauca_core.study.ablations import experiment_named

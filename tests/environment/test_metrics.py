@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from rauca_core.contract.recolor import TEST
+from rauca_core.contract.color import TEST
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render, plain_render, transfer_render
 from rauca_core.environment.metrics import Error, albedos, measure, total

@@ -33,8 +33,7 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.checksums import write_sums
-from rauca_core.contract.files import png_bytes
+from rauca_core.contract.files import png_bytes, write_sums
 from rauca_core.contract.reading import read_limited
 from rauca_core.dataset_tools.check import check_ledgers
 from rauca_core.dataset_tools.check_frame import checksums

@@ -11,8 +11,8 @@ from PIL import Image
 from torch import Tensor
 
 from ...contract import RaucaError, Vehicle, load_camouflage
-from ...contract.checksums import file_digest
 from ...contract.color import to_bytes
+from ...contract.files import file_digest
 from ...render import Pyramid, linear_to_srgb, pattern_pyramid, project_pattern, srgb_to_linear
 from ...runtime.images import read_image
 from .choice import Naturalness, is_color, parse_color
