@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-CARRIED = ("__init__.py", "contract", "geometry")  # of rauca_core; the rest needs torch
+CARRIED = ("__init__.py", "version.py", "contract", "geometry")  # of rauca_core; the rest needs torch
 UNUSED = ("detectors", "environment", "ablations", "paper")  # assets of the rooms that are not carried
 
 

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rauca_core import __version__
 from rauca_core.detect.store import status
 from rauca_core.runtime.blender import libraries_for
+from rauca_core.version import __version__
 
 PACKAGES = ("numpy", "numba", "xatlas", "opencv-contrib-python-headless", "faster-coco-eval", "safetensors")
 BLENDER_PROBE = """

@@ -3,4 +3,6 @@
 Data flows one way: contract -> geometry -> render -> environment -> attack -> evaluate.
 """
 
-__version__ = "0.1.0"
+from .version import __version__
+
+__all__ = ["__version__"]

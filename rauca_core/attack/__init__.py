@@ -6,7 +6,8 @@ from .ensemble import DetectorEnsemble
 from .journal import StepReport, read_history
 from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
 from .methods import METHODS, settings_of
-from .optimizer import OptimizedCamouflage, optimize, run_optimization
+from .optimizer import optimize, run_optimization
+from .paint import Paint, load_paint
 from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
 
@@ -14,14 +15,15 @@ __all__ = [
     "METHODS",
     "Augmentation",
     "DetectorEnsemble",
-    "OptimizedCamouflage",
     "OptimizerSettings",
+    "Paint",
     "Renderer",
     "SmoothLoss",
     "StepReport",
     "attack_loss",
     "box_overlap",
     "detection_score",
+    "load_paint",
     "make_settings",
     "optimize",
     "plain_camouflage",

@@ -6,13 +6,11 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from ..contract import (
     Camouflage,
@@ -20,7 +18,6 @@ from ..contract import (
     RaucaError,
     StoppedError,
     Vehicle,
-    load_camouflage,
     load_vehicle,
     save_camouflage,
 )
@@ -40,6 +37,7 @@ from .journal import CURVES, HISTORY, Journal, StepReport, read_history
 from .methods import settings_of
 from .naturalness.finish import finish
 from .naturalness.texture import NaturalColors
+from .paint import Paint, load_paint
 from .preview import Preview
 from .run import Run, identity_of
 from .settings import OptimizerSettings, make_settings
@@ -49,29 +47,6 @@ CHECKPOINTS, TAPS = "checkpoints", "taps"
 AVERAGED_STEPS = 50
 OnStep = Callable[[StepReport], None]
 OnView = Callable[[int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class OptimizedCamouflage:
-    """A finished camouflage.
-
-    Attributes:
-        camouflage: which vehicle and UV layout it fits, and how it was made.
-        texture: (size, size, 3) uint8 sRGB, the UV map, row 0 at the top, gutters filled.
-        history: of every step, as in ``history.jsonl``.
-        path: of ``camouflage.json``; None where the run had no folder of its own.
-    """
-
-    camouflage: Camouflage
-    texture: NDArray[np.uint8]
-    history: list[dict[str, float]]
-    path: Path | None
-
-    def save(self, path: Path | str) -> Path:
-        """Write the JSON to ``path`` and the UV map beside it as PNG; returns the JSON's path."""
-        path = Path(path).with_suffix(".json")
-        save_camouflage(path, self.camouflage, png_bytes(self.texture))
-        return path
 
 
 def optimize(
@@ -85,7 +60,7 @@ def optimize(
     on_step: OnStep | None = None,
     resume: bool = False,
     **settings: Any,
-) -> OptimizedCamouflage:
+) -> Paint:
     """Optimize a camouflage on a data set against one or several detectors.
 
     Args:
@@ -110,10 +85,8 @@ def optimize(
     processes = Processes(0, 1, torch.device(device))
     with contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca") as folder:
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, processes=processes)
-        camouflage, image = load_camouflage(path)
-        return OptimizedCamouflage(
-            camouflage, read_image(image), read_history(path.parent), None if out is None else path
-        )
+        made = load_paint(path)
+        return replace(made, history=read_history(path.parent), path=None if out is None else path)
 
 
 def _target_of(dataset: Dataset) -> str:

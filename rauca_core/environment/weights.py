@@ -9,12 +9,12 @@ from typing import Any
 import safetensors.torch
 from torch import Tensor, nn
 
-from .. import __version__
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Fields, read_json
 from ..runtime.carded_weights import read_carded, require_weights, save_carded
 from ..runtime.checkpoint_files import TENSOR_DAMAGE
+from ..version import __version__
 from .extractor import LightSplitter
 
 FORMAT = ("rauca-efe-weights", 1)

@@ -13,8 +13,8 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from .. import __version__
 from ..contract.files import write_bytes
+from ..version import __version__
 from .figures import Style, color_rules, themed, themed_color
 from .table import Cell, Column, Table, interval, laid_out, shown
 from .writers import tables_csv, tables_json, tables_latex

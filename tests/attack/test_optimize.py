@@ -21,7 +21,7 @@ def test_without_a_folder_the_camouflage_is_in_memory(dataset: Dataset, small_de
     assert (found.path, found.texture.shape, found.texture.dtype) == (None, (64, 64, 3), np.uint8)
     assert [row["loss"] for row in found.history] == [report.loss for report in seen]
     saved, image = load_camouflage(found.save(tmp_path / "paint.json"))
-    assert saved == found.camouflage
+    assert saved == found.record
     assert (read_image(image) == found.texture).all()
 
 

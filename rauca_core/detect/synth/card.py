@@ -11,12 +11,12 @@ import safetensors.torch
 import torch
 from torch import Tensor, nn
 
-from ... import __version__
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.schema import Fields, read_json
 from ...runtime.carded_weights import read_carded, save_carded
 from ...runtime.checkpoint_files import TENSOR_DAMAGE
+from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names
 from .adapter import SynthDetector
