@@ -87,16 +87,16 @@ class Results:
     tables: list[Table] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
 
-    def add(self, kind: str, **values: Any) -> Row:
+    def add(self, kind: str, /, **values: Any) -> Row:
         """One more row of a kind."""
         self.rows.setdefault(kind, []).append(values)
         return values
 
-    def where(self, kind: str, **wanted: Any) -> list[Row]:
+    def where(self, kind: str, /, **wanted: Any) -> list[Row]:
         """The rows of a kind that have these values."""
         return [row for row in self.rows.get(kind, []) if all(row[name] == value for name, value in wanted.items())]
 
-    def one(self, kind: str, **wanted: Any) -> Row:
+    def one(self, kind: str, /, **wanted: Any) -> Row:
         """The first of those rows."""
         return self.where(kind, **wanted)[0]
 

@@ -85,7 +85,7 @@ def bench_dataset_command(
     json: Json = Path("reports/dataset.json"),
 ) -> None:
     """What a frame costs and how far it is from the converged one: samples, denoiser, bounces, fog, whole sets."""
-    load_benchmark("dataset.bench").bench_dataset(json, quick, docs)
+    start("dataset", json, quick, docs=docs)
 
 
 @bench_app.command("optimize")

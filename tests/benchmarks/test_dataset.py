@@ -5,22 +5,17 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.dataset.bench import run_bench
-from benchmarks.dataset.error import Halves, psnr_db, squared_errors
-from benchmarks.dataset.naive import naive_samples
-from benchmarks.dataset.results import MAPS, SINGLE, Entry, Results
-from benchmarks.dataset.settings import FULL, KINDS, QUICK, Settings
-from benchmarks.dataset.targets import judge
+from benchmarks.dataset import FULL, KINDS, MAPS, SINGLE, Halves, bench, naive_samples, psnr_db, squared_errors
+from benchmarks.harness import Results, Row
 from rauca_core.contract.color import linear_to_srgb
 
-TINY = Settings(
+TINY = FULL.but(
     size=48,
     views=(26,),
     reference_samples=24,
@@ -44,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(folder: Path) -> Results:
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
-    return run_bench(TINY, folder / "dataset.json", folder / "docs")
+    return bench(folder / "dataset.json", TINY, folder / "docs")
 
 
 @pytest.fixture(scope="module")
@@ -65,35 +60,27 @@ def numbers(value: object) -> Iterator[float]:
 
 
 def test_the_promised_keys_are_there_and_finite(report: dict[str, Any]) -> None:
-    for key in ("default_seconds_per_frame", "naive_seconds_per_frame", "speedup_vs_naive"):
-        assert report[key] > 0
-    assert set(report["default_psnr_db"]) == {"clear", "fog", "night"}
-    assert set(report["composed_fog_psnr_db"]) == {"50"}
     assert all(math.isfinite(number) for number in numbers(report))
     rates = report["naive_seconds_per_frame"] / report["default_seconds_per_frame"]
     assert report["speedup_vs_naive"] == pytest.approx(rates)
+    assert report["speedup_vs_naive"] > 0
 
 
-def test_every_axis_is_measured_in_every_weather(results: Results) -> None:
+def test_every_axis_is_measured_in_every_weather_and_more_samples_lower_the_error(results: Results) -> None:
     for kind in KINDS:
-        found = {(entry.what, entry.axis) for entry in results.of_kind(kind)}
+        of = {(e["what"], e["axis"], e["samples"]): e["psnr_db"] for e in results.where("entries", kind=kind)}
         wanted = {(SINGLE, "samples"), (SINGLE, "raw"), (MAPS, "samples"), (MAPS, "raw"), (MAPS, "adaptive")}
-        assert found == wanted | ({(MAPS, "fog")} if kind == "foggy" else set())
-
-
-def test_more_samples_and_the_denoiser_lower_the_error(results: Results) -> None:
-    for kind in KINDS:
-        of = {(e.what, e.axis, e.samples): e.psnr_db for e in results.of_kind(kind)}
+        assert {key[:2] for key in of} == wanted | ({(MAPS, "fog")} if kind == "foggy" else set())
         assert of[SINGLE, "samples", 4] > of[SINGLE, "samples", 1]
         assert of[MAPS, "samples", 2] > of[MAPS, "raw", 2] + 3
 
 
 def test_the_page_and_the_plots_are_written(results: Results, folder: Path) -> None:
     page = (folder / "docs" / "datasets.md").read_text()
-    assert all(target.what in page for target in judge(results))
+    assert [target.what for target in results.targets if target.what in page] == [t.what for t in results.targets]
+    assert any("density 50" in target.what for target in results.targets)
     for name in ("dataset.svg", "dataset-fog.svg", "docs/pictures/datasets/cost-error.svg"):
         assert "<svg" in (folder / name).read_text()
-    assert list((folder / "dataset-references").glob("*.npy"))
 
 
 def test_a_references_own_noise_does_not_count() -> None:
@@ -101,24 +88,19 @@ def test_a_references_own_noise_does_not_count() -> None:
     truth = rng.uniform(0.2, 0.8, (128, 128, 3)).astype(np.float32)
     halves = Halves(*(truth + rng.normal(0, 0.02, truth.shape).astype(np.float32) for _ in range(2)))
     found = (truth + 0.01).astype(np.float32)
-    errors = squared_errors(found, halves, np.ones(truth.shape[:2], bool))
+    display, linear, paint = squared_errors(found, halves, np.ones(truth.shape[:2], bool))
     exact = float(np.mean((linear_to_srgb(found) - linear_to_srgb(truth)) ** 2))
-    assert errors.linear == pytest.approx(1e-4, rel=0.05)
-    assert errors.display == pytest.approx(exact, rel=0.1)  # sRGB's curve bends what is left of the noise
-    assert errors.paint == pytest.approx(errors.display)
+    assert linear == pytest.approx(1e-4, rel=0.05)
+    assert display == pytest.approx(exact, rel=0.1)  # sRGB's curve bends what is left of the noise
+    assert paint == pytest.approx(display)
     assert psnr_db([0.01, 0.03]) == pytest.approx(-10 * math.log10(0.02))
 
 
-def entry(what: str, samples: int, psnr: float) -> Entry:
-    return Entry(what, "samples", "clear", samples, 0.0, True, 4, False, psnr, psnr, psnr, 1.0, 1.0)
+def entry(what: str, samples: int, psnr: float) -> Row:
+    return {"what": what, "axis": "samples", "samples": samples, "psnr_db": psnr}
 
 
 @pytest.mark.parametrize(("ours_db", "samples"), [(20.0, 1), (34.0, 4), (35.5, 5), (36.9, 7), (50.0, 8)])
 def test_the_rival_has_the_samples_that_give_our_error_rounded_down(ours_db: float, samples: int) -> None:
     rival = [entry(SINGLE, n, db) for n, db in ((1, 30.0), (4, 34.0), (8, 37.0))]
     assert naive_samples([entry(MAPS, 8, ours_db), *rival]) == samples
-
-
-def test_settings_survive_json() -> None:
-    for settings in (FULL, QUICK, TINY, replace(TINY, sets=())):
-        assert Settings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
