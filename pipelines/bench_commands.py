@@ -73,7 +73,7 @@ def bench_environment_command(
     json: Json = Path("reports/environment.json"),
 ) -> None:
     """Every way to light a vehicle against Cycles; training times; what pre-training saves."""
-    load_benchmark("environment.bench").bench_environment(json, quick, docs, weights)
+    start("environment", json, quick, docs=docs, weights=weights)
 
 
 @bench_app.command("dataset")

@@ -4,29 +4,46 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from benchmarks.environment import report
-from benchmarks.environment.compare import METHODS, compare, methods_of
-from benchmarks.environment.curve import Point
-from benchmarks.environment.cycles import LIGHT, Render, render_anew
-from benchmarks.environment.datasets import default_data, held_out_data, make, sedan_data, vehicle_data
-from benchmarks.environment.figure import save_curve, save_figure
-from benchmarks.environment.neural_renderer import SUBSAMPLES, find_faces
-from benchmarks.environment.results import Results
-from benchmarks.environment.settings import CLEAR, FULL, QUICK
-from benchmarks.environment.textures import TEXTURES, save_textures, texture
-from benchmarks.environment.trainings import Trained, drawn, time_epochs
-from benchmarks.environment.truth import Truth, displayed, near_frames, regions, sample_textures
-from benchmarks.environment.vehicles import Adapted, first_within
-from benchmarks.environment.weighting import weigh
+from benchmarks.environment import (
+    CLEAR,
+    FULL,
+    METHODS,
+    QUICK,
+    compare,
+    default_data,
+    error_of,
+    held_out_data,
+    methods_of,
+    save_curve,
+    save_figure_of_maps,
+    sedan_data,
+    summarize,
+    vehicle_data,
+    weigh,
+)
+from benchmarks.environment_training import SUBSAMPLES, Trained, drawn, find_faces, first_within, time_epochs
+from benchmarks.environment_truth import (
+    LIGHT,
+    TEXTURES,
+    Budget,
+    Truth,
+    displayed,
+    near_frames,
+    regions,
+    render_anew,
+    sample_textures,
+    save_textures,
+    texture,
+)
+from benchmarks.harness import Results
+from benchmarks.in_blender import make_dataset
 from rauca_core.contract import Vehicle
-from rauca_core.contract.files import write_json
 from rauca_core.environment import PublishedEfe, load_exact
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render
@@ -34,7 +51,7 @@ from rauca_core.environment.training import Outcome
 from rauca_core.render import Pyramid, rasterize
 from rauca_core.render.raster.pattern import pattern
 
-TINY = replace(QUICK, uv_size=64, widths=(4, 6), seen=("clear",), unseen=("fog",), shown=("clear", "fog"))
+TINY = QUICK.but(uv_size=64, widths=(4, 6), seen=("clear",), unseen=("fog",), shown=(CLEAR, "fog"))
 
 DRAWN = Path(__file__).resolve().parent.parent / "environment" / "conftest.py"
 
@@ -80,47 +97,43 @@ def test_the_renders_own_noise_is_not_counted(frames, truths):
     assert truth.error(off, everywhere).mse == pytest.approx(0.05**2, rel=0.1)
 
 
-def test_the_comparison_ranks_and_the_report_says_so(frames, truths, tmp_path):
+def test_the_comparison_ranks_and_the_tables_say_so(frames, truths, tmp_path):
     torch.manual_seed(0)
     net, published = drawn(), PublishedEfe(TINY.widths)
-    found = compare(frames, truths, methods_of(frames, net, published.eval()))
-    assert found.methods() == list(METHODS)
-    assert found.weathers() == ["clear", "fog"]
-    assert found.find("exact").mse < found.find("transfer").mse < found.find("none").mse
-    values = {region: found.find("ours", region=region).values for region in ("paint", "inside", "edge")}
+    results = Results("environment", TINY)
+    compare(results, "sedan", frames, truths, methods_of(frames, net, published.eval()))
+    compare(results, "defaults", frames, truths, {"exact": lambda i, frame: exact_render(frame)})
+    for row in results.rows["errors"]:  # under the presets' name for clear weather, which targets ask for
+        row["weather"] = row["weather"].replace("clear", CLEAR)
+    assert results.distinct("errors", "method") == list(METHODS)
+    mse = [error_of(results, name).mse for name in ("exact", "transfer", "none")]
+    assert mse == sorted(mse)
+    values = {region: error_of(results, "ours", region=region).values for region in ("paint", "inside", "edge")}
     assert values["paint"] == values["inside"] + values["edge"] > 0
-    outcome = Trained(net, Outcome([0.2, 0.1], 1, None), 3.0)
-    points = [
-        Point(w, n, 30.0 + n, 29.0 + n, 1.0 * n, 0.6 * n, 28.0 + n) for w in ("clear", "fog") for n in TINY.budgets
-    ]  # fmt: skip
-    results = Results(
-        TINY, found, found, outcome, outcome, time_epochs(frames, range(2), TINY),
-        weigh(frames, range(4), (net, net), TINY), points, [Adapted("suv", 40, 8, 30, 2, None, 0.02, 0.01, 24.0, 30.0)],
+    for name, trained in (("published", published), ("ours", net)):
+        results.add("training", name=name, **Trained(trained, Outcome([0.2, 0.1], 1, None), 3.0).to_json())
+    results.figures["epoch_time"] = times = time_epochs(frames, range(2), TINY)
+    assert times["base_published_s"] > times["base_s"] > 3 * times["final_s"]
+    weigh(results, frames, range(4), (net, net))
+    for weather in (CLEAR, "fog"):
+        for n in TINY.budgets:
+            figures = {"maps_db": 30.0 + n, "render_db": 29.0 + n, "maps_edge_db": 28.0 + n}
+            results.add("curve", weather=weather, samples=n, maps_s=1.0 * n, render_s=0.6 * n, **figures)
+    results.add(
+        "vehicles", vehicle="suv", epochs_scratch=40, epochs_pretrained=8, near_scratch=30, near_pretrained=2,
+        epochs_matched=None, mae_scratch=0.02, mae_pretrained=0.01, before_db=24.0, after_db=30.0,
     )  # fmt: skip
-    told = results.to_json()
-    write_json(tmp_path / "environment.json", told)
-    assert all({"psnr_db", "mse", "mae", "bce", "ms"} == set(told[name]) for name in METHODS)
-    assert told["epochs_scratch"] == {"suv": 40}
-    assert told["epochs_pretrained"] == {"suv": 8}
-    assert told["epoch_time_base_over_final"] > 3
-    targets = {t.what: t for t in report.judge(replace_clear(results))}
+    summarize(results)
+    results.publish(tmp_path / "environment.json", tmp_path, "environment.md")
+    targets = {t.what: t for t in results.targets}
     assert targets["suv: epochs pre-trained over from scratch, the paper's criterion"].passed
     assert targets["suv: the same, to 5 % of the error from scratch"].passed
-    assert told["epoch_time_published_base_over_final"] > told["epoch_time_base_over_final"]
-    page = report.markdown_report(replace_clear(results))
+    page = (tmp_path / "environment.md").read_text()
     assert all(f"| {name} |" in page for name in METHODS)
-    assert save_curve(points, TINY.shown, tmp_path / "curve.svg").stat().st_size > 1000
-    assert save_figure(frames, truths, net, TINY.shown, tmp_path / "maps.jpg").stat().st_size > 1000
-
-
-def replace_clear(results: Results) -> Results:
-    """The same under the presets' name for clear weather, which targets ask for."""
-    rename = {"clear": CLEAR, "fog": "fog"}
-    results.comparison.errors = {
-        (m, rename.get(w, w), t, r): error for (m, w, t, r), error in results.comparison.errors.items()
-    }
-    results.curve = [replace(p, weather=rename.get(p.weather, p.weather)) for p in results.curve]
-    return results
+    assert f"over {TINY.most_epochs}" in page
+    save_curve(results, tmp_path / "curve.svg")
+    save_figure_of_maps(frames, truths, net, ("clear", "fog"), tmp_path / "maps.jpg")
+    assert min((tmp_path / name).stat().st_size for name in ("curve.svg", "maps.jpg")) > 1000
 
 
 def test_every_face_tested_finds_what_our_rasterizer_finds(frames):
@@ -140,7 +153,7 @@ def test_the_first_epoch_within_an_error():
 def test_data_sets_are_named_by_what_they_hold(settings):
     wanted = [sedan_data(settings), held_out_data(settings), default_data(settings), *vehicle_data("suv", settings)]
     assert len({w.folder_name for w in wanted}) == 5
-    assert sedan_data(replace(settings, size=64)).folder_name != wanted[0].folder_name
+    assert sedan_data(settings.but(size=64)).folder_name != wanted[0].folder_name
     assert not {w.name for w in wanted[0].weathers} & set(settings.unseen)
     assert set(settings.unseen) < {w.name for w in wanted[1].weathers}
     assert set(settings.shown) <= {w.name for w in wanted[1].weathers}
@@ -149,15 +162,13 @@ def test_data_sets_are_named_by_what_they_hold(settings):
 def test_blender_renders_the_frames_anew(tmp_path):
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
     # A rainy frame in shade: its own exposure and the rain before it belong to what is rendered anew.
-    small = replace(
-        QUICK, size=64, samples=8, seen=("heavy-rain-noon",), unseen=(), locations=1, azimuths=1, uv_size=128
-    )
-    dataset = make(sedan_data(small), tmp_path)
+    small = QUICK.but(size=64, samples=8, seen=("heavy-rain-noon",), unseen=(), locations=1, azimuths=1, uv_size=128)
+    dataset = make_dataset(sedan_data(small), tmp_path)
     frames = LightFrames([dataset.folder])
     camouflages = save_textures(frames.vehicle(0), small.uv_size, tmp_path / "textures")
     (index,), name = near_frames(frames), "photograph-like"
     frame = frames.places[index].frame.id
-    wanted = [Render(frame, name, 16, seed) for seed in (1, 2)] + [Render(frame, LIGHT, 8, 1, True)]
+    wanted = [Budget(frame, name, 16, seed) for seed in (1, 2)] + [Budget(frame, LIGHT, 8, 1, True)]
     found = render_anew(dataset, camouflages, wanted, tmp_path / "cycles")
     assert render_anew(dataset, camouflages, wanted, tmp_path / "cycles").keys() == found.keys()  # from disk
     light, exact = found[wanted[2]], load_exact(dataset, frame)

@@ -1,6 +1,6 @@
 """Runs in a process of its own, with Blender: frames of a data set rendered anew, textured or as light maps.
 
-Usage: python cycles_light.py REQUEST.json
+Usage: python -m benchmarks.environment_in_blender REQUEST.json
 
 Request: ``dataset``, ``camouflages`` (name -> JSON path), ``out``, ``jobs``, each with ``name``, ``frame``, ``paint``
 (a camouflage's name, or ``light``), ``samples``, ``seed``, ``denoise`` and ``whole``. Every job becomes
