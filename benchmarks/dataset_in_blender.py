@@ -28,9 +28,8 @@ from blender_addon.scene.session import Session
 from blender_addon.vehicles import find_vehicle
 from rauca_core.contract import Progress, Quality, Weather, find_preset, in_rendering_order
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.color import srgb_to_linear
+from rauca_core.contract.color import TRAIN, Color, recolor, srgb_to_linear
 from rauca_core.contract.files import write_json
-from rauca_core.contract.recolor import TRAIN, Color, recolor
 from rauca_core.contract.seeding import named_seed
 
 from .dataset import KINDS, MAPS, SINGLE, Halves, Image, naive_samples, psnr_db, squared_errors

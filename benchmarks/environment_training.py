@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pipelines.console import progress_bar
 from rauca_core.contract import Camera, Progress, Vehicle
-from rauca_core.contract.recolor import TEST
+from rauca_core.contract.color import TEST
 from rauca_core.contract.seeding import named_seed
 from rauca_core.environment import (
     LightSplitter,

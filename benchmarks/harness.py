@@ -227,6 +227,7 @@ def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: floa
             axes.axhline(panel.level, color="0.6", linewidth=0.8, linestyle="--")
         axes.margins(x=0.15)
         axes.set(title=panel.title, xscale="log", xlabel=x)
+        axes.tick_params(axis="x", which="both", labelsize=7)
         axes.grid(alpha=0.3)
     plots[0][0].set_ylabel(y)
     plots[0][0].legend(fontsize=7)

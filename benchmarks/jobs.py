@@ -62,7 +62,8 @@ def bench(out: Path, settings: Settings) -> Results:
         memory, chunk = measure_worker(Path(temporary), settings.frames)
     results.figures |= {"memory": memory, "chunk": chunk, "kills": kills}
     shown = {k: v for found in (kills, memory, chunk) for k, v in found.items() if k != "resident_mib"}
-    rows = [{"what": name.replace("_", " "), "found": value} for name, value in shown.items()]
+    told = {name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in shown.items()}
+    rows = [{"what": name.replace("_", " "), "found": text} for name, text in told.items()]
     results.table("Jobs of a data set", {"what": "{what}", "found": "{found}"}, rows)
     results.publish(out)
     return results
