@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +14,10 @@ from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
 from rauca_core.runtime.distributed import SINGLE_PROCESS, Processes
-
-from .pretend_device import DEVICE, PretendDevice
+from tests.pretend_device import DEVICE, PretendDevice
 
 AFAR = Processes(0, 1, DEVICE)
 PATTERN = {"paint": "pattern", "pattern_side": 16, "smooth": "picture", "prior": "background", "gamma": 0.5}
-
-
-@pytest.fixture(autouse=True)
-def _asked_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Torch knows by name which devices have a fused Adam and mixed precision; ours computes on the CPU."""
-    monkeypatch.setattr(sys.modules["torch.optim.adam"], "_device_dtype_check_for_fused", lambda *_: None)
-    monkeypatch.setattr(torch, "autocast", lambda *_, **__: contextlib.nullcontext())
 
 
 def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chosen: Any) -> np.ndarray:

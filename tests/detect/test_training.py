@@ -40,6 +40,7 @@ from rauca_core.training.measure import Findings, Judged, measure
 from rauca_core.training.paint import draw_color, draw_paint
 from rauca_core.training.samples import Samples
 from rauca_core.training.settings import make_detector_settings
+from tests.pretend_device import DEVICE, PretendDevice
 
 torch.set_num_threads(1)
 
@@ -95,12 +96,12 @@ def score(judged: list[Judged]) -> float:
     return float(np.mean([bool(len(one.scores)) for one in judged]))
 
 
-def job(name: str, folder: Path, out: Path, body: Path, **chosen) -> Job:
+def job(name: str, folder: Path, out: Path, body: Path, device: torch.device | str = "cpu", **chosen) -> Job:
     settings = make_detector_settings(**(TINY | chosen))
     frames = LightFrames([folder])
     shown = Samples(frames, ("car", "truck"), SIZE)
     network = build_network(name, 2, body)
-    return Job(network, shown, range(len(frames)), lambda _: Findings({"all": 0.0}), settings, out)
+    return Job(network, shown, range(len(frames)), lambda _: Findings({"all": 0.0}), settings, out, device=device)
 
 
 def state(network: torch.nn.Module) -> torch.Tensor:
@@ -164,6 +165,17 @@ def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, body):
     rest = job(name, folder, tmp_path / "parts", body, **short)
     resumed, _ = train(rest, resume=True)
     assert torch.equal(state(whole), state(resumed))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_on_a_device_a_training_ends_as_on_the_cpu(name, folder, tmp_path, body):
+    short = {"steps": 2, "round": 2}
+    here, _ = train(job(name, folder, tmp_path / "here", body, **short))
+    with PretendDevice():
+        there, _ = train(job(name, folder, tmp_path / "there", body, device=DEVICE, **short))
+        assert {value.device for value in there.state_dict().values()} == {DEVICE}
+        far = state(there).cpu()
+    assert (far - state(here)).abs().max() < 1e-3
 
 
 def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, body):

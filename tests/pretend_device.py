@@ -6,7 +6,9 @@ are the CPU's own. It goes by the name of torch's ``meta``, the only device but 
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
+from unittest import mock
 
 import torch
 from torch import Tensor
@@ -45,24 +47,27 @@ class _Literals(TorchFunctionMode):
         kwargs = kwargs or {}
         if func is Tensor.new_tensor and args[0].device == DEVICE:
             return torch.tensor(*args[1:], **{"dtype": args[0].dtype, **kwargs}).to(DEVICE)
-        if func is torch.tensor and kwargs.get("device") == DEVICE:
-            return torch.tensor(*args, **{**kwargs, "device": None}).to(DEVICE)
+        if func in (torch.tensor, torch.as_tensor) and kwargs.get("device") == DEVICE:
+            return func(*args, **{**kwargs, "device": None}).to(DEVICE)
         if func is Tensor.tolist and args[0].device == DEVICE:
             return args[0].cpu().tolist()
         return func(*args, **kwargs)
 
 
 class PretendDevice(TorchDispatchMode):
-    """While it is entered, ``DEVICE`` works."""
+    """While it is entered, ``DEVICE`` works, optimizers and mixed precision included; the latter changes nothing."""
 
     def __enter__(self) -> PretendDevice:
-        self._literals = _Literals()
-        self._literals.__enter__()
+        self._stack = contextlib.ExitStack()
+        self._stack.enter_context(_Literals())
+        # Torch knows by name which devices have a fused Adam and mixed precision; ours computes on the CPU.
+        self._stack.enter_context(mock.patch("torch.optim.adam._device_dtype_check_for_fused", return_value=None))
+        self._stack.enter_context(mock.patch("torch.autocast", return_value=contextlib.nullcontext()))
         return super().__enter__()  # type: ignore[no-any-return]
 
     def __exit__(self, *error: Any) -> None:
         super().__exit__(*error)
-        self._literals.__exit__(*error)
+        self._stack.close()
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         return _compute(func, args, kwargs or {})
