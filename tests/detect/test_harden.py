@@ -20,18 +20,22 @@ from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import Detector, load_detector
 from rauca_core.detect.synth import read_card
+from rauca_core.detect.synth.card import load_network
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.distributed import Processes
 from rauca_core.runtime.images import read_image
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.harden_settings import make_harden_settings
 from rauca_core.training.measure import Judged
+from tests.pretend_device import DEVICE, PretendDevice
 
 torch.set_num_threads(1)
 
 SIZE, MAP, SAMPLES = 64, 64, 4
+CPU = torch.device("cpu")
 RECIPE = TapSettings(MAP, SAMPLES)
 TINY = {
     "rounds": 2, "steps": 2, "every": 2, "batch": 2, "attack_steps": 2, "attack_batch": 1, "map_size": MAP,
@@ -56,22 +60,30 @@ def score(judged: list[Judged]) -> float:
     return float(np.mean([bool(len(one.scores)) for one in judged]))
 
 
-def attack(data: Dataset):
+def attack(data: Dataset, device: torch.device):
     """The real one, a few steps of it."""
+    processes = Processes(0, 1, device)
 
     def run(detector: Detector, number: int, folder: Path) -> Path:
         settings = make_settings(
             steps=2, batch=1, map_size=MAP, samples=SAMPLES, seed=number, name=f"round-{number}", checkpoint_every=1
         )
         done, started = folder / "camouflage.json", (folder / "checkpoints" / POINTER).is_file()
-        return done if done.is_file() else run_optimization(data, [detector], settings, folder, resume=started)
+        return (
+            done
+            if done.is_file()
+            else run_optimization(data, [detector], settings, folder, resume=started, processes=processes)
+        )
 
     return run
 
 
-def hardening(data: Dataset, out: Path, camouflages: list[Path], **chosen) -> Hardening:
+def hardening(data: Dataset, out: Path, camouflages: list[Path], device: torch.device = CPU, **chosen) -> Hardening:
     settings = make_harden_settings(**(TINY | chosen))
-    return Hardening("frcnn-synth", [data.folder], camouflages, out, settings, attack(data), score, "rauca harden")
+    return Hardening(
+        "frcnn-synth", [data.folder], camouflages, out, settings, attack(data, device), score, "rauca harden",
+        device=device,
+    )  # fmt: skip
 
 
 def dressed(data: Dataset, noise: Path, tmp_path: Path, share: float, varied: bool = False) -> CamouflagedSamples:
@@ -134,6 +146,16 @@ def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tm
     with pytest.raises(RaucaError, match=r"holds a hardening with another steps;"):
         harden(hardening(data, tmp_path / "parts", [noise], steps=3), resume=True)
     assert digest(harden(parts, resume=True)) == digest(whole)
+
+
+def test_on_a_device_a_hardening_ends_as_on_the_cpu(data: Dataset, noise: Path, tmp_path: Path) -> None:
+    short = {"rounds": 1, "steps": 1, "every": 1}
+    here, _, _ = load_network(harden(hardening(data, tmp_path / "here", [noise], **short)))
+    with PretendDevice():
+        weights = harden(hardening(data, tmp_path / "there", [noise], device=DEVICE, **short))
+    there, _, _ = load_network(weights)
+    for one, other in zip(here.state_dict().values(), there.state_dict().values(), strict=True):
+        assert (one - other).abs().max() < 1e-3
 
 
 def digest(weights: Path) -> str:
