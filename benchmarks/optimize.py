@@ -12,8 +12,8 @@ from torch import Tensor
 
 from rauca_core.attack import DetectorEnsemble, StepReport, make_settings
 from rauca_core.attack.frames import ReadyFrame, shade
+from rauca_core.attack.history import STAGES, Stopwatch
 from rauca_core.attack.run import Run
-from rauca_core.attack.stopwatch import STAGES, Stopwatch
 from rauca_core.contract import Dataset
 from rauca_core.detect import fetch, load_detector
 from rauca_core.render import Sampler, SparseOperator, srgb_to_linear

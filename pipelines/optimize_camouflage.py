@@ -14,7 +14,7 @@ from statistics import median
 
 from pipelines.console import console, progress_bar
 from rauca_core.attack import OptimizerSettings, StepReport, run_optimization
-from rauca_core.attack.preview import PICTURE, UV_MAP
+from rauca_core.attack.history import PICTURE, UV_MAP
 from rauca_core.contract import Dataset, OptimizeProgress, Progress
 from rauca_core.detect import load_detector
 from rauca_core.runtime.distributed import joined_processes

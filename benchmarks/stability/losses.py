@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.attack import SmoothLoss, attack_loss, box_overlap, detection_score
-from rauca_core.attack.losses import log_loss
-from rauca_core.attack.objectives import OBJECTIVES, Sight
+from rauca_core.attack.losses import OBJECTIVES, Predicted, log_loss
 from rauca_core.detect import DensePredictions
 
 from .checks import Check, Try, expect
@@ -67,7 +66,7 @@ def _all_objectives(boxes: list[list[float]]) -> Try:
                 leaves = [torch.tensor([boxes], dtype=dtype), torch.full((1, len(boxes)), sure, dtype=dtype)]
                 leaves += [torch.zeros(1, 2, 3, 3, dtype=dtype)]  # an attention layer that is dead
                 found, features = _predictions(*(x.requires_grad_() for x in leaves[:2])), leaves[2].requires_grad_()
-                loss = objective(Sight(found, truth, 0, detection_score(found, truth, 0), features)).sum()
+                loss = objective(Predicted(found, truth, 0, detection_score(found, truth, 0), features)).sum()
                 loss.backward()
                 expect(torch.isfinite(loss), f"{name} at {sure:g}: loss {float(loss.detach())}")
                 fine = all(x.grad is None or torch.isfinite(x.grad).all() for x in leaves)

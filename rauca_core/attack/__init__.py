@@ -3,11 +3,12 @@
 from .augmentation import Augmentation
 from .baselines import plain_camouflage, random_camouflage
 from .ensemble import DetectorEnsemble
-from .journal import StepReport, read_history
-from .losses import SmoothLoss, attack_loss, box_overlap, detection_score
+from .history import StepReport, read_history
+from .losses import attack_loss, box_overlap, detection_score
 from .methods import METHODS, settings_of
 from .optimizer import optimize, run_optimization
 from .paint import Paint, load_paint
+from .paint_losses import SmoothLoss
 from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
 

@@ -11,9 +11,8 @@ from torch import Tensor
 
 from ..contract import RaucaError
 from ..detect import Detector, class_index
-from .attention import attention_layer, watching
-from .losses import detection_score
-from .objectives import OBJECTIVES, ObjectiveName, Sight
+from .das import attention_layer, watching
+from .losses import OBJECTIVES, ObjectiveName, Predicted, detection_score
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ class DetectorEnsemble:
             target: the class to hide; every detector must know it.
             weights: one per detector, of any sum; equal if left out.
             precision: of the detectors' networks, ``float32`` or ``bfloat16``; losses are in float32.
-            objective: what is made small, see `objectives`.
+            objective: what is made small, see `losses`.
 
         Raises:
             RaucaError: no detectors, as many weights as there are not detectors, an unknown class, a detector that
@@ -97,8 +96,8 @@ class DetectorEnsemble:
             # A network in bfloat16 may answer in it; there 1 - 1e-6 is 1, and a certain detection's loss infinite.
             found = found.to(images.dtype)
             found_score = detection_score(found, boxes, label)
-            sight = Sight(found, boxes, label, found_score, seen[-1] if seen else None)
-            loss = weight * self._objective(sight)
+            predicted = Predicted(found, boxes, label, found_score, seen[-1] if seen else None)
+            loss = weight * self._objective(predicted)
             if loss.requires_grad:  # not where the detector returned no box at all
                 loss.sum().backward()
             losses += loss.detach()

@@ -16,8 +16,8 @@ from torch import Tensor
 from ..contract import Dataset, Frame, RaucaError, load_vehicle
 from ..render import MipmappedTexture, Taps, composite, linear_to_srgb, saturate
 from ..runtime.images import read_image
+from .layout import make_layout
 from .lights import light_source
-from .media import make_medium
 from .settings import OptimizerSettings
 
 
@@ -49,7 +49,7 @@ class FrameStore:
     """The frames of a data set that show the vehicle, made ready on first use and kept while memory lasts.
 
     Attributes:
-        medium: what is painted, see `media`.
+        layout: what is painted, see `layout`.
         pyramid: of the UV map.
         reference_srgb: 8-bit, the paint that the frames were rendered in.
     """
@@ -67,10 +67,10 @@ class FrameStore:
                     f"{frame.camera.height} pixels, the data set's frames are {size}x{size}; render the frame again"
                 )
         budget = settings.memory_mb * 2**20 // 2
-        self.medium = make_medium(self.vehicle, settings, settings.tap_folder or dataset.folder / "taps", budget)
+        self.layout = make_layout(self.vehicle, settings, settings.tap_folder or dataset.folder / "taps", budget)
         self._ready: OrderedDict[int, ReadyFrame] = OrderedDict()
         self._budget = budget
-        self.pyramid = self.medium.atlas
+        self.pyramid = self.layout.atlas
         self.reference_srgb = dataset.plan.reference_srgb
         self.light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
 
@@ -99,7 +99,7 @@ class FrameStore:
         def work() -> None:
             # What stops this thread, a full disk for one, stops `ready` too, which says so.
             with contextlib.suppress(RaucaError):
-                self.medium.taps.warm(cameras, on_view, stop)
+                self.layout.taps.warm(cameras, on_view, stop)
 
         thread = threading.Thread(target=work, name="taps", daemon=True)
         thread.start()
@@ -110,7 +110,7 @@ class FrameStore:
             thread.join()
 
     def _prepare(self, frame: Frame) -> ReadyFrame:
-        taps = self.medium.taps.get(frame.camera_in_vehicle)
+        taps = self.layout.taps.get(frame.camera_in_vehicle)
         lit = self.light.of(frame)
         A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (lit.light.A, lit.light.B))
         return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)

@@ -1,16 +1,19 @@
-"""The paper's losses: attack (Eq. 6), smoothness (Eq. 7) and their sum (Eq. 8)."""
+"""What methods make small on a detector: one loss per image, by name.
+
+All are finite, with finite gradients, on no boxes at all, on boxes that miss the vehicle and at a confidence of 1.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ..detect.interface import DensePredictions
-from ..render.kernels import njit
+from .das import dispersed_attention
 
 # Eq. 6 has no finite value at a detection score of 1, which a detector's sigmoid does reach in float32. Scores count as
 # this little less: the loss ends at 13.8 and keeps a non-zero slope, and values below 0.99 change by under 1e-4.
@@ -56,58 +59,100 @@ def log_loss(values: Tensor) -> Tensor:
     return -torch.log1p(-values * (1.0 - SCORE_SHRINK))
 
 
-class SmoothLoss:
-    """Eq. 7 over the paintable texels of a UV map: squared differences of neighbors, divided by H * W.
+ObjectiveName = Literal["eq6", "log-score", "stealth", "confidence", "three-terms", "attention"]
 
-    A pair counts when both texels are paintable: charts are not pulled towards gutters or towards one another.
+QUIET = 1e-3  # a max H_d below this is not worth pushing: average precision counts scores from 0.005 on
+CLOSE = 0.5  # IoU beyond which ACTIVE counts a box
+ASSIGNED = 9  # boxes that FCA's three terms are means of: as many as YOLOv3 has anchors for an object
+OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT = 0.05, 1.0, 0.5  # of FCA, those of the detector's own training
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What one detector predicts of a batch.
+
+    Attributes:
+        predictions: before non-maximum suppression.
+        truth: (B, 4) xyxy, where the vehicle is.
+        label: index of the vehicle's class.
+        score: (B,) max H_d, see ``losses.detection_score``.
+        features: (B, C, h, w) what the detector's attention is read from; only where the objective asks for it.
     """
 
-    def __init__(self, texels: NDArray[np.int64], size: int) -> None:
-        """``texels`` (P,): positions ``row * size + column`` in ascending order, see ``Pyramid.texels``."""
-        place = np.full(size * size, -1, np.int64)
-        place[texels] = np.arange(len(texels))
-        grid = np.pad(place.reshape(size, size), ((0, 1), (0, 1)), constant_values=-1)
-        self._right = grid[:size, 1:].ravel()[texels]
-        self._below = grid[1:, :size].ravel()[texels]
-        self._scale = 1.0 / size**2
-
-    def __call__(self, texels: Tensor) -> Tensor:
-        """Texels (P, 3) sRGB -> scalar."""
-        if texels.device.type == "cpu":
-            return _Smooth.apply(texels, self._right, self._below, self._scale)
-        total = texels.new_zeros(())
-        for neighbor in (self._right, self._below):
-            here = torch.from_numpy(np.flatnonzero(neighbor >= 0)).to(texels.device)
-            there = torch.from_numpy(neighbor[neighbor >= 0]).to(texels.device)
-            total = total + (texels[here] - texels[there]).square().sum()
-        return total * self._scale
+    predictions: DensePredictions
+    truth: Tensor
+    label: int
+    score: Tensor
+    features: Tensor | None = None
 
 
-class _Smooth(torch.autograd.Function):
-    """One pass over the texels gives the loss and its gradient; torch would make six."""
-
-    @staticmethod
-    def forward(ctx: Any, texels: Tensor, right: Any, below: Any, scale: float) -> Tensor:
-        gradient = torch.zeros_like(texels)
-        total = _squared_steps(texels.detach().contiguous().numpy(), right, below, gradient.numpy())
-        ctx.save_for_backward(gradient.mul_(2 * scale))
-        return texels.new_tensor(total * scale)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
-        return ctx.saved_tensors[0] * gradients[0], None, None, None
+def eq6(given: Predicted) -> Tensor:
+    """RAUCA's Eq. 6: IoU times class times objectness, the best box."""
+    return attack_loss(given.score)
 
 
-@njit(cache=True)
-def _squared_steps(texels: Any, right: Any, below: Any, gradient: Any) -> float:
-    total = 0.0
-    for i in range(texels.shape[0]):
-        for neighbor in (right[i], below[i]):
-            if neighbor < 0:
-                continue
-            for c in range(3):
-                step = texels[i, c] - texels[neighbor, c]
-                total += step * step
-                gradient[i, c] += step
-                gradient[neighbor, c] -= step
-    return total
+def log_score(given: Predicted) -> Tensor:
+    """log(1 + max H_d / QUIET), so that a small score pushes as hard as a large one.
+
+    Eq. 6 has the slope of H_d itself, which dies with the detector's sigmoid: on frames where H_d is 0.05 it has let
+    go, and average precision still counts them.
+    """
+    return torch.log1p(given.score / QUIET)
+
+
+def stealth(given: Predicted) -> Tensor:
+    """ACTIVE's Eq. 4: the likeliest class, whichever, times objectness; the best of the boxes near the vehicle."""
+    found = given.predictions
+    if found.classes.shape[1] == 0:
+        return torch.zeros_like(given.score)
+    near = box_overlap(found.boxes.detach(), given.truth) > CLOSE
+    return attack_loss(_highest(found.classes.amax(-1) * found.objectness, near))
+
+
+def confidence(given: Predicted) -> Tensor:
+    """DTA's loss: the vehicle's class times objectness, the best of the boxes that touch the vehicle."""
+    found = given.predictions
+    touching = box_overlap(found.boxes.detach(), given.truth) > 0
+    return attack_loss(_highest(found.classes[..., given.label] * found.objectness, touching))
+
+
+def three_terms(given: Predicted) -> Tensor:
+    """FCA's detection loss: overlap, objectness and class of the boxes assigned to the vehicle, a weighted sum.
+
+    Assigned are those that overlap it most.
+    """
+    found = given.predictions
+    overlap = box_overlap(found.boxes, given.truth)
+    number = min(ASSIGNED, overlap.shape[1])
+    if number == 0:
+        return torch.zeros_like(given.score)
+    best = overlap.detach().topk(number, 1).indices
+    terms = torch.stack([t.gather(1, best) for t in (overlap, found.objectness, found.classes[..., given.label])])
+    assigned = (terms[0].detach() > 0).to(terms)
+    means = (terms * assigned).sum(2) / assigned.sum(1).clamp(min=1)
+    weights = means.new_tensor([OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT])
+    return weights @ means
+
+
+def attention(given: Predicted) -> Tensor:
+    """DAS's model attention, see `das`."""
+    if given.features is None:
+        raise ValueError("attention: the detector's features were not watched")
+    return dispersed_attention(given.score, given.features)
+
+
+def _highest(scores: Tensor, among: Tensor) -> Tensor:
+    """(B, N), (B, N) bool -> (B,); 0 where there is none."""
+    if scores.shape[1] == 0:
+        return scores.new_zeros(len(scores))
+    return torch.where(among, scores, 0.0).amax(1)
+
+
+OBJECTIVES: dict[ObjectiveName, Callable[[Predicted], Tensor]] = {
+    "eq6": eq6,
+    "log-score": log_score,
+    "stealth": stealth,
+    "confidence": confidence,
+    "three-terms": three_terms,
+    "attention": attention,
+}

@@ -33,12 +33,10 @@ from ..runtime.stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .ensemble import DetectorEnsemble
 from .frames import FrameStore
-from .journal import CURVES, HISTORY, Journal, StepReport, read_history
+from .history import CURVES, HISTORY, Journal, Preview, StepReport, read_history
 from .methods import settings_of
-from .naturalness.finish import finish
-from .naturalness.texture import NaturalColors
+from .naturalness.texture import NaturalColors, finish
 from .paint import Paint, load_paint
-from .preview import Preview
 from .run import Run, identity_of
 from .settings import OptimizerSettings, make_settings
 from .texture import Texture, map_png
@@ -108,7 +106,7 @@ def run_optimization(
     """What :func:`optimize` does, in a folder, for callers that have made up the settings.
 
     ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
-    the run goes on, the pictures of `preview`. A run resumed on the same machine ends in the same bits as one that
+    the run goes on, the pictures of `history`. A run resumed on the same machine ends in the same bits as one that
     never stopped.
 
     Args:

@@ -18,15 +18,13 @@ from ..render import MipmappedTexture, srgb_to_linear, tap_format
 from ..runtime.cpu import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
-from .background import background_colors
 from .checkpoint import Checkpoint
 from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder
 from .frames import FrameStore, ReadyFrame, boxes_of, sample_texture, shade
-from .journal import StepReport
-from .priors import paint_of, prior, smooth_paint, smooth_picture
+from .history import StepReport, Stopwatch
+from .paint_losses import background_colors, paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimizerSettings
-from .stopwatch import Stopwatch
 from .texture import Texture, make_texture
 
 
@@ -152,7 +150,7 @@ class Run:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
             colors = srgb_to_linear(self._painted())
-            albedo = sample_texture(batch, MipmappedTexture(self.store.medium.taps.pyramid, colors))
+            albedo = sample_texture(batch, MipmappedTexture(self.store.layout.taps.pyramid, colors))
         with watch.time("environment"):
             return shade(batch, albedo)
 
@@ -224,7 +222,7 @@ class Run:
                 )
             self.adam.param_groups[0]["lr"] = self.settings.lr_at(self.step)
             self.adam.step()
-            self.texture.settle()
+            self.texture.after_step()
         return smooth.detach().expand(len(batch)), 0.0 if extra is None else float(extra.detach())
 
     def _check(self, found: Attacked, batch: list[ReadyFrame]) -> None:

@@ -13,9 +13,8 @@ from ..render import Sampler
 from ..render.sampling.sampler import TEXTURE_SIZE
 from .augmentation import AugmentationName
 from .lights import LightName
-from .limits import LimitName
+from .losses import ObjectiveName
 from .naturalness.choice import Naturalness
-from .objectives import ObjectiveName
 
 
 class OptimizerSettings(BaseModel):
@@ -36,7 +35,7 @@ class OptimizerSettings(BaseModel):
         extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
         start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels".
-        limit: how texels are kept in [0, 1], see `limits`: ``project``, ``clamp`` (as published) or ``tanh``.
+        limit: how texels are kept in [0, 1], see `texture`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
         weights: of the detectors in the attack loss; equal when None.
@@ -49,14 +48,14 @@ class OptimizerSettings(BaseModel):
         tap_folder: where taps are cached; beside the frames when None.
         name: of the camouflage, in tables.
         method: whose settings these are, in tables, see `methods`; the fields below are what methods differ in.
-        paint: what is painted, see `media`: free ``texels`` of the UV map, ``facets``, or a repeated ``pattern``.
+        paint: what is painted, see `layout`: free ``texels`` of the UV map, ``facets``, or a repeated ``pattern``.
         texture_size: ts of the facet texture tensor.
         pattern_side, tile_m: of the pattern, texels and metres.
         shift: the pattern is moved by up to this share of a tile each way, drawn at every step.
         cover: ``all`` of the paint, or ``panels``: bonnet, roof and doors, on facets.
-        objective: what is made small on the detectors, see `objectives`.
-        smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``; see `priors`.
-        prior, gamma: a second loss on the paint and its weight, see `priors`.
+        objective: what is made small on the detectors, see `losses`.
+        smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``.
+        prior, gamma: a second loss on the paint and its weight, see `paint_losses`.
         palette: dominant colors of the background in ``prior`` "background".
         augmentation: whose ranges ``roa`` draws from, see `augmentation`.
         natural: what the paint has to look like, see `naturalness`; None leaves it free.
@@ -78,7 +77,7 @@ class OptimizerSettings(BaseModel):
     extractor: Path | None = None
     seed: int = Field(0, ge=0)
     start: Literal["random", "plain", "seed"] = "random"
-    limit: LimitName = "project"
+    limit: Literal["project", "clamp", "tanh"] = "project"
     roa: bool = True
     rest: int = Field(0, ge=0, le=1000)
     weights: tuple[float, ...] | None = None

@@ -1,4 +1,9 @@
-"""What an optimization varies."""
+"""What an optimization varies, and three ways to keep it in [0, 1] while Adam moves it.
+
+``project`` puts them back after each step; every texel keeps its gradient. ``clamp`` clips in the forward pass, as
+published; a texel beyond the range has no gradient and can only be brought back by Adam's momentum. ``tanh`` never
+leaves the range, and slows down near its ends.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +18,71 @@ from ..contract import RaucaError
 from ..contract.color import to_bytes
 from ..contract.files import png_bytes
 from ..contract.seeding import named_seed
-from ..render import Pyramid, linear_to_srgb, srgb_to_linear
-from .limits import LIMITS
-from .media import Medium
+from ..render import Pyramid, linear_to_srgb, saturate, srgb_to_linear
+from .das import seed_paint
+from .layout import PaintLayout
 from .naturalness.texture import natural_colors
-from .seed_paint import seed_paint
 from .settings import OptimizerSettings
 
 if TYPE_CHECKING:
     from .frames import FrameStore
+
+
+FURTHEST = 0.98  # of tanh's range that a start may take: at its ends there is no way back
+
+
+class Limit(Protocol):
+    """Between a free parameter and sRGB values in [0, 1], of any shape."""
+
+    def start(self, values: Tensor) -> Tensor:
+        """The parameter that stands for ``values``."""
+        ...
+
+    def values(self, parameter: Tensor) -> Tensor:
+        """sRGB values in [0, 1], differentiable."""
+        ...
+
+    def after_step(self, parameter: Tensor) -> None:
+        """Mend the parameter in place, after a step."""
+        ...
+
+
+class Project:
+    """The parameter is the value."""
+
+    def start(self, values: Tensor) -> Tensor:
+        return values.clone()
+
+    def values(self, parameter: Tensor) -> Tensor:
+        return saturate(parameter)  # a texel at the very end still has its gradient
+
+    def after_step(self, parameter: Tensor) -> None:
+        with torch.no_grad():
+            parameter.clamp_(0.0, 1.0)
+
+
+class Clamp(Project):
+    """The parameter may leave the range."""
+
+    def after_step(self, parameter: Tensor) -> None:
+        pass
+
+
+class Tanh:
+    """(tanh + 1) / 2 of the parameter."""
+
+    def start(self, values: Tensor) -> Tensor:
+        return torch.atanh((2 * values - 1) * FURTHEST)
+
+    def values(self, parameter: Tensor) -> Tensor:
+        return (parameter.tanh() + 1) / 2
+
+    def after_step(self, parameter: Tensor) -> None:
+        pass
+
+
+LIMITS: dict[str, Limit] = {"project": Project(), "clamp": Clamp(), "tanh": Tanh()}
+
 
 GREY = 0.5
 
@@ -36,34 +97,34 @@ class Texture(Protocol):
     parameter: Tensor
 
     def colors(self) -> Tensor:
-        """What views read: the medium's colors (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
+        """What views read: the layout's colors (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
         ...
 
     def texels(self) -> Tensor:
         """The same on the UV map: its paintable texels (P, 3), sRGB in [0, 1], differentiable likewise."""
         ...
 
-    def settle(self) -> None:
+    def after_step(self) -> None:
         """Mend ``parameter`` after a step of Adam."""
         ...
 
 
 class FreeColors:
-    """Every color of the medium is free; on the UV map that is RAUCA's texture."""
+    """Every color of the layout is free; on the UV map that is RAUCA's texture."""
 
-    def __init__(self, medium: Medium, settings: OptimizerSettings, device: torch.device) -> None:
+    def __init__(self, layout: PaintLayout, settings: OptimizerSettings, device: torch.device) -> None:
         """Random or plain at first, as the settings say."""
-        self._limit, self._medium = LIMITS[settings.limit], medium
-        self.parameter = self._limit.start(first_colors(medium.count, settings).to(device)).requires_grad_()
+        self._limit, self._layout = LIMITS[settings.limit], layout
+        self.parameter = self._limit.start(first_colors(layout.count, settings).to(device)).requires_grad_()
 
     def colors(self) -> Tensor:
         return self._limit.values(self.parameter)
 
     def texels(self) -> Tensor:
-        return self._medium.on_map(self.colors())
+        return self._layout.on_map(self.colors())
 
-    def settle(self) -> None:
-        self._limit.settle(self.parameter)
+    def after_step(self) -> None:
+        self._limit.after_step(self.parameter)
 
 
 class PaintedPanels:
@@ -76,11 +137,11 @@ class PaintedPanels:
 
     def __init__(self, store: FrameStore, settings: OptimizerSettings, device: torch.device) -> None:
         """Raises :class:`RaucaError` where no face of the paint looks like a bonnet, roof or door."""
-        self._limit, self._medium = LIMITS[settings.limit], store.medium
+        self._limit, self._layout = LIMITS[settings.limit], store.layout
         cells, seed, edges = seed_paint(store.vehicle, store.reference_srgb, settings.texture_size)
         self.seed, self.edges, self._cells = (torch.from_numpy(a).to(device) for a in (seed, edges, cells))
         reference = torch.from_numpy(np.array(store.reference_srgb, np.float32) / 255)
-        self._base = reference.expand(store.medium.count, 3).clone().to(device)
+        self._base = reference.expand(store.layout.count, 3).clone().to(device)
         first = self.seed if settings.start == "seed" else first_colors(len(cells), settings)
         self.parameter = self._limit.start(first.to(device)).requires_grad_()
 
@@ -92,10 +153,10 @@ class PaintedPanels:
         return self._base.index_copy(0, self._cells, self.free())
 
     def texels(self) -> Tensor:
-        return self._medium.on_map(self.colors())
+        return self._layout.on_map(self.colors())
 
-    def settle(self) -> None:
-        self._limit.settle(self.parameter)
+    def after_step(self) -> None:
+        self._limit.after_step(self.parameter)
 
 
 def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.device) -> Texture:
@@ -109,7 +170,7 @@ def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.d
         return PaintedPanels(store, settings, device)
     if settings.start == "seed":
         raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
-    return FreeColors(store.medium, settings, device)
+    return FreeColors(store.layout, settings, device)
 
 
 def first_colors(count: int, settings: OptimizerSettings) -> Tensor:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..attack.naturalness import Naturalness
-from ..attack.naturalness.finish import Distance, distance_of_map
 from ..attack.naturalness.granulometry import measure_patches
+from ..attack.naturalness.reference import Distance, distance_of_map
 from ..contract import load_camouflage, load_vehicle
 from ..runtime.images import read_image
 from ..study.contestants import NORMAL

@@ -11,8 +11,8 @@ import torch
 
 from rauca_core.attack import read_history
 from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.history import PICTURE, UV_MAP
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.attack.preview import PICTURE, UV_MAP
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import TEMPORARY_PREFIX
 from rauca_core.runtime.images import read_image

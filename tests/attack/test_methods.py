@@ -12,7 +12,8 @@ import pytest
 import torch
 
 from benchmarks.stability.detectors import SmallDetector
-from rauca_core.attack import OptimizerSettings, make_settings, objectives, read_history, run_optimization
+from rauca_core.attack import OptimizerSettings, make_settings, read_history, run_optimization
+from rauca_core.attack import losses as objectives
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.frames import FrameStore, render_batch
@@ -105,7 +106,7 @@ def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, t
 def test_uv_map_shows_what_was_optimized(
     dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle, detector: Any, tmp_path: Path, method: str
 ) -> None:
-    """Views of the medium and of the UV map that it ends as, in the same light, differ by texel filtering only."""
+    """Views of the layout and of the UV map that it ends as, in the same light, differ by texel filtering only."""
     data = dataset_factory(tmp_path / "fine", box_vehicle, 128, (40.0, 250.0))
     fine = {"map_size": 512, "samples": 4, "pixel_filter": "blackman-harris", "light": "exact", "texture_size": 4}
     chosen = settings(method, tile_m=1.6, pattern_side=16, start="seed" if method == "das" else "random", **fine)
@@ -115,7 +116,7 @@ def test_uv_map_shows_what_was_optimized(
     with torch.no_grad():
         optimized = render_batch(
             [store.ready(i) for i in indices],
-            MipmappedTexture(store.medium.taps.pyramid, srgb_to_linear(run.texture.colors())),
+            MipmappedTexture(store.layout.taps.pyramid, srgb_to_linear(run.texture.colors())),
         )
         deployed = render_batch(
             [on_map.ready(i) for i in indices], MipmappedTexture(on_map.pyramid, srgb_to_linear(run.texture.texels()))

@@ -13,12 +13,11 @@ from torch import Tensor
 
 from benchmarks.stability.detectors import Answering, as_found
 from rauca_core.attack import detection_score
-from rauca_core.attack.attention import attention_layer, attention_map, dispersed_attention, watching
-from rauca_core.attack.background import cluster
+from rauca_core.attack.das import attention_layer, attention_map, dispersed_attention, smile, watching
 from rauca_core.attack.ensemble import DetectorEnsemble
-from rauca_core.attack.objectives import OBJECTIVES, Sight, confidence, stealth, three_terms
-from rauca_core.attack.priors import near_palette, near_seed, smooth_pattern, smooth_picture
-from rauca_core.attack.seed_paint import smile
+from rauca_core.attack.losses import OBJECTIVES, Predicted, confidence, stealth, three_terms
+from rauca_core.attack.naturalness.palette import cluster
+from rauca_core.attack.paint_losses import near_palette, near_seed, smooth_pattern, smooth_picture
 from rauca_core.contract import RaucaError
 from rauca_core.detect import DensePredictions
 
@@ -26,9 +25,9 @@ TRUTH = torch.tensor([[2.0, 3.0, 12.0, 14.0], [0.0, 0.0, 8.0, 8.0]], dtype=torch
 BY_BOXES = [name for name in OBJECTIVES if name != "attention"]
 
 
-def sight(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tensor = TRUTH) -> Sight:
+def sight(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tensor = TRUTH) -> Predicted:
     found = DensePredictions(boxes, objectness, classes)
-    return Sight(found, truth, 1, detection_score(found, truth, 1))
+    return Predicted(found, truth, 1, detection_score(found, truth, 1))
 
 
 def some_boxes() -> tuple[Tensor, Tensor, Tensor]:

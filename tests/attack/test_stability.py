@@ -12,7 +12,7 @@ from benchmarks.stability.detectors import Answering
 from benchmarks.stability.drawn import WEATHERS, draw_frame
 from benchmarks.stability.endure import AZIMUTHS, STEPS, endure
 from benchmarks.stability.loop import judge
-from rauca_core.attack.objectives import OBJECTIVES
+from rauca_core.attack.losses import OBJECTIVES
 from rauca_core.contract import Vehicle
 
 BY_NAME = {case.name: case for case in CASES}

@@ -11,11 +11,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from rauca_core.attack import DetectorEnsemble, make_settings, objectives
+from rauca_core.attack import DetectorEnsemble, make_settings
+from rauca_core.attack import losses as objectives
 from rauca_core.attack.frames import boxes_of
+from rauca_core.attack.history import Stopwatch
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.run import Run
-from rauca_core.attack.stopwatch import Stopwatch
 from rauca_core.contract import Dataset
 
 REACH = 1e-7  # short: absolute differences of neighbors have kinks

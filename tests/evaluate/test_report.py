@@ -19,7 +19,7 @@ from PIL import Image
 
 from pipelines.report import report_run
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.naturalness.finish import Distance
+from rauca_core.attack.naturalness.reference import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector

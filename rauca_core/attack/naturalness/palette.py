@@ -18,11 +18,11 @@ from ...contract import RaucaError
 from ...contract.reading import read_text
 from ...contract.seeding import named_rng
 from ...runtime.images import read_image
-from ..background import cluster
 from .choice import is_color, parse_color
 
 PIXELS = 16_384  # of a photograph, looked at for its colors
 MOST = 64
+ROUNDS = 30  # of k-means
 MAX_TEXT_BYTES = 2**16  # 64 colors and room for spaces
 
 
@@ -61,6 +61,26 @@ def colors_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
     return [
         "#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centers[np.argsort(centers.sum(1))] * 255).astype(int)
     ]
+
+
+def cluster(points: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """k-means: ``count`` centers (count, 3) of points (N, 3), begun far apart (k-means++)."""
+    centers = points[rng.integers(len(points))][None].astype(np.float64)
+    for _ in range(count - 1):
+        distance = _squares(points, centers).min(1)
+        total = distance.sum()
+        chance = distance / total if total > 0 else None  # fewer colors than centers: any will do
+        centers = np.concatenate([centers, points[rng.choice(len(points), p=chance)][None]])
+    for _ in range(ROUNDS):
+        nearest = _squares(points, centers).argmin(1)
+        sizes = np.bincount(nearest, minlength=count)
+        sums = np.stack([np.bincount(nearest, column, count) for column in points.T], 1)
+        centers = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], centers)
+    return centers
+
+
+def _squares(points: NDArray[np.floating], centers: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.asarray(((points[:, None] - centers[None]) ** 2).sum(-1))
 
 
 def _read_text(path: Path) -> list[str]:

@@ -1,4 +1,7 @@
-"""The surface of a vehicle in patches, each wide enough for a disc of a given diameter.
+"""The paintable texels as points of the vehicle's surface, and patches of them that each hold a disc of a diameter.
+
+Texels that are neighbors on the map may be far apart on the vehicle, and neighbors on the vehicle may lie on two
+charts. Distances along the surface are sums of steps between neighbors, in metres.
 
 Seeds are drawn at random, none closer to another than a spacing along the surface, until no place is left; a patch is
 all paint that is closer to its seed than to any other. Half the spacing around a seed is then its own: a disc, unless
@@ -8,15 +11,167 @@ the paint ends. Patches know nothing of UV charts and run on over their seams.
 from __future__ import annotations
 
 import heapq
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...contract import Vehicle
 from ...contract.seeding import named_rng
+from ...render import Pyramid
 from ...render.kernels import njit
-from .surface import Links, TexelPoints
+from ...render.onto_atlas import read_on_atlas
+from ...render.sampling.surface import Surface
+
+Array = NDArray[np.float64]
+REACH, GAP_M = 2.0, 0.02  # steps of the map, metres: charts closer than the larger are joined, and panels beside a gap
+STEP = 2.0  # steps of the map: neighbors there that are farther apart on the vehicle are of two charts
+FACING = -0.5  # cosine: surfaces that look away from each other, as the two sides of a sheet, are not joined
+OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class TexelPoints:
+    """Where texels lie on the vehicle.
+
+    Attributes:
+        positions: (P, 3) center of the paint under each texel, metres.
+        normals: (P, 3) unit.
+        steps: (P, 2) metres on the surface for a step down and one to the right on the map.
+        sides: (P,) side of a square as large as the texel, metres.
+        areas: (P,) paint under each texel, square metres.
+    """
+
+    positions: Array
+    normals: Array
+    steps: Array
+    sides: Array
+    areas: Array
+
+    @staticmethod
+    def of(vehicle: Vehicle, atlas: Pyramid) -> TexelPoints:
+        """The texels of a vehicle's atlas; raises :class:`RaucaError` for an atlas of another vehicle."""
+        corners = 3 * len(vehicle.triangles)
+        side = math.isqrt(corners) | 1  # odd: a list without coarser levels
+        side += 2 * (side**2 < corners)
+        listed = Pyramid((np.arange(side**2) < corners).astype(np.float32).reshape(side, side))
+
+        def look(surface: Surface) -> tuple[NDArray[np.int32], Array]:
+            return (3 * surface.faces[:, None] + np.arange(3)).astype(np.int32), surface.barycentrics
+
+        mean = read_on_atlas(vehicle, atlas, listed, look)
+        rows = np.repeat(np.arange(len(atlas.texels)), np.diff(mean.indptr))
+
+        def carried(values: NDArray[Any]) -> Array:
+            every = values.reshape(corners, -1)[mean.columns] * mean.weights[:, None]
+            return np.stack([np.bincount(rows, column, len(atlas.texels)) for column in every.T], 1)
+
+        triangles = vehicle.positions[vehicle.triangles].astype(np.float64)
+        normals = carried(vehicle.normals.astype(np.float64))
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        measures = np.concatenate(_texel_measures(vehicle, atlas.size), 1)
+        down, right, side = carried(np.repeat(measures, 3, 0)).T
+        areas = atlas.coverage[0].ravel()[atlas.texels] * side**2
+        return TexelPoints(carried(triangles), normals, np.stack([down, right], 1), side, areas)
+
+
+def _texel_measures(vehicle: Vehicle, size: int) -> tuple[Array, Array]:
+    """Of every face: metres per texel down and to the right (F, 2), and the root of metres^2 per texel (F, 1)."""
+    one, two, three = vehicle.positions[vehicle.triangles].astype(np.float64).transpose(1, 0, 2)
+    edges = np.stack([two - one, three - one], 1)
+    (u1, v1), (u2, v2) = ((vehicle.uvs[:, k] - vehicle.uvs[:, 0]).astype(np.float64).T * size for k in (1, 2))
+    texels = u1 * v2 - u2 * v1
+    inverse = np.stack([np.stack([v2, -v1], 1), np.stack([-u2, u1], 1)], 1)  # times texels: edges to u and v
+    texels = np.where(np.abs(texels) > 1e-12, texels, np.inf)  # a face without area on the map has no texel
+    along = np.linalg.norm(np.einsum("fak,fkc->fac", inverse, edges), axis=2) / np.abs(texels)[:, None]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return along[:, ::-1], np.sqrt(area / np.abs(texels))[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Which texels lie side by side on the surface, in compressed rows, both ways.
+
+    Attributes:
+        indptr: (P + 1,) int64 start of each row; ``neighbors`` (N,) int32; ``metres`` (N,) float32 between them.
+    """
+
+    indptr: NDArray[np.int64]
+    neighbors: NDArray[np.int32]
+    metres: NDArray[np.float32]
+
+
+def link(points: TexelPoints, texels: NDArray[np.int64], size: int) -> Links:
+    """Join the eight neighbors on the map where they touch on the vehicle, and charts where their edges meet there.
+
+    Args:
+        texels: (P,) positions ``row * size + column``, see ``Pyramid.texels``.
+    """
+    place = np.full((size + 2, size + 2), -1, np.int64)
+    place[1:-1, 1:-1].ravel()[:] = -1  # a frame of nothing around the map
+    rows, columns = np.divmod(texels, size)
+    place[rows + 1, columns + 1] = np.arange(len(texels))
+    pairs = []
+    for down, right in OFFSETS:
+        other = place[rows + 1 + down, columns + 1 + right]
+        here = np.flatnonzero(other >= 0)
+        there = other[here]
+        apart = np.linalg.norm(points.positions[here] - points.positions[there], axis=1)
+        step = points.steps @ (down, abs(right))
+        near = apart <= STEP * np.maximum(step[here], step[there])
+        pairs.append(np.stack([here[near], there[near]], 1))
+    degree = np.bincount(np.concatenate(pairs).ravel(), minlength=len(texels))
+    edge = np.flatnonzero(degree < 2 * len(OFFSETS))
+    pairs.append(_across_seams(points, edge))
+    return _compress(np.concatenate(pairs), points)
+
+
+def _across_seams(points: TexelPoints, edge: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs (N, 2) of chart edge texels that lie close together on the vehicle."""
+    if not len(edge):
+        return np.empty((0, 2), np.int64)
+    reach = max(REACH * float(np.median(points.steps[edge].max(1))), GAP_M)
+    cells = np.floor(points.positions[edge] / reach).astype(np.int64)
+    cells -= cells.min(0) - 1
+    spread = cells.max(0) + 2
+    key = (cells[:, 0] * spread[1] + cells[:, 1]) * spread[2] + cells[:, 2]
+    order = np.argsort(key, kind="stable")
+    steps = np.array([(x * spread[1] + y) * spread[2] for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    found = _close_pairs(points.positions[edge[order]], points.normals[edge[order]], key[order], steps, reach, FACING)
+    return edge[order][found]
+
+
+@njit(cache=True, nogil=True)
+def _close_pairs(positions: Any, normals: Any, key: Any, steps: Any, reach: float, facing: float) -> Any:
+    """Pairs (N, 2) i < j closer than ``reach``; points are sorted by the key of their cell of that side."""
+    pairs, count = np.empty((4096, 2), np.int64), 0
+    for i in range(key.shape[0]):
+        for step in steps:  # each names three cells in a row along z
+            first = np.searchsorted(key, key[i] + step - 1)
+            last = np.searchsorted(key, key[i] + step + 1, side="right")
+            for j in range(max(first, i + 1), last):
+                apart, cosine = 0.0, 0.0
+                for c in range(3):
+                    apart += (positions[i, c] - positions[j, c]) ** 2
+                    cosine += normals[i, c] * normals[j, c]
+                if apart <= reach * reach and cosine >= facing:
+                    if count == pairs.shape[0]:
+                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                    pairs[count, 0], pairs[count, 1] = i, j
+                    count += 1
+    return pairs[:count]
+
+
+def _compress(pairs: NDArray[np.int64], points: TexelPoints) -> Links:
+    count = len(points.sides)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(both[:, 0], minlength=count))]).astype(np.int64)
+    metres = np.linalg.norm(points.positions[both[:, 0]] - points.positions[both[:, 1]], axis=1)
+    return Links(indptr, both[:, 1].astype(np.int32), metres.astype(np.float32))
+
 
 STRETCHED = 0.95  # quantile of the texels' length over width that counts
 ROUNDING = 1.0  # texel sides that a patch's edge may be off, where texels straddle it

@@ -1,7 +1,8 @@
-"""What the paint should look like: a UV map, a photograph laid on the vehicle, or one color."""
+"""What paint should look like, and how far it is from it: a UV map, a photograph laid on the vehicle, or one color."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from ...contract.files import file_digest
 from ...render import Pyramid, linear_to_srgb, pattern_pyramid, project_pattern, srgb_to_linear
 from ...runtime.images import read_image
 from .choice import Naturalness, is_color, parse_color
+from .colors import delta_e_2000, lab
+from .patches import TexelPoints
 
 PHOTO = 512  # texels across a photograph
 
@@ -78,3 +81,31 @@ def _tile(image: NDArray[np.uint8]) -> Tensor:
     small = np.asarray(square.resize((PHOTO, PHOTO), Image.Resampling.BOX), np.float32) / 255
     wide = np.concatenate([small, small[:, ::-1]], 1)
     return torch.from_numpy(np.concatenate([wide, wide[::-1]]).reshape(-1, 3))
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far paint is from a reference; means are over the vehicle's surface.
+
+    Attributes:
+        mean, largest: of the CIE 1976 distance; mean_2000: of CIEDE2000.
+    """
+
+    mean: float
+    largest: float
+    mean_2000: float
+
+    @staticmethod
+    def of(texels: NDArray[np.uint8], reference: NDArray[np.uint8], areas: NDArray[np.float64]) -> Distance:
+        """Of 8-bit sRGB texels (P, 3) from others, weighted by their areas (P,)."""
+        one, other = (lab(torch.from_numpy(t / 255.0)).numpy() for t in (texels, reference))
+        apart = np.linalg.norm(one - other, axis=1)
+        mean, mean_2000 = (float(np.average(d, weights=areas)) for d in (apart, delta_e_2000(one, other)))
+        return Distance(mean, float(apart.max()), mean_2000)
+
+
+def distance_of_map(vehicle: Vehicle, uv_map: NDArray[np.uint8], wanted: Naturalness) -> Distance:
+    """How far any UV map (size, size, 3) is from the reference of ``wanted``, on its paintable texels."""
+    atlas = Pyramid.of(vehicle, len(uv_map))
+    texels = uv_map.reshape(-1, 3)[atlas.texels]
+    return Distance.of(texels, reference_texels(vehicle, atlas, wanted), TexelPoints.of(vehicle, atlas).areas)

@@ -1,28 +1,30 @@
-"""The texture of an optimization whose camouflage has to look natural."""
+"""The texture of an optimization whose camouflage has to look natural, and its finished map in 8 bits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ...contract import RaucaError, Vehicle
-from ...contract.color import linear_to_srgb, srgb_to_linear, to_bytes
-from ...render import Pyramid, SparseOperator, saturate
-from .bound import distances, draw_back
+from ...contract import RaucaError, Vehicle, color
+from ...contract.color import to_bytes
+from ...render import Pyramid, SparseOperator, linear_to_srgb, saturate, srgb_to_linear
 from .choice import Naturalness
-from .palette import Palette
-from .patches import Patches, make_patches
-from .reference import reference_texels
-from .surface import TexelPoints, link
+from .colors import distances, draw_back, round_within
+from .palette import Palette, palette_bytes
+from .patches import Patches, TexelPoints, link, make_patches
+from .reference import Distance, reference_texels
 
 if TYPE_CHECKING:
     from ..settings import OptimizerSettings
+
+
+GUTTER = 8  # texels beside the paint that a renderer's filter may read
 
 
 class Constraints:
@@ -55,7 +57,7 @@ class Constraints:
         """M, how many colors are free: one a patch, or one a texel."""
         return len(self.atlas.texels) if self.patches is None else self.patches.count
 
-    def settle(self, free: Tensor) -> None:
+    def after_step(self, free: Tensor) -> None:
         """Bring free colors (M, 3) sRGB back to where they may be, in place."""
         with torch.no_grad():
             free.clamp_(0.0, 1.0)
@@ -68,10 +70,10 @@ class Constraints:
     def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.patches is None:
             return texels
-        light = srgb_to_linear(texels / 255.0) * self.points.areas[:, None]
+        light = color.srgb_to_linear(texels / 255.0) * self.points.areas[:, None]
         weight = np.bincount(self.patches.of_texel, self.points.areas, self.count)
         sums = [np.bincount(self.patches.of_texel, column, self.count) for column in light.T]
-        return to_bytes(linear_to_srgb(np.stack(sums, 1) / np.maximum(weight, 1e-30)[:, None]))
+        return to_bytes(color.linear_to_srgb(np.stack(sums, 1) / np.maximum(weight, 1e-30)[:, None]))
 
     def _allowed(self) -> Tensor | None:
         bound = self.wanted.max_delta_e
@@ -79,7 +81,7 @@ class Constraints:
             return None
         home = self.home / 255.0
         colors = self.palette.colors.double().numpy()
-        every = [distances(np.broadcast_to(color, home.shape), home) for color in colors]
+        every = [distances(np.broadcast_to(one, home.shape), home) for one in colors]
         near = np.stack(every, 1) <= bound
         if not near.any(1).all():
             lost, best = 1 - near.any(1).mean(), math.ceil(np.stack(every, 1).min(1).max() * 10) / 10
@@ -102,7 +104,7 @@ class NaturalColors:
         """``first`` (M, 3) sRGB: where to begin; it is brought to where it may be."""
         self.constraints = constraints
         start = first.clone()
-        constraints.settle(start)
+        constraints.after_step(start)
         self.parameter = start.requires_grad_()
         allowed, patches, self._spread = constraints.allowed, constraints.patches, None
         self._allowed = None if allowed is None else allowed.to(first.device)
@@ -119,8 +121,8 @@ class NaturalColors:
     def texels(self) -> Tensor:
         return self.colors()
 
-    def settle(self) -> None:
-        self.constraints.settle(self.parameter)
+    def after_step(self) -> None:
+        self.constraints.after_step(self.parameter)
 
 
 def natural_colors(
@@ -151,3 +153,59 @@ def natural_colors(
         return NaturalColors(constraints, first(constraints.count).to(device))
     # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
     return NaturalColors(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))
+
+
+def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+    """The UV map (size, size, 3), 8-bit sRGB, and what is to be remembered about it.
+
+    Gutters are filled from their neighbors; of a palette or patches they hold no color of their own.
+
+    Args:
+        texels_srgb: (P, 3), what the optimization ended with.
+    """
+    wanted = constraints.wanted
+    texels = to_bytes(texels_srgb.detach().cpu().numpy())
+    if wanted.max_delta_e is not None and not wanted.palette and constraints.home is not None:
+        patches = constraints.patches
+        home = constraints.home if patches is None else constraints.home[patches.of_texel]
+        texels = round_within(texels_srgb.detach().cpu().numpy(), home, wanted.max_delta_e)
+    facts: dict[str, Any] = {"paint_m2": round(float(constraints.points.areas.sum()), 4)}
+    if constraints.patches is not None:
+        facts["patches"] = constraints.patches.count
+    if constraints.reference is not None:
+        distance = Distance.of(texels, constraints.reference, constraints.points.areas)
+        facts |= {"mean_delta_e": distance.mean, "mean_delta_e_2000": distance.mean_2000}
+        facts["largest_delta_e"] = distance.largest
+        if constraints.patches is not None and constraints.home is not None:
+            home = constraints.home[constraints.patches.of_texel]
+            facts["largest_delta_e_of_a_patch"] = float(distances(texels / 255.0, home / 255.0).max())
+    return _fill(constraints.atlas, texels, wanted), facts
+
+
+def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDArray[np.uint8]:
+    """The whole map: far from paint a mean of what is near, beside it no color that the paint does not have."""
+    light = srgb_to_linear(torch.from_numpy(texels.astype(np.float32) / 255))
+    uv_map = to_bytes(linear_to_srgb(atlas.to_map(light)).permute(1, 2, 0).numpy())
+    flat = uv_map.reshape(-1, 3)
+    if wanted.palette:
+        few, place = np.unique(flat, axis=0, return_inverse=True)
+        colors = palette_bytes(wanted.palette)
+        apart = ((few[:, None].astype(int) - colors[None].astype(int)) ** 2).sum(-1)
+        flat[:] = colors[apart.argmin(1)][place.ravel()]
+    flat[atlas.texels] = texels  # to the bit, whatever a round trip through light does to them
+    if wanted.palette or wanted.feature_cm is not None:
+        known = atlas.coverage[0] > 0
+        for _ in range(GUTTER):
+            known = _copy_outwards(uv_map, known)
+    return uv_map
+
+
+def _copy_outwards(uv_map: NDArray[np.uint8], known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Give texels beside ``known`` ones a neighbor's color, in place; returns what is known then."""
+    grown = known.copy()
+    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        here = np.roll(known, step, axis) & ~grown
+        here[(slice(None),) * axis + (0 if step == 1 else -1,)] = False  # what came in from the other side
+        uv_map[here] = np.roll(uv_map, step, axis)[here]
+        grown |= here
+    return grown

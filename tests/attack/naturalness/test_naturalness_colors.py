@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from rauca_core.attack.naturalness.bound import distances, draw_back, round_within
-from rauca_core.attack.naturalness.lab import delta_e, delta_e_2000, lab
+from rauca_core.attack.naturalness.colors import delta_e, delta_e_2000, distances, draw_back, lab, round_within
 from rauca_core.attack.naturalness.palette import Palette, read_palette
-from rauca_core.attack.priors import NearReference
+from rauca_core.attack.paint_losses import NearReference
 from rauca_core.contract import RaucaError
 
 # B. Lindbloom's tables, D65, 2 degrees.

@@ -9,11 +9,9 @@ import pytest
 import torch
 
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.naturalness.finish import finish
 from rauca_core.attack.naturalness.granulometry import measure_patches
-from rauca_core.attack.naturalness.patches import make_patches
-from rauca_core.attack.naturalness.surface import TexelPoints, link
-from rauca_core.attack.naturalness.texture import Constraints, NaturalColors
+from rauca_core.attack.naturalness.patches import TexelPoints, link, make_patches
+from rauca_core.attack.naturalness.texture import Constraints, NaturalColors, finish
 from rauca_core.contract import Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.render import Pyramid

@@ -18,10 +18,9 @@ from rauca_core.attack import make_settings, read_history, run_optimization
 from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.naturalness.bound import distances
-from rauca_core.attack.naturalness.finish import distance_of_map
+from rauca_core.attack.naturalness.colors import distances
 from rauca_core.attack.naturalness.palette import palette_bytes
-from rauca_core.attack.naturalness.reference import fingerprint, reference_texels
+from rauca_core.attack.naturalness.reference import distance_of_map, fingerprint, reference_texels
 from rauca_core.attack.naturalness.texture import Constraints
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run

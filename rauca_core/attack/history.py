@@ -1,18 +1,43 @@
-"""The record of a run: a line of JSON per step, and tensorboard."""
+"""What a run tells while it goes on: a line of JSON per step, tensorboard, and two pictures that any viewer shows."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from ..contract import RaucaError
-from ..contract.files import append_line, write_bytes
+from ..contract.color import to_bytes
+from ..contract.files import append_line, png_bytes, write_bytes
 from ..contract.reading import parse_json, read_limited
 from ..runtime.board import Board
-from .preview import SIDE, shrunk
+
+STAGES = ("load", "taps", "environment", "augmentation", "detector", "backward", "adam")
+
+
+class Stopwatch:
+    """Seconds by stage; what is in no stage is in none."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(STAGES, 0.0)
+
+    @contextlib.contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] += time.perf_counter() - begin
+
 
 HISTORY = "history.jsonl"
 CURVES = ("loss", "attack", "smooth", "prior", "score")  # of a step, for tensorboard and the camouflage's record
@@ -28,7 +53,7 @@ class StepReport:
         loss: Eq. 8; ``attack`` and ``smooth`` are the objective (Eq. 6, mean over the batch) and Eq. 7, unweighted.
         score: max H_d, mean over the batch.
         seconds: of the whole step.
-        stages: seconds by stage, see `stopwatch`; ``detector`` is the detectors and their gradient.
+        stages: seconds by stage; ``detector`` is the detectors and their gradient.
         prior: the second loss on the paint, unweighted; 0 where there is none.
     """
 
@@ -99,3 +124,42 @@ def _report(line: bytes) -> dict[str, float]:
     if not isinstance(report, dict) or any(type(report.get(name)) is not kind for name, kind in kinds.items()):
         raise RaucaError(f"{HISTORY}: no report of a step")
     return report
+
+
+SIDE = 512  # pixels, at most for the UV map
+SHARE = 0.02  # of the run's time that pictures may take: it is waited so much longer than the last ones took
+PICTURE, UV_MAP = "preview.png", "preview-uv-map.png"
+
+
+class Preview:
+    """Replaces ``preview.png`` (the UV map, and a frame in the paint beside it) and ``preview-uv-map.png``.
+
+    Both are replaced whole: a reader never meets half a picture.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._next_s = folder, 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether the pictures may be renewed without slowing the run."""
+        return time.monotonic() >= self._next_s
+
+    def show(self, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
+        """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
+        begin = time.monotonic()
+        small = shrunk(uv_map_srgb, SIDE)
+        frame = functional.interpolate(image_srgb[None].float().cpu(), size=small.shape[1:], mode="bilinear")[0]
+        write_bytes(self._folder / UV_MAP, png_bytes(_pixels(small)))
+        write_bytes(self._folder / PICTURE, png_bytes(_pixels(torch.cat([small, frame], 2))))
+        end = time.monotonic()
+        self._next_s = end + (end - begin) * (1 / SHARE - 1)
+
+
+def shrunk(uv_map_srgb: Tensor, side: int) -> Tensor:
+    """A UV map (3, size, size) of ``side`` texels at most, by the mean of its sRGB values: to look at only."""
+    return functional.adaptive_avg_pool2d(uv_map_srgb.cpu(), min(side, uv_map_srgb.shape[-1])).clamp(0, 1)
+
+
+def _pixels(image: Tensor) -> NDArray[np.uint8]:
+    return to_bytes(image.clamp(0, 1).permute(1, 2, 0).numpy())

@@ -1,6 +1,6 @@
 """What is painted: the UV map itself, the facet texture tensor, or one pattern that repeats all over the vehicle.
 
-Views read a list of colors through taps; the medium says which list. Every medium ends as a UV map, so that Blender
+Views read a list of colors through taps; the layout says which list. Every layout ends as a UV map, so that Blender
 can show it: free texels are one already, facets are baked, a pattern is projected.
 """
 
@@ -33,7 +33,7 @@ Bake = Callable[[], SparseOperator]
 
 
 @dataclass(frozen=True, eq=False)
-class Medium:
+class PaintLayout:
     """A list of colors that views read.
 
     Attributes:
@@ -62,8 +62,8 @@ class Medium:
         return linear_to_srgb(self._operator(self.taps.pyramid(srgb_to_linear(colors))))
 
 
-def make_medium(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, memory_bytes: int) -> Medium:
-    """The medium of a run.
+def make_layout(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, memory_bytes: int) -> PaintLayout:
+    """The layout of a run.
 
     Args:
         folder: where taps are cached; ``memory_bytes`` of them are kept in memory.
@@ -78,10 +78,10 @@ def make_medium(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, mem
 
     if settings.paint == "texels":
         taps = cache(TapSettings(settings.map_size, samples, pixel_filter, sampler=settings.sampler))
-        return Medium(taps, taps.pyramid, None)
+        return PaintLayout(taps, taps.pyramid, None)
     atlas = Pyramid.of(vehicle, settings.map_size)
     if settings.paint == "facets":
         taps = cache(FacetSettings(samples, pixel_filter, settings.texture_size))
-        return Medium(taps, atlas, lambda: bake_facets(vehicle, atlas, taps.pyramid, settings.texture_size))
+        return PaintLayout(taps, atlas, lambda: bake_facets(vehicle, atlas, taps.pyramid, settings.texture_size))
     taps = cache(PatternSettings(settings.pattern_side, settings.tile_m, samples, pixel_filter))
-    return Medium(taps, atlas, lambda: project_pattern(vehicle, atlas, taps.pyramid, settings.tile_m))
+    return PaintLayout(taps, atlas, lambda: project_pattern(vehicle, atlas, taps.pyramid, settings.tile_m))

@@ -7,12 +7,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ..contract import RaucaError
+from ..contract import Dataset, RaucaError
+from ..contract.seeding import named_rng
+from ..render.kernels import njit
+from ..runtime.images import read_image
 from .frames import FrameStore, ReadyFrame
-from .losses import SmoothLoss, log_loss
-from .naturalness.lab import delta_e, lab
+from .losses import log_loss
+from .naturalness.colors import delta_e, lab
+from .naturalness.palette import cluster
 from .naturalness.texture import NaturalColors
 from .settings import OptimizerSettings
 from .texture import PaintedPanels, Texture
@@ -121,3 +126,83 @@ def _near_reference(texture: Texture) -> NearReference | None:
 def _require(fits: bool, what: str, needed: str) -> None:
     if not fits:
         raise RaucaError(f"{what} needs {needed}; choose another {what.split(':')[0]}")
+
+
+class SmoothLoss:
+    """Eq. 7 over the paintable texels of a UV map: squared differences of neighbors, divided by H * W.
+
+    A pair counts when both texels are paintable: charts are not pulled towards gutters or towards one another.
+    """
+
+    def __init__(self, texels: NDArray[np.int64], size: int) -> None:
+        """``texels`` (P,): positions ``row * size + column`` in ascending order, see ``Pyramid.texels``."""
+        place = np.full(size * size, -1, np.int64)
+        place[texels] = np.arange(len(texels))
+        grid = np.pad(place.reshape(size, size), ((0, 1), (0, 1)), constant_values=-1)
+        self._right = grid[:size, 1:].ravel()[texels]
+        self._below = grid[1:, :size].ravel()[texels]
+        self._scale = 1.0 / size**2
+
+    def __call__(self, texels: Tensor) -> Tensor:
+        """Texels (P, 3) sRGB -> scalar."""
+        if texels.device.type == "cpu":
+            return _Smooth.apply(texels, self._right, self._below, self._scale)
+        total = texels.new_zeros(())
+        for neighbor in (self._right, self._below):
+            here = torch.from_numpy(np.flatnonzero(neighbor >= 0)).to(texels.device)
+            there = torch.from_numpy(neighbor[neighbor >= 0]).to(texels.device)
+            total = total + (texels[here] - texels[there]).square().sum()
+        return total * self._scale
+
+
+class _Smooth(torch.autograd.Function):
+    """One pass over the texels gives the loss and its gradient; torch would make six."""
+
+    @staticmethod
+    def forward(ctx: Any, texels: Tensor, right: Any, below: Any, scale: float) -> Tensor:
+        gradient = torch.zeros_like(texels)
+        total = _squared_steps(texels.detach().contiguous().numpy(), right, below, gradient.numpy())
+        ctx.save_for_backward(gradient.mul_(2 * scale))
+        return texels.new_tensor(total * scale)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
+        return ctx.saved_tensors[0] * gradients[0], None, None, None
+
+
+@njit(cache=True)
+def _squared_steps(texels: Any, right: Any, below: Any, gradient: Any) -> float:
+    total = 0.0
+    for i in range(texels.shape[0]):
+        for neighbor in (right[i], below[i]):
+            if neighbor < 0:
+                continue
+            for c in range(3):
+                step = texels[i, c] - texels[neighbor, c]
+                total += step * step
+                gradient[i, c] += step
+                gradient[neighbor, c] -= step
+    return total
+
+
+FRAMES, PIXELS = 64, 512  # looked at for the background's colors, and of each
+
+
+def background_colors(dataset: Dataset, store: FrameStore, count: int, seed: int) -> NDArray[np.float32]:
+    """The ``count`` dominant colors (count, 3) sRGB of what is not vehicle, darkest first.
+
+    Frames and pixels are drawn by name of the seed: a resumed run, or another process, finds the same.
+
+    Raises:
+        RaucaError: a frame's picture is missing or damaged.
+    """
+    rng, found = named_rng(seed, "background"), []
+    for index in rng.permutation(len(store))[:FRAMES]:
+        folder = dataset.frame_folder(store.frames[int(index)].id)
+        image, vehicle = read_image(folder / "image.png"), read_image(folder / "vehicle.png")
+        around = image.reshape(-1, 3)[vehicle.reshape(len(image) * image.shape[1], -1)[:, 0] == 0]
+        if len(around):
+            found.append(around[rng.integers(0, len(around), PIXELS)])
+    pixels = np.concatenate(found) if found else np.full((1, 3), 128)
+    centers = cluster(pixels / 255.0, count, rng)
+    return np.asarray(centers[np.argsort(centers.sum(1))], np.float32)
