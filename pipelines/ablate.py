@@ -29,7 +29,8 @@ from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.runtime.folder_lock import alone_in
 from rauca_core.runtime.images import read_image
-from rauca_core.study import DetectionSettings, evaluate, reference_images
+from rauca_core.study import DetectionSettings, reference_images
+from rauca_core.study import measure as measure_views
 from rauca_core.study.ablations import DEFAULT, Experiment, Findings, Sizes, Variant
 from rauca_core.study.contestants import NORMAL, RANDOM, Contestant, keep_copy
 from rauca_core.study.images_of import ImageOf
@@ -207,7 +208,7 @@ def _measure(asked: Ablation, views: HeldOutViews, copies: Mapping[str, Path]) -
     pour(shared, folder / "detections")
     try:
         with asked.clock.time(f"detecting, {views.weathers}"), progress_bar(f"detecting, {views.weathers}") as move:
-            results = evaluate(
+            results = measure_views(
                 dataset,
                 paints,
                 asked.detectors,

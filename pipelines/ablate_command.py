@@ -70,7 +70,7 @@ def ablate(
     from rauca_core.detect import load_detector
     from rauca_core.study.ablations import DEFAULT, QUICK, experiment_named
     from rauca_core.study.contestants import find_vehicles
-    from rauca_core.study.evaluate import check_detectors
+    from rauca_core.study.measure import check_detectors
 
     from .ablate import Ablation, run_ablation
     from .ablate_workspace import Workspace
@@ -123,8 +123,8 @@ def _measuring(names: Sequence[str] | None, vehicle: VehicleChoice, device: str)
     """Detectors by name; without names all that are here, know the vehicle's class, and did not learn from us."""
     from rauca_core.detect import find_class, load_detector
     from rauca_core.detect.listing import ready_names
-    from rauca_core.study.evaluate import check_detectors
     from rauca_core.study.families import is_own
+    from rauca_core.study.measure import check_detectors
 
     if names:
         found = [load_detector(name, device=device) for name in names]

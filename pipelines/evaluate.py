@@ -12,7 +12,8 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Dataset, Progress, load_camouflage
 from rauca_core.detect import load_detector
 from rauca_core.runtime.blender import run_blender
-from rauca_core.study import DetectionSettings, Results, evaluate, reference_images
+from rauca_core.study import DetectionSettings, Results, reference_images
+from rauca_core.study import measure as measure_views
 from rauca_core.study.contestants import NORMAL
 from rauca_core.study.images_of import ImageOf
 
@@ -57,7 +58,7 @@ def measure(
     }
     loaded = [load_detector(name, size) for name in detectors]
     with progress_bar("detecting") as move:
-        return evaluate(
+        return measure_views(
             opened,
             paints,
             loaded,

@@ -209,7 +209,7 @@ def _detectors(
     """
     from rauca_core.detect import find_class, load_detector
     from rauca_core.detect.listing import ready_names
-    from rauca_core.study.evaluate import check_detectors
+    from rauca_core.study.measure import check_detectors
 
     named = [name for name in names if name != ALL]
     ready = [name for name in ready_names() if name not in named] if ALL in names or not names else []

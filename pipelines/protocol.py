@@ -27,7 +27,8 @@ from rauca_core.detect import Detector
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.folder_lock import alone_in
 from rauca_core.runtime.images import read_image
-from rauca_core.study import DetectionSettings, evaluate, reference_images
+from rauca_core.study import DetectionSettings, reference_images
+from rauca_core.study import measure as measure_views
 from rauca_core.study.contestants import NORMAL, RANDOM, Contestant, VehicleChoice, check_vehicle, keep_copy
 from rauca_core.study.defences import Defence
 from rauca_core.study.images_of import ImageOf
@@ -182,7 +183,7 @@ def _evaluate(
     paints |= {label: views.folder / "renders" / label for label in copies}
     folder = views.folder / re.sub(r"[^A-Za-z0-9.]+", "-", defence.name)
     with progress_bar(f"{vehicle.name}, {views.weathers}, defence {defence.name}") as move:
-        results = evaluate(
+        results = measure_views(
             dataset,
             paints,
             request.detectors[vehicle.category],

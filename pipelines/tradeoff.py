@@ -27,7 +27,7 @@ from rauca_core.report import Curve, measure_points, write_curve
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.study.contestants import VehicleChoice, read_contestants, read_vehicle_choice
 from rauca_core.study.defences import make_defence
-from rauca_core.study.evaluate import check_detectors
+from rauca_core.study.measure import check_detectors
 from rauca_core.study.views import HeldOut
 
 FREE = "free"

@@ -91,7 +91,7 @@ def _stop(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def reason_of(job: str, code: int, complaints: Sequence[str]) -> str:
+def reason_of(job: str, code: int, complaints: Sequence[str], program: str = "Blender") -> str:
     """Why a job failed: its own sentence if it left one on standard error, else how it died."""
     for line in reversed(complaints):
         for mark in ("error: ", "interrupted: "):
@@ -99,11 +99,13 @@ def reason_of(job: str, code: int, complaints: Sequence[str]) -> str:
                 return line.removeprefix("error: ").strip()
     if code < 0:
         name = signal.Signals(-code).name
-        return f"{job}: Blender was killed by {name} (out of memory?); finished frames are kept, run the command again"
+        return (
+            f"{job}: {program} was killed by {name} (out of memory?); finished frames are kept, run the command again"
+        )
     tail = next((line.strip() for line in reversed(complaints) if line.strip()), "no message")
     if advice := libraries_for(tail):
         return f"{job}: Blender does not start: {tail.removeprefix('ImportError: ')}; {advice}"
-    return f"{job}: Blender stopped with code {code}: {tail}"
+    return f"{job}: {program} stopped with code {code}: {tail}"
 
 
 def libraries_for(complaint: str) -> str:

@@ -1,4 +1,4 @@
-"""One run per folder: a second process that would write into it is refused, with the first one's number.
+"""One run per folder: a second process that would write into it is refused, or waits, and hears the first one's number.
 
 The kernel keeps the lock and lets go of it when its holder dies, however that happens, so none is ever stale. It is a
 POSIX record lock, which network file systems carry between machines; a child process does not inherit it.
@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ..contract import RaucaError
@@ -22,41 +22,51 @@ LOCK_FILE = ".lock"
 
 
 @contextlib.contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
+def alone_in(folder: Path, name: str = LOCK_FILE, wait: Callable[[str], None] | None = None) -> Iterator[None]:
     """Hold ``folder``, which is created if need be, against other processes that ask for it the same way.
 
     A folder that is still empty afterwards is removed again. Where the system has no such locks (Windows), nothing
     is held.
 
+    Args:
+        name: of the lock's file; locks of two names do not meet.
+        wait: wait for another process to end, and first tell who it is; refuse if None.
+
     Raises:
         RaucaError: another process holds it, and is named; or it cannot be written to.
     """
     folder = Path(folder)
-    handle = _hold(folder)
+    handle = _hold(folder, name, wait)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):
-            (folder / LOCK_FILE).unlink()  # while it is still held: who has it open notices in `_hold`
+            (folder / name).unlink()  # while it is still held: who has it open notices in `_hold`
         if handle is not None:
             os.close(handle)
         with contextlib.suppress(OSError):
             folder.rmdir()
 
 
-def _hold(folder: Path) -> int | None:
+def _hold(folder: Path, name: str, wait: Callable[[str], None] | None) -> int | None:
     """The locked file, and not one that its last holder has removed meanwhile; None without locks."""
     try:
         import fcntl
     except ImportError:
         return None
-    path = folder / LOCK_FILE
+    path = folder / name
     while True:
         with disk_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
             handle = open_to_append(path)
         try:
-            fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            try:
+                fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except (BlockingIOError, PermissionError):
+                if wait is None:
+                    raise
+                wait(_holder(handle))
+                fcntl.lockf(handle, fcntl.LOCK_EX)
             if path.is_file() and os.fstat(handle).st_ino == path.stat().st_ino:
                 with disk_errors(folder):
                     os.ftruncate(handle, 0)

@@ -2,8 +2,8 @@
 
 from .average_precision import Sample, average_precision
 from .detection_cache import DetectionSettings
-from .evaluate import evaluate
 from .images_of import reference_images, rendered_in
+from .measure import measure
 from .results import Results, load_results
 
 __all__ = [
@@ -11,8 +11,8 @@ __all__ = [
     "Results",
     "Sample",
     "average_precision",
-    "evaluate",
     "load_results",
+    "measure",
     "reference_images",
     "rendered_in",
 ]

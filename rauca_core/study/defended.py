@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -23,29 +22,25 @@ def defended_images(
     defence: Defence,
     frames: Sequence[Frame],
     paths: Sequence[Path],
-    hashes: Sequence[str],
-    folder: Path,
+    targets: Sequence[Path],
     report: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Path]:
-    """Defend the images of frames that were not defended before, or whose result is damaged; returns the paths of all.
+) -> None:
+    """Defend the images of frames whose targets are not there yet, or damaged.
 
-    A result is named by the defence's fingerprint and the image's hash, so that neither can change unnoticed. It is
-    8-bit sRGB: what a detector behind the defence would be handed as a picture.
+    Results are 8-bit sRGB: what a detector behind the defence would be handed as a picture.
 
     Args:
-        paths, hashes: of each frame's image, and the image files' sha256.
+        paths, targets: of each frame's image, before and after.
         report: is told how many images are done, and of how many.
 
     Raises:
         RaucaError: an image that cannot be read or has another size than its frame.
     """
-    results = [folder / f"{_key(defence, image_sha256)}.png" for image_sha256 in hashes]
-    for done, (frame, path, result) in enumerate(zip(frames, paths, results, strict=True)):
-        report(done, len(results))
-        if not is_whole(result):
-            write_bytes(result, png_bytes(_defend(defence, read_frame_image(path, frame))))
-    report(len(results), len(results))
-    return results
+    for done, (frame, path, target) in enumerate(zip(frames, paths, targets, strict=True)):
+        report(done, len(targets))
+        if not is_whole(target):
+            write_bytes(target, png_bytes(_defend(defence, read_frame_image(path, frame))))
+    report(len(targets), len(targets))
 
 
 def _defend(defence: Defence, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -55,7 +50,3 @@ def _defend(defence: Defence, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     rounded = (result.clamp(0, 1) * 255).round().to(torch.uint8)
     defended: NDArray[np.uint8] = np.ascontiguousarray(rounded.permute(1, 2, 0).cpu().numpy())
     return defended
-
-
-def _key(defence: Defence, image_sha256: str) -> str:
-    return hashlib.sha256(f"{defence.fingerprint}\n{image_sha256}".encode()).hexdigest()[:24]

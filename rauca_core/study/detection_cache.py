@@ -65,7 +65,7 @@ class DetectionCache:
         """
         key = hashlib.sha256(f"{fingerprint} {sorted(settings.__dict__.items())}".encode()).hexdigest()[:12]
         self.path = Path(folder) / f"{detector_name}-{key}.jsonl"
-        self.settings = settings
+        self.settings, self.fingerprint = settings, fingerprint
         self._found = self._read()
 
     def __contains__(self, image_sha256: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class Recorded:
 
     def __init__(self, entry: Entry) -> None:
         self._entry = entry
-        self._caches: dict[str, DetectionCache] = {}
+        self._caches: dict[Path, DetectionCache] = {}
 
     def found(self, detector: str, paint: str, index: int) -> Found:
         """Detections in the frame at ``index``.
@@ -30,7 +31,7 @@ class Recorded:
             RaucaError: they are not kept any more.
         """
         image = self._entry.results.images[paint][index]
-        cache = self._cache(detector)
+        cache = self._cache(detector, paint)
         if image.sha256 not in cache:
             raise RaucaError(f"{cache.path}: lacks the detections in {image.path}; evaluate again")
         return cache[image.sha256]
@@ -59,8 +60,9 @@ class Recorded:
         mean = float(np.mean([results.table[paint][name].ap for name in detectors]))
         return Estimate(mean, *interval(np.mean(resampled, axis=0)))
 
-    def _cache(self, detector: str) -> DetectionCache:
-        if detector not in self._caches:
-            results, folder = self._entry.results, self._entry.folder / "detections"
-            self._caches[detector] = DetectionCache(folder, detector, results.detectors[detector], results.settings)
-        return self._caches[detector]
+    def _cache(self, detector: str, paint: str) -> DetectionCache:
+        results = self._entry.results
+        folder = self._entry.folder / results.detections[paint][detector]
+        if (known := folder / detector) not in self._caches:
+            self._caches[known] = DetectionCache(folder, detector, results.detectors[detector], results.settings)
+        return self._caches[known]

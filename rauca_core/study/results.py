@@ -12,7 +12,7 @@ from ..contract.files import write_json
 from ..contract.schema import Fields, read_json
 from .detection_cache import DetectionSettings
 
-FORMAT = ("rauca-results", 2)
+FORMAT = ("rauca-results", 3)
 MEAN = "mean"
 T = TypeVar("T")
 AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
@@ -22,7 +22,7 @@ AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_d
 class FrameRow:
     """A frame that took part, under its nominal camera (before jitter) and its weather.
 
-    ``location`` and ``view`` are the data set's; version 1 did not keep them.
+    ``location`` and ``view`` are the data set's.
     """
 
     id: str
@@ -54,7 +54,7 @@ class Group:
         value: on the axis.
         frames: how many share it.
         ap: ``ap[paint][detector]``.
-        mean: ``mean[paint]``, over detectors, with its interval; empty in results of version 1.
+        mean: ``mean[paint]``, over detectors, with its interval.
     """
 
     value: float
@@ -85,6 +85,7 @@ class Results:
         table: ``table[paint][detector or "mean"]``.
         groups: ``groups[axis]``, sorted by value.
         images: ``images[paint]``, in the order of ``frames``; under a defence, as it left them.
+        detections: ``detections[paint][detector]``, the folder that keeps them, relative to the results' folder.
         vehicle: the data set's vehicle.
         defence: what the images went through before detection.
         clusters, cluster_count: what the bootstrap draws (``locations``, ``views`` or ``frames``), and how many.
@@ -100,6 +101,7 @@ class Results:
     table: dict[str, dict[str, Estimate]]
     groups: dict[str, tuple[Group, ...]]
     images: dict[str, tuple[ImageRow, ...]]
+    detections: dict[str, dict[str, str]] = field(default_factory=dict)
     vehicle: str = ""
     defence: str = "none"
     clusters: str = "frames"
@@ -119,7 +121,7 @@ def save_results(path: Path, results: Results) -> None:
 def load_results(path: Path) -> Results:
     """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
     fields = read_json(path)
-    fields.format(*FORMAT)
+    fields.format(*FORMAT, oldest=FORMAT[1])
     detectors = fields.nested("detectors")
     table = {paint: _estimates(row) for paint, row in _each(fields.nested("table")).items()}
     results = Results(
@@ -133,18 +135,18 @@ def load_results(path: Path) -> Results:
         table=table,
         groups=_rows_by_name(fields.nested("groups"), _group),
         images=_rows_by_name(fields.nested("images"), _image_row),
-        **_since_version_2(fields),
+        detections={
+            paint: {name: row.text(name) for name in row.names()}
+            for paint, row in _each(fields.nested("detections")).items()
+        },
+        vehicle=fields.text("vehicle"),
+        defence=fields.text("defence"),
+        clusters=fields.text("clusters"),
+        cluster_count=fields.integer("cluster_count"),
     )
     fields.done()
     _check(path, results)
     return results
-
-
-def _since_version_2(fields: Fields) -> dict[str, Any]:
-    if not fields.has("clusters"):
-        return {}
-    texts = {name: fields.text(name) for name in ("vehicle", "defence", "clusters")}
-    return {**texts, "cluster_count": fields.integer("cluster_count")}
 
 
 def _check(path: Path, results: Results) -> None:
@@ -160,7 +162,7 @@ def _check(path: Path, results: Results) -> None:
 def _frame_row(fields: Fields) -> FrameRow:
     left, top, right, bottom = fields.array("box_xyxy", (4,)).tolist()
     numbers: dict[str, Any] = {name: fields.number(name) for name in AXES}
-    numbers |= {name: fields.integer(name) for name in ("location", "view") if fields.has(name)}
+    numbers |= {name: fields.integer(name) for name in ("location", "view")}
     row = FrameRow(fields.text("id"), fields.text("weather"), **numbers, box_xyxy=(left, top, right, bottom))
     fields.done()
     return row
@@ -181,8 +183,7 @@ def _image_row(fields: Fields) -> ImageRow:
 
 def _group(fields: Fields) -> Group:
     ap = {paint: {name: row.number(name) for name in row.names()} for paint, row in _each(fields.nested("ap")).items()}
-    mean = _estimates(fields.nested("mean")) if fields.has("mean") else {}
-    group = Group(fields.number("value"), fields.integer("frames"), ap, mean)
+    group = Group(fields.number("value"), fields.integer("frames"), ap, _estimates(fields.nested("mean")))
     fields.done()
     return group
 

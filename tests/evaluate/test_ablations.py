@@ -22,7 +22,7 @@ from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
 from rauca_core.runtime.images import read_image
-from rauca_core.study import evaluate, reference_images
+from rauca_core.study import measure, reference_images
 from rauca_core.study.ablations import (
     DEFAULT,
     EXPERIMENTS,
@@ -219,7 +219,7 @@ def test_the_page_holds_the_table_the_papers_and_every_picture(
 ) -> None:  # type: ignore[no-untyped-def]
     views, out = scene.dataset, tmp_path / "out"
     paints = {"normal": reference_images(views), "random": scene.noise, "with-roa": scene.noise}
-    results = evaluate(views, paints, detectors, out / "seen", resamples=50)
+    results = measure(views, paints, detectors, out / "seen", resamples=50)
     record = load_camouflage(scene.camouflage)[0]
     named = {n: keep_copy(Contestant(n, scene.camouflage, record), out) for n in ("random", "with-roa")}
     entry = Entry("seen", "none", "box", "car", results, out / "seen", views.folder, named)

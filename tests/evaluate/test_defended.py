@@ -10,7 +10,7 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
 from rauca_core.runtime.images import read_image
-from rauca_core.study import evaluate, load_results, reference_images
+from rauca_core.study import load_results, measure, reference_images
 from rauca_core.study.defences import Defence, make_defence
 
 
@@ -33,7 +33,7 @@ def test_detectors_see_defended_images_and_each_is_defended_once(
     told: list[str] = []
 
     def run(defence: Counted | Defence | None, out: str):
-        return evaluate(
+        return measure(
             scene.dataset, renders, detectors, tmp_path / out, lambda what, *_: told.append(what), resamples=10,
             defence=defence,
         )  # fmt: skip
@@ -66,8 +66,8 @@ def test_detectors_see_defended_images_and_each_is_defended_once(
 
 def test_a_part_of_the_frames(scene, detectors: list[Detector], tmp_path: Path) -> None:
     some = ["L00-V001-fog", "L00-V002-clear-day", "L00-V005-clear-day"]
-    results = evaluate(scene.dataset, {"noise": scene.noise}, detectors[:1], tmp_path, resamples=10, only=some)
+    results = measure(scene.dataset, {"noise": scene.noise}, detectors[:1], tmp_path, resamples=10, only=some)
     assert [row.id for row in results.frames] == ["L00-V002-clear-day", "L00-V001-fog"]
     assert results.dropped == ("L00-V005-clear-day",)
     with pytest.raises(RaucaError, match="none of its 1 frames shows the vehicle"):
-        evaluate(scene.dataset, {"noise": scene.noise}, detectors[:1], tmp_path, only=some[2:])
+        measure(scene.dataset, {"noise": scene.noise}, detectors[:1], tmp_path, only=some[2:])

@@ -14,7 +14,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detections, Detector
 from rauca_core.runtime.images import read_image
-from rauca_core.study import DetectionSettings, Results, average_precision, evaluate, load_results, reference_images
+from rauca_core.study import DetectionSettings, Results, average_precision, load_results, measure, reference_images
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.results import AXES
 
@@ -37,7 +37,7 @@ class Counting:
 
 def run(scene, detectors: list[Detector], out: Path, **options: object) -> Results:
     renders = {"normal": reference_images(scene.dataset), "noise": scene.noise}
-    return evaluate(scene.dataset, renders, detectors, out, resamples=100, **options)  # type: ignore[arg-type]
+    return measure(scene.dataset, renders, detectors, out, resamples=100, **options)  # type: ignore[arg-type]
 
 
 def test_results_are_what_detecting_by_hand_gives(scene, detectors: list[Detector], tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Pa
     path = tmp_path / "out" / "results.json"
     assert load_results(path) == results
     written = json.loads(path.read_text())
-    assert (written["format"], written["version"]) == ("rauca-results", 2)
+    assert (written["format"], written["version"]) == ("rauca-results", 3)
     assert written["images"]["noise"][0]["path"] == "../noise/L00-V000-clear-day.png"
     for change, complaint in [
-        ({"version": 3}, "reads up to 2; update rauca"),
+        ({"version": 4}, "reads up to 3; update rauca"),
         ({"table": {}}, "table and detectors do not fit"),
         ({"images": {}}, "images and frames do not fit"),
         ({"settings": written["settings"] | {"color": 1}}, "settings: unknown field color"),
@@ -157,7 +157,7 @@ def test_missing_or_wrongly_sized_renders_are_named(scene, detectors: list[Detec
 
 def test_bad_requests_are_refused(scene, detectors: list[Detector], tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match="no paints given"):
-        evaluate(scene.dataset, {}, detectors, tmp_path)
+        measure(scene.dataset, {}, detectors, tmp_path)
     with pytest.raises(RaucaError, match="no detectors given"):
         run(scene, [], tmp_path)
     with pytest.raises(RaucaError, match="must have names of their own"):

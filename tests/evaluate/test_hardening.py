@@ -16,7 +16,7 @@ from rauca_core.contract import Dataset, Vehicle
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import DensePredictions, Detections
 from rauca_core.report import HardeningNotes, write_hardening
-from rauca_core.study import evaluate
+from rauca_core.study import measure
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.study import Entry
 from tests.evaluate.page import whole_page
@@ -59,7 +59,7 @@ def entry(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
     paint(dataset, tmp_path / "noise", [RED, BLUE, GREEN, BLUE] * 3)
     paints = {name: tmp_path / name for name in ("normal", "noise")}
     detectors = [FindsColors("before", RED), FindsColors("after", RED, BLUE)]
-    results = evaluate(dataset, paints, detectors, tmp_path / "study", resamples=200)
+    results = measure(dataset, paints, detectors, tmp_path / "study", resamples=200)
     return Entry("seen", "none", "box", "car", results, tmp_path / "study")
 
 

@@ -28,7 +28,7 @@ from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_f
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
 from rauca_core.report.tradeoff_page import Measured
-from rauca_core.study import evaluate, reference_images
+from rauca_core.study import measure, reference_images
 from rauca_core.study.defences import make_defence
 from rauca_core.study.recorded import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
@@ -67,7 +67,7 @@ def make_study(scene, detectors: list[Detector], folder: Path) -> None:
     for weathers, only, defence in (("seen", seen, "none"), ("unseen", unseen, "none"), ("unseen", unseen, "bits")):
         out = folder / weathers / defence
         chosen = None if defence == "none" else make_defence(defence)
-        found = evaluate(scene.dataset, renders, detectors, out, resamples=20, only=only, defence=chosen)
+        found = measure(scene.dataset, renders, detectors, out, resamples=20, only=only, defence=chosen)
         views, camouflages = scene.dataset.folder, {"noise": folder / "noise.json"}
         entries.append(Entry(weathers, defence, "box", "car", found, out, views, camouflages))
     save_study(folder / "study.json", COMMAND, entries)
@@ -198,7 +198,7 @@ def test_the_average_without_our_own_detectors_has_the_same_intervals(
     views, out = Dataset(tmp_path / "dataset"), tmp_path / "out"
     renders = {"normal": reference_images(views), "noise": tmp_path / "noise"}
     unseen = [frame.id for frame in study.entries[1].results.frames]
-    found = evaluate(views, renders, [own, published], out, resamples=20, only=unseen)
+    found = measure(views, renders, [own, published], out, resamples=20, only=unseen)
     study = Study("c", (Entry("unseen", "none", "box", "car", found, out),))
     (table,) = tables_of(study, tmp_path)
     assert [column.name for column in table.columns] == [published.name, own.name, "all", "pre-trained"]

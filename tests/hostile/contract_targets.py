@@ -63,7 +63,7 @@ PLAN = Plan(
 FRAME = "L00-V000-day"
 ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
 RESULTS = {
-    "format": "rauca-results", "version": 2, "dataset": "d", "resamples": 10, "seed": 0,
+    "format": "rauca-results", "version": 3, "dataset": "d", "resamples": 10, "seed": 0,
     "settings": {"category": "car", "score_threshold": 0.005, "other_threshold": 0.1, "iou_threshold": 0.45},
     "detectors": {"one": "abc"}, "dropped": ["x"],
     "frames": [
@@ -75,7 +75,7 @@ RESULTS = {
         axis: [{"value": 0.0, "frames": 1, "ap": {"normal": {"one": 0.5}}, "mean": {"normal": ESTIMATE}}]
         for axis in ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
     },
-    "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]},
+    "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]}, "detections": {"normal": {"one": "detections"}},
     "vehicle": "box", "defence": "none", "clusters": "frames", "cluster_count": 1,
 }  # fmt: skip
 DETECTIONS = DetectionCache(Path("nowhere"), "one", "abc", DetectionSettings()).path.name

@@ -1,9 +1,14 @@
-"""Average precision of every detector on every paint: overall, and along each camera and weather parameter."""
+"""Average precision of every detector on every paint: overall, and along each camera and weather parameter.
+
+:func:`measure` is for images that were rendered by other means; a study makes its own, see `evaluate`.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -25,7 +30,7 @@ from .scores import Bootstrap, clusters_of, score_groups, score_table
 Progress = Callable[[str, int, int], None]
 
 
-def evaluate(
+def measure(
     dataset: Dataset,
     renders: Mapping[str, Path | ImageOf],
     detectors: Sequence[Detector],
@@ -39,7 +44,7 @@ def evaluate(
     only: Collection[str] | None = None,
     device: torch.device | str = "cpu",
 ) -> Results:
-    """Evaluate paints on a data set and write ``out/results.json``.
+    """Measure paints on a data set and write ``out/results.json``.
 
     Detections are kept under ``out/detections``, defended images under ``out/images``: a second run only works on
     images that are new.
@@ -67,24 +72,64 @@ def evaluate(
     paints = _pictures(locate(renders, frames), frames, defence, out, on_progress)
     caches = {d.name: DetectionCache(out / "detections", d.name, d.fingerprint, settings) for d in detectors}
     detect_everywhere(detectors, caches, paints, batch_size, device, on_progress)
+    name = NO_DEFENCE if defence is None else defence.name
+    asked = Asked(settings, Bootstrap(resamples, seed), name, tuple(f.id for f in every if f.box_xyxy is None))
+    return tabulate(dataset, paints, dict.fromkeys(paints, caches), out, asked)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How detections become results.
+
+    Attributes:
+        settings: by which they were kept.
+        defence: that the images went through.
+        dropped: ids of frames without a box.
+    """
+
+    settings: DetectionSettings
+    bootstrap: Bootstrap
+    defence: str
+    dropped: tuple[str, ...]
+
+
+def tabulate(
+    dataset: Dataset,
+    paints: Mapping[str, Pictures],
+    caches: Mapping[str, Mapping[str, DetectionCache]],
+    out: Path,
+    asked: Asked,
+) -> Results:
+    """Compute results from detections and write ``out/results.json``.
+
+    Args:
+        paints: the images of each, all of the same frames.
+        caches: what was detected in them, by paint and detector.
+    """
+    frames = next(iter(paints.values())).frames
     samples = {
-        paint: {name: _samples(cache, pictures) for name, cache in caches.items()} for paint, pictures in paints.items()
+        paint: {name: _samples(cache, pictures) for name, cache in caches[paint].items()}
+        for paint, pictures in paints.items()
     }
-    rows, bootstrap = tuple(_frame_row(dataset, frame) for frame in frames), Bootstrap(resamples, seed)
+    rows, bootstrap = tuple(_frame_row(dataset, frame) for frame in frames), asked.bootstrap
     clusters = clusters_of(rows)
     results = Results(
         dataset=dataset.plan.name,
-        settings=settings,
-        resamples=resamples,
-        seed=seed,
-        detectors={detector.name: detector.fingerprint for detector in detectors},
+        settings=asked.settings,
+        resamples=bootstrap.resamples,
+        seed=bootstrap.seed,
+        detectors={name: cache.fingerprint for name, cache in next(iter(caches.values())).items()},
         frames=rows,
-        dropped=tuple(frame.id for frame in every if frame.box_xyxy is None),
+        dropped=asked.dropped,
         table=score_table(samples, rows, bootstrap),
         groups=score_groups(samples, rows, bootstrap),
         images={paint: _image_rows(pictures, out) for paint, pictures in paints.items()},
+        detections={
+            paint: {name: _relative(cache.path.parent, out) for name, cache in caches[paint].items()}
+            for paint in paints
+        },
         vehicle=dataset.plan.vehicle_name,
-        defence=NO_DEFENCE if defence is None else defence.name,
+        defence=asked.defence,
         clusters=clusters.kind,
         cluster_count=clusters.count,
     )
@@ -116,7 +161,9 @@ def _pictures(
         pictures = Pictures(frames, paths, [sha256_of(path) for path in paths])
         if defence is not None and defence.name != NO_DEFENCE:
             report = partial(on_progress, f"{defence.name} on {paint}")
-            paths = defended_images(defence, frames, paths, pictures.hashes, out / "images", report)
+            targets = [out / "images" / f"{_key(defence, image_sha256)}.png" for image_sha256 in pictures.hashes]
+            defended_images(defence, frames, paths, targets, report)
+            paths = targets
             pictures = Pictures(frames, paths, [sha256_of(path) for path in paths])
         paints[paint] = pictures
     return paints
@@ -154,3 +201,8 @@ def _frame_row(dataset: Dataset, frame: Frame) -> FrameRow:
 
 def _relative(path: Path, out: Path) -> str:
     return Path(os.path.relpath(path, out)).as_posix()
+
+
+def _key(defence: Defence, image_sha256: str) -> str:
+    """Names a defended image, so that neither image nor defence can change unnoticed."""
+    return hashlib.sha256(f"{defence.fingerprint}\n{image_sha256}".encode()).hexdigest()[:24]

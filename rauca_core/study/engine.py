@@ -1,0 +1,82 @@
+"""The engine: makes the artifacts that a study wants and does not find, in the order of their inputs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from .artifact import Artifact
+from .executors import Executor, Here, Task
+from .job import Machine, OnProgress, quiet
+from .kinds import KINDS
+from .store import Store
+
+
+class Engine:
+    """Makes artifacts in a store.
+
+    Attributes:
+        made: how many of each kind this engine has made, or gone on with.
+        seconds: that making took, by what was done.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        machine: Machine | None = None,
+        on_progress: OnProgress = quiet,
+        executor: Executor | None = None,
+    ) -> None:
+        self.store, self.machine, self.on_progress = store, machine or Machine(), on_progress
+        self._executor = executor or Here()
+        self.made: Counter[str] = Counter()
+        self.seconds: dict[str, float] = {}
+
+    def make(self, *wanted: Artifact) -> tuple[Path, ...]:
+        """The folders of artifacts, made where they are not finished; what they are made from comes first.
+
+        Raises:
+            RaucaError: an artifact cannot be made. What was made before stays, and the next call goes on from there.
+        """
+        for level in self._levels(wanted):
+            tasks = [self._task(group) for group in _groups(level)]
+            for task in tasks:
+                self.made.update(job.kind for job in task.artifacts)
+            for title, seconds in self._executor.run(tasks, self.machine, self.on_progress):
+                self.seconds[title] = round(self.seconds.get(title, 0.0) + seconds, 2)
+        return tuple(self.store.find(artifact) or self._unfinished(artifact) for artifact in wanted)
+
+    def _levels(self, wanted: Sequence[Artifact]) -> Iterator[list[Artifact]]:
+        """What is to be made, each level from nothing but earlier ones; a finished artifact needs no inputs."""
+        missing: dict[str, Artifact] = {}
+        depth: dict[str, int] = {}
+
+        def look(artifact: Artifact) -> int:
+            key = f"{artifact.kind}/{artifact.digest}"
+            if key not in depth:
+                if self.store.find(artifact) is not None:
+                    depth[key] = 0
+                else:
+                    missing[key] = artifact
+                    depth[key] = 1 + max(map(look, artifact.inputs), default=0)
+            return depth[key]
+
+        deepest = max(map(look, wanted), default=0)
+        for level in range(1, deepest + 1):
+            yield [artifact for key, artifact in missing.items() if depth[key] == level]
+
+    def _task(self, group: list[Artifact]) -> Task:
+        inputs = [tuple(self.store.find(one) or self._unfinished(one) for one in a.inputs) for a in group]
+        return Task(tuple(group), tuple(self.store.place(a) for a in group), tuple(inputs))
+
+    def _unfinished(self, artifact: Artifact) -> Path:
+        raise AssertionError(f"{self.store.place(artifact)}: its maker ended and it is not whole")
+
+
+def _groups(artifacts: Sequence[Artifact]) -> list[list[Artifact]]:
+    """Those that are made together, in the order given."""
+    groups: dict[object, list[Artifact]] = {}
+    for artifact in artifacts:
+        groups.setdefault((artifact.kind, KINDS[artifact.kind].group(artifact)), []).append(artifact)
+    return list(groups.values())

@@ -1,0 +1,89 @@
+"""What a maker of artifacts is handed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ..contract import Progress, RaucaError
+from ..detect import Detector, load_detector
+from ..runtime.team import Team
+from .artifact import Artifact
+
+OnProgress = Callable[[str, Progress], None]
+"""Called with what is being done, and how far it is; the only way in which a study speaks while it works."""
+
+
+def quiet(title: str, progress: Progress) -> None:
+    """For who does not want to know."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """With what artifacts are made; what is made does not depend on it.
+
+    Attributes:
+        device: of torch, for all that runs on it.
+        threads: of torch; None for its own choice.
+        blender: program; None for the bpy wheel.
+        loaded: detectors at hand, by fingerprint.
+    """
+
+    device: str = "cpu"
+    threads: int | None = None
+    blender: Path | None = None
+    loaded: dict[str, Detector] = field(default_factory=dict)
+
+    @property
+    def team(self) -> Team:
+        """One process, on the device."""
+        return Team(0, 1, torch.device(self.device))
+
+    def detector(self, fingerprint: str, typed: str) -> Detector:
+        """A detector on this machine's device, loaded by what was typed to name it unless it is at hand.
+
+        Raises:
+            RaucaError: it cannot be loaded, or is another one by now.
+        """
+        if fingerprint not in self.loaded:
+            found = load_detector(typed, device=self.device)
+            if found.fingerprint != fingerprint:
+                raise RaucaError(f"{typed}: its weights have changed since the work began; run the command again")
+            self.loaded[fingerprint] = found
+        return self.loaded[fingerprint].to(self.device)
+
+    def with_detectors(self, detectors: Iterable[Detector]) -> Machine:
+        """This machine with some more detectors at hand."""
+        self.loaded.update({detector.fingerprint: detector for detector in detectors})
+        return self
+
+    def to_json(self) -> dict[str, Any]:
+        """For another process, which loads its own detectors."""
+        blender = None if self.blender is None else str(self.blender)
+        return {"device": self.device, "threads": self.threads, "blender": blender}
+
+    @staticmethod
+    def from_json(fields: dict[str, Any]) -> Machine:
+        blender = fields["blender"]
+        return Machine(fields["device"], fields["threads"], None if blender is None else Path(blender))
+
+
+@dataclass(frozen=True)
+class Job:
+    """One artifact to be made, from the beginning or from where an earlier process stopped.
+
+    Attributes:
+        folder: to make it in.
+        inputs: the folders of its inputs, in order.
+        report: tells how far the work is; shared by jobs that are done together.
+    """
+
+    artifact: Artifact
+    folder: Path
+    inputs: tuple[Path, ...]
+    machine: Machine
+    report: Callable[[Progress], None]

@@ -1,0 +1,307 @@
+"""The makers of artifacts, one for each of `kinds`, and how each knows that its work is done."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..attack import StepReport, make_settings, optimize, random_camouflage
+from ..contract import (
+    Dataset,
+    Frame,
+    Plan,
+    Progress,
+    RaucaError,
+    frame_states,
+    load_camouflage,
+    load_vehicle,
+    save_camouflage,
+    save_weathers,
+)
+from ..contract.files import write_bytes
+from ..contract.schema import Fields
+from ..detect.weights_file import sha256_of
+from ..environment.published_fit import FINISHED, WEIGHTS, fit_published
+from ..runtime.blender import run_blender
+from ..runtime.checkpoint_files import POINTER
+from ..runtime.cpu import threads
+from ..runtime.images import is_whole, read_image
+from .artifact import Artifact, read_recipe
+from .defences import make_defence
+from .defended import defended_images
+from .detecting import Pictures, detect_everywhere
+from .detection_cache import DetectionCache, DetectionSettings
+from .job import Job
+
+CAMOUFLAGE = "camouflage.json"
+
+
+def has_vehicle(artifact: Artifact, folder: Path) -> bool:
+    return (folder / "vehicle.json").is_file()
+
+
+def make_vehicle(job: Job) -> None:
+    """Read a vehicle from another format, in Blender."""
+    given = [*job.artifact.options["arguments"], "--out", str(job.folder)]
+    run_blender("import_vehicle", given, job.report, job.machine.blender)
+
+
+def has_plan(artifact: Artifact, folder: Path) -> bool:
+    return (folder / "dataset.json").is_file()
+
+
+def has_views(artifact: Artifact, folder: Path) -> bool:
+    """Whether none of the wanted frames is left to be rendered."""
+    if not has_plan(artifact, folder):
+        return False
+    states = frame_states(folder)
+    return all(states.get(frame) in ("done", "occluded") for frame in artifact.options["frames"])
+
+
+def make_views(job: Job) -> None:
+    """Render the frames of a data set that are missing, in Blender; a finished one is never rendered again."""
+    wanted = job.artifact
+    fields = {**wanted.settings["plan"], "name": wanted.label, "blender": ""}
+    plan = Plan.from_json(Fields(fields, wanted.name))
+    with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
+        given = dataset_arguments(plan, job.inputs[0], Path(temporary))
+        given += ["--only", str(_listed(Path(temporary), wanted.options["frames"])), *_scene(wanted)]
+        given += ["--out", str(job.folder), "--json-progress"]
+        run_blender("make_dataset", given, job.report, job.machine.blender)
+
+
+def dataset_arguments(plan: Plan, vehicle: Path, scratch: Path) -> list[str]:
+    """A plan as the arguments of ``make_dataset``, all but the output, the scene, and which frames.
+
+    Args:
+        scratch: an existing folder, for files that the arguments name.
+    """
+    save_weathers(scratch / "weathers.json", list(plan.weathers))
+    ring, quality = plan.ring, plan.quality
+    options: dict[str, object] = {
+        "vehicle": vehicle, "weathers": scratch / "weathers.json", "seed": plan.seed, "locations": plan.locations,
+        "size": plan.size, "samples": quality.samples, "adaptive-threshold": quality.adaptive_threshold,
+        "bounces": quality.bounces, "finish": plan.finish, "recolor-share": plan.recolor_share,
+        "reference": bytes(plan.reference_srgb).hex(), "min-visible": plan.min_visible, "fov": ring.fov_deg,
+        "azimuths": _numbers(ring.azimuths_deg), "elevations": _numbers(ring.elevations_deg),
+        "distances": _numbers(ring.distances_m), "jitter-azimuth": ring.jitter_azimuth_deg,
+        "jitter-elevation": ring.jitter_elevation_deg, "jitter-distance": ring.jitter_distance,
+        "jitter-aim": ring.jitter_aim_m, "jitter-roll": ring.jitter_roll_deg,
+    }  # fmt: skip
+    flags = {"light": plan.light, "denoise": quality.denoise, "composed-fog": quality.composed_fog}
+    return [
+        *(f"--{name}={value}" for name, value in options.items()),
+        *(f"--{name}" if on else f"--no-{name}" for name, on in flags.items()),
+    ]
+
+
+def make_part(job: Job) -> None:
+    """Some frames of a data set as a data set of their own; files are linked where the disk can."""
+    whole, folder = job.inputs[0], job.folder
+    shutil.copytree(whole / "vehicle", folder / "vehicle", dirs_exist_ok=True)
+    for frame in job.artifact.settings["frames"]:
+        if (whole / "frames" / frame).is_dir():  # frames that hide the vehicle were left out
+            source, target = whole / "frames" / frame, folder / "frames" / frame
+            shutil.copytree(source, target, copy_function=_link, dirs_exist_ok=True)
+    shutil.copy2(whole / "dataset.json", folder)  # last: with it, all are there
+
+
+def has_extractor(artifact: Artifact, folder: Path) -> bool:
+    return (folder / FINISHED).is_file()
+
+
+def make_extractor(job: Job) -> None:
+    """Train the published extractor of light."""
+
+    def tell(told: Any) -> None:
+        job.report(Progress(told.epoch, told.epochs, f"error {told.error:.4f}"))
+
+    fit_published(job.inputs[0], job.folder, job.artifact.settings["epochs"], on_epoch=tell)
+
+
+def has_camouflage(artifact: Artifact, folder: Path) -> bool:
+    """Whether there is one, and neither of its files is damaged."""
+    try:
+        _, image = load_camouflage(folder / CAMOUFLAGE)
+    except RaucaError:
+        return False
+    return is_whole(image)
+
+
+def make_paint(job: Job) -> None:
+    """Optimize, or go on where an earlier process stopped."""
+    options = job.artifact.options
+    settings = make_settings(**{**options["settings"], "threads": job.machine.threads})
+    if len(job.inputs) > 1:
+        settings = settings.model_copy(update={"extractor": job.inputs[1] / WEIGHTS})
+    named = zip(job.artifact.settings["detectors"], options["detectors"], strict=True)
+    detectors = [job.machine.detector(fingerprint, typed) for fingerprint, typed in named]
+    views = ""
+
+    def show(step: StepReport) -> None:
+        job.report(Progress(step.step, step.steps, f"loss {step.loss:.3f}  score {step.score:.2f}{views}"))
+
+    def show_views(done: int, total: int) -> None:
+        nonlocal views
+        views = f"  views {done}/{total}" if done < total else ""
+
+    resume = (job.folder / "checkpoints" / POINTER).is_file()
+    optimize(Dataset(job.inputs[0]), detectors, settings, job.folder, show, resume, show_views, job.machine.team)
+
+
+def make_random(job: Job) -> None:
+    """Random paint, the baseline of all others."""
+    random_camouflage(job.folder / CAMOUFLAGE, load_vehicle(job.inputs[0], read_image), **job.artifact.settings)
+
+
+def make_map(job: Job) -> None:
+    """Copy a camouflage under its label, so that a study holds what it judged."""
+    record, image = load_camouflage(Path(job.artifact.options["source"]))
+    if sha256_of(image) != job.artifact.settings["uv_map"]:
+        raise RaucaError(f"{image}: has changed since the study began; run the command again")
+    save_camouflage(job.folder / CAMOUFLAGE, replace(record, name=job.artifact.label), image.read_bytes())
+
+
+def has_renders(artifact: Artifact, folder: Path) -> bool:
+    """Whether the images of all wanted frames are there, and none is damaged."""
+    return all(is_whole(folder / f"{frame}.png") for frame in artifact.options["frames"])
+
+
+def rendered_together(artifact: Artifact) -> object:
+    """One Blender renders the same frames in several camouflages."""
+    return artifact.inputs[0].digest, tuple(artifact.options["frames"]), str(artifact.settings)
+
+
+def make_renders(jobs: Sequence[Job]) -> None:
+    """Render views in camouflages, in Blender, by Cycles and never by the neural renderer."""
+    first, frames = jobs[0], jobs[0].artifact.options["frames"]
+    with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
+        paints = []
+        for job in jobs:
+            record, image = load_camouflage(job.inputs[1] / CAMOUFLAGE)
+            paints.append(Path(temporary) / f"{len(paints)}.json")
+            save_camouflage(paints[-1], replace(record, name=job.folder.name), image.read_bytes())
+            for damaged in (path for path in job.folder.glob("*.png") if not is_whole(path)):
+                damaged.unlink()
+        options = ["--only", str(_listed(Path(temporary), frames)), *_scene(first.artifact)]
+        if "samples" in first.artifact.settings:
+            options += ["--samples", str(first.artifact.settings["samples"]), "--no-denoise"]
+        given = ["--dataset", str(first.inputs[0]), "--out", str(first.folder.parent), "--json-progress", *options]
+        run_blender("render_camouflages", [*given, *map(str, paints)], first.report, first.machine.blender)
+
+
+def make_defended(job: Job) -> None:
+    """Pass images through a defence."""
+    defence = make_defence(job.artifact.options["defence"])
+    pictures = pictures_in(job.inputs[0], job.artifact.options["frames"])
+    targets = [job.folder / f"{frame.id}.png" for frame in pictures.frames]
+
+    def tell(done: int, total: int) -> None:
+        job.report(Progress(done, total, job.artifact.label))
+
+    defended_images(defence, pictures.frames, pictures.paths, targets, tell)
+
+
+def has_detections(artifact: Artifact, folder: Path) -> bool:
+    """Whether the detector has seen every wanted image, as it is now."""
+    try:
+        seen = detections_in(artifact, folder)
+        return all(image in seen for image in _images_behind(folder, artifact.options["frames"]).hashes)
+    except (RaucaError, OSError):
+        return False
+
+
+def detections_in(artifact: Artifact, folder: Path) -> DetectionCache:
+    """What was detected in images so far."""
+    settings = artifact.settings
+    return DetectionCache(folder, settings["name"], settings["fingerprint"], DetectionSettings(**settings["kept"]))
+
+
+def detected_together(artifact: Artifact) -> object:
+    """An image is decoded once for all detectors."""
+    return artifact.inputs[0].digest, tuple(artifact.options["frames"]), str(artifact.settings["kept"])
+
+
+def make_detections(jobs: Sequence[Job]) -> None:
+    """Detect in the images that a detector has not seen yet."""
+    machine, first = jobs[0].machine, jobs[0].artifact
+    detectors = [
+        machine.detector(job.artifact.settings["fingerprint"], job.artifact.options["detector"]) for job in jobs
+    ]
+    caches = {job.artifact.settings["name"]: detections_in(job.artifact, job.folder) for job in jobs}
+    pictures = pictures_in(jobs[0].inputs[0], first.options["frames"])
+
+    def tell(what: str, done: int, total: int) -> None:
+        jobs[0].report(Progress(done, total, what))
+
+    paint = first.inputs[0].label
+    with threads(machine.threads):
+        detect_everywhere(detectors, caches, {paint: pictures}, first.options["batch"], machine.device, tell)
+
+
+def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
+    """Frames of a data set with their images: the data set's own, or those of renders or defended images of it."""
+    views = views_behind(folder)
+    known = {frame.id: frame for frame in Dataset(views).frames()}
+    frames: list[Frame] = [known[frame] for frame in ids]
+    paths = [image_of(folder, frame.id) for frame in frames]
+    return Pictures(frames, paths, [sha256_of(path) for path in paths])
+
+
+def image_of(folder: Path, frame: str) -> Path:
+    """A frame's image in a data set, or in a folder of renders or defended images."""
+    if (folder / "dataset.json").is_file():
+        return folder / "frames" / frame / "image.png"
+    return folder / f"{frame}.png"
+
+
+def views_behind(folder: Path) -> Path:
+    """The data set that renders, or defended images, are of."""
+    while not (folder / "dataset.json").is_file():
+        place = read_recipe(folder)[0].inputs[0].place
+        assert place is not None
+        folder = place
+    return folder
+
+
+def has_hardened(artifact: Artifact, folder: Path) -> bool:
+    raise NotImplementedError
+
+
+def make_hardened(job: Job) -> None:
+    raise NotImplementedError
+
+
+def _images_behind(folder: Path, ids: Sequence[str]) -> Pictures:
+    place = read_recipe(folder)[0].inputs[0].place
+    assert place is not None
+    paths = [image_of(place, frame) for frame in ids]
+    return Pictures((), paths, [sha256_of(path) for path in paths])
+
+
+def _scene(artifact: Artifact) -> list[str]:
+    scene = artifact.options.get("scene")
+    return ["--scene", str(scene)] if scene else []
+
+
+def _listed(folder: Path, ids: Sequence[str]) -> Path:
+    """A file that names frames, one a line."""
+    write_bytes(folder / "frames.txt", ("\n".join(ids) + "\n").encode())
+    return folder / "frames.txt"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return ",".join(map(repr, values))
+
+
+def _link(source: str, target: str) -> None:
+    Path(target).unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
