@@ -18,7 +18,7 @@ def dataset_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
-    _add_vehicle(add)
+    add_vehicle(add)
     add("--weathers", default="demo", help="preset name or .json file")
     add("--locations", type=_whole, default=1, help="places in the town; each stands in another district")
     add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
@@ -87,12 +87,12 @@ def apply_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--out", type=Path, required=True, help="the .blend to write")
-    _add_vehicle(add)
+    add_vehicle(add)
     add("camouflage", type=Path, help="camouflage .json file")
     return parser
 
 
-def _add_vehicle(add: Callable[..., object]) -> None:
+def add_vehicle(add: Callable[..., object]) -> None:
     add("--vehicle", default="sedan", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file")
     add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
     add("--paint-material", help="name of the material to camouflage")

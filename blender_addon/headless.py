@@ -17,7 +17,7 @@ from typing import NoReturn
 
 import bpy
 
-from .arguments import apply_parser, dataset_parser, render_parser, worker_parser
+from .arguments import add_vehicle, apply_parser, dataset_parser, render_parser, worker_parser
 from .core import contract, files
 from .jobs.pace import spoken
 from .scene.images import read_image_blender
@@ -45,6 +45,14 @@ def work_on_dataset(arguments: Sequence[str]) -> int:
     return _guarded(_work_on_dataset, worker_parser().parse_args(arguments))
 
 
+def import_vehicle(arguments: Sequence[str]) -> int:
+    """Entry of the engine's own import: any vehicle file becomes a vehicle folder; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="import_vehicle", allow_abbrev=False)
+    add_vehicle(parser.add_argument)
+    parser.add_argument("--out", type=Path, required=True)
+    return _guarded(_import_vehicle, parser.parse_args(arguments))
+
+
 def unwrap_vehicle(arguments: Sequence[str]) -> int:
     """Entry of the process that the unwrap button starts: a vehicle folder in, one out; returns the exit code."""
     parser = argparse.ArgumentParser(prog="unwrap_vehicle", allow_abbrev=False)
@@ -60,6 +68,7 @@ def main() -> int:
         "dataset_worker": work_on_dataset,
         "render_camouflages": render_camouflages,
         "apply_camouflage": apply_camouflage,
+        "import_vehicle": import_vehicle,
         "unwrap_vehicle": unwrap_vehicle,
     }
     job, *arguments = blender_arguments()
@@ -118,6 +127,13 @@ def _apply_camouflage(options: argparse.Namespace) -> None:
     save_blend(
         find_vehicle(options.vehicle, options.paint_mask, options.paint_material), options.camouflage, options.out
     )
+
+
+def _import_vehicle(options: argparse.Namespace) -> None:
+    vehicle = find_vehicle(options.vehicle, options.paint_mask, options.paint_material)
+    for note in vehicle.notes:
+        print(f"note: {note}", flush=True)
+    vehicle.save(options.out)
 
 
 def _unwrap_vehicle(options: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ import torch
 
 from ..contract import Progress, RaucaError
 from ..detect import Detector, load_detector
-from ..runtime.team import Team
+from ..runtime.distributed import Processes
 from .artifact import Artifact
 
 OnProgress = Callable[[str, Progress], None]
@@ -39,9 +39,9 @@ class Machine:
     loaded: dict[str, Detector] = field(default_factory=dict)
 
     @property
-    def team(self) -> Team:
+    def processes(self) -> Processes:
         """One process, on the device."""
-        return Team(0, 1, torch.device(self.device))
+        return Processes(0, 1, torch.device(self.device))
 
     def detector(self, fingerprint: str, typed: str) -> Detector:
         """A detector on this machine's device, loaded by what was typed to name it unless it is at hand.

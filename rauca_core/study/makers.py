@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..attack import StepReport, make_settings, optimize, random_camouflage
+from ..attack import StepReport, make_settings, random_camouflage, run_optimization
 from ..contract import (
     Dataset,
     Frame,
@@ -151,7 +151,9 @@ def make_paint(job: Job) -> None:
         views = f"  views {done}/{total}" if done < total else ""
 
     resume = (job.folder / "checkpoints" / POINTER).is_file()
-    optimize(Dataset(job.inputs[0]), detectors, settings, job.folder, show, resume, show_views, job.machine.team)
+    run_optimization(
+        Dataset(job.inputs[0]), detectors, settings, job.folder, show, resume, show_views, job.machine.processes
+    )
 
 
 def make_random(job: Job) -> None:

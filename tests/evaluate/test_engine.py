@@ -1,0 +1,332 @@
+"""The engine of all studies: recipes, what is made and what is not, kills, damage, workers and the cache."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.stability.detectors import SmallDetector
+from rauca_core.attack import make_settings, random_camouflage
+from rauca_core.contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, Vehicle, Weather, load_vehicle
+from rauca_core.detect import load_detector
+from rauca_core.runtime.cluster import Cluster
+from rauca_core.runtime.folder_lock import alone_in
+from rauca_core.runtime.images import read_image
+from rauca_core.study import recipes
+from rauca_core.study.artifact import RECIPE, VERSIONS, Artifact, read_recipe
+from rauca_core.study.defences import make_defence
+from rauca_core.study.detection_cache import DetectionSettings
+from rauca_core.study.engine import Engine
+from rauca_core.study.executors import LOCK, OnCluster
+from rauca_core.study.job import Machine
+from rauca_core.study.kinds import KINDS
+from rauca_core.study.store import Store, kept_in, prune, store_around
+from tests.detect.conftest import write_random_weights
+from tests.evaluate.drawn_blender import DrawnBlender, drawn_blender
+from tests.faults.conftest import TINY
+
+__all__ = ["drawn_blender"]
+RING = Ring((40.0, 130.0), (12.0,), (7.0,))
+WEATHERS = (Weather("day", 45.0), Weather("dusk", 5.0))
+
+
+@pytest.fixture
+def plan(box_vehicle: Vehicle) -> Plan:
+    return Plan(
+        "p", box_vehicle.name, box_vehicle.atlas_id, 48, Quality(1), True, WEATHERS, RING, 1, (140,) * 3, 0.5, 7, ""
+    )
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path, box_vehicle: Vehicle) -> Artifact:
+    box_vehicle.save(tmp_path / "vehicle")
+    return recipes.vehicle_in(tmp_path / "vehicle")
+
+
+def views_of(plan: Plan, vehicle: Artifact, count: int = 4) -> Artifact:
+    return recipes.data_set("views", plan, vehicle, [frame for frame, *_ in plan.frame_ids()][:count])
+
+
+def painted(engine: Engine, views: Artifact, vehicle: Artifact, seed: int = 1, count: int = 4) -> Artifact:
+    """Renders of views in random paint; all that comes before them is made."""
+    folder, paint = engine.make(views, recipes.random_paint(vehicle, 64, seed, 8))
+    frames = [frame.id for frame in Dataset(folder).frames()][:count]
+    return recipes.renders(views, recipes.camouflage_in(paint / "camouflage.json", f"random-{seed}"), frames)
+
+
+def stamps(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.png")}
+
+
+def test_a_name_says_all_that_an_artifact_depends_on(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, box_vehicle: Vehicle
+) -> None:
+    one = views_of(plan, vehicle)
+    assert one.digest == views_of(replace(plan, name="q", blender="5.0"), vehicle, count=2).digest
+    assert one.but(frames=[]).digest == one.digest == replace(one, label="other").digest
+    replace(box_vehicle, positions=box_vehicle.positions * np.float32(0.9)).save(tmp_path / "smaller")
+    others = [
+        views_of(replace(plan, seed=8), vehicle),
+        views_of(replace(plan, quality=Quality(2)), vehicle),
+        views_of(plan, recipes.vehicle_in(tmp_path / "smaller")),
+        replace(one, kind="part"),
+        recipes.data_set("views", plan, vehicle, [], exact=True),
+    ]
+    assert len({one.digest, *(other.digest for other in others)}) == 6
+    replace(box_vehicle, notes=["read again"]).save(tmp_path / "again")
+    assert views_of(plan, recipes.vehicle_in(tmp_path / "again")).digest == one.digest
+
+
+def test_a_version_of_a_kind_makes_it_anew(monkeypatch: pytest.MonkeyPatch, plan: Plan, vehicle: Artifact) -> None:
+    before = views_of(plan, vehicle).digest
+    monkeypatch.setitem(VERSIONS, "views", 99)
+    assert views_of(plan, vehicle).digest != before
+    assert set(VERSIONS) == set(KINDS)
+
+
+def test_what_is_there_is_not_made_and_what_grows_goes_on(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    engine = Engine(Store(tmp_path / "store"))
+    renders = painted(engine, views_of(plan, vehicle, 2), vehicle)
+    engine.make(renders)
+    assert engine.made == {"views": 1, "random": 1, "map": 1, "renders": 1}
+    assert drawn_blender.frames == {"make_dataset": 2, "render_camouflages": 2}
+    before = stamps(tmp_path / "store")
+    again = Engine(Store(tmp_path / "store"))
+    again.make(painted(again, views_of(plan, vehicle, 2), vehicle))
+    assert again.made == {}
+    again.make(painted(again, views_of(plan, vehicle, 4), vehicle))
+    assert drawn_blender.frames == {"make_dataset": 4, "render_camouflages": 4}
+    assert before.items() <= stamps(tmp_path / "store").items()
+
+
+def test_a_finished_artifact_needs_none_of_its_inputs(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    first = Engine(Store(tmp_path / "one"))
+    renders = painted(first, views_of(plan, vehicle), vehicle)
+    first.make(renders)
+    other = Engine(Store(tmp_path / "two", [tmp_path / "one"]))
+    assert other.make(renders) == first.make(renders)
+    assert (other.made, (tmp_path / "two").exists()) == ({}, False)
+    assert store_around(first.make(renders)[0]) == [(tmp_path / "one").resolve()]
+    assert store_around(tmp_path) == []
+
+
+def test_a_data_set_is_known_wherever_it_lies(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    (folder,) = Engine(Store(tmp_path / "store")).make(views_of(plan, vehicle))
+    moved = folder.rename(tmp_path / "moved")
+    assert recipes.views_in(moved).digest == views_of(plan, vehicle).digest
+    (moved / RECIPE).unlink()
+    assert recipes.views_in(moved).digest == views_of(plan, vehicle).digest
+
+
+def test_damaged_and_lost_renders_are_made_again(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    engine = Engine(Store(tmp_path / "store"))
+    (folder,) = engine.make(renders := painted(engine, views_of(plan, vehicle), vehicle))
+    whole = {path: path.read_bytes() for path in folder.glob("*.png")}
+    lost, cut, *_ = whole
+    lost.unlink()
+    cut.write_bytes(whole[cut][:90])
+    (folder / ".partial-x").write_bytes(b"killed")
+    engine.make(renders)
+    assert {path: path.read_bytes() for path in folder.glob("*.png")} == whole
+    assert drawn_blender.frames["render_camouflages"] == 4 + 2
+    assert not (folder / ".partial-x").exists()
+
+
+def test_a_stop_keeps_what_was_made_and_adds_up_its_seconds(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    engine, views = Engine(Store(tmp_path / "store")), views_of(plan, vehicle)
+    with monkeypatch.context() as patch:
+        patch.setattr("rauca_core.study.makers.run_blender", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            engine.make(views)
+    folder = engine.store.place(views)
+    artifact, seconds = read_recipe(folder)
+    assert (artifact.digest, artifact.settings, seconds > 0) == (views.digest, views.settings, True)
+    assert not (folder / LOCK).exists()
+    recipe = json.loads((folder / RECIPE).read_text())
+    (folder / RECIPE).write_text(json.dumps(recipe | {"seconds": 50.0}))
+    engine.make(views)
+    assert read_recipe(folder)[1] > 50.0
+    assert engine.seconds["rendering views, views"] > 50.0
+
+
+def test_another_process_is_waited_for(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    told: list[Progress] = []
+    engine = Engine(Store(tmp_path / "store"), on_progress=lambda title, progress: told.append(progress))
+    folder = engine.store.place(views_of(plan, vehicle))
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with alone_in(folder, LOCK):
+            os.write(write, b".")
+            os.close(write)
+            while not (tmp_path / "seen").exists():
+                pass
+        os._exit(0)
+    os.read(read, 1)
+    engine.on_progress = lambda title, progress: (told.append(progress), (tmp_path / "seen").touch())
+    engine.make(views_of(plan, vehicle))
+    os.waitpid(child, 0)
+    assert f"process {child} on" in told[0].last
+    assert drawn_blender.frames["make_dataset"] == 4
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights of a detector of two layers."""
+    cfg = tmp_path_factory.mktemp("tiny") / "tiny.cfg"
+    cfg.write_text(TINY)
+    cfg.with_suffix(".names").write_text("boat\ncar\n")
+    return write_random_weights(cfg.with_suffix(".weights"), cfg)
+
+
+def detected(images: Artifact, tiny: Path, frames: Sequence[str]) -> Artifact:
+    return recipes.detections(images, load_detector(str(tiny)), str(tiny), DetectionSettings(), frames)
+
+
+def test_images_are_defended_and_seen_once(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, tiny: Path
+) -> None:
+    engine = Engine(Store(tmp_path / "store"))
+    renders = painted(engine, views_of(plan, vehicle), vehicle)
+    frames = renders.options["frames"]
+    bits = recipes.defended(renders, make_defence("bits"), frames)
+    wanted = [detected(images, tiny, frames) for images in (views_of(plan, vehicle), renders, bits)]
+    folders = engine.make(*wanted)
+    assert engine.made["detections"] == 3
+    lines = {folder: next(folder.glob("*.jsonl")).read_bytes() for folder in folders}
+    assert all(len(found.splitlines()) == 4 for found in lines.values())
+    again = Engine(Store(tmp_path / "store"))
+    assert (again.make(*wanted), again.made) == (folders, {})
+    next(folders[1].glob("*.jsonl")).write_bytes(lines[folders[1]][:-40])
+    again.make(*wanted)
+    assert again.made == {"detections": 1}
+    assert sorted(next(folders[1].glob("*.jsonl")).read_bytes().splitlines()) == sorted(lines[folders[1]].splitlines())
+
+
+def test_an_optimization_goes_on_where_it_stopped(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    detector = SmallDetector()
+    settings = make_settings(steps=3, batch=1, map_size=32, samples=1, checkpoint_every=1, threads=1)
+    training = recipes.data_set("train", plan, vehicle, [frame for frame, *_ in plan.frame_ids()], exact=True)
+    paint = recipes.paint(training, settings, [detector], ["small"])
+    machine = Machine(threads=1).with_detectors([detector])
+
+    def stop(title: str, progress: Progress) -> None:
+        if title.startswith("optimizing") and progress.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Engine(Store(tmp_path / "stopped"), machine, stop).make(paint)
+    (gone_on,) = Engine(Store(tmp_path / "stopped"), machine).make(paint)
+    (at_once,) = Engine(Store(tmp_path / "at-once"), machine).make(paint)
+    for name in ("camouflage.png", "camouflage.json"):
+        assert (gone_on / name).read_bytes() == (at_once / name).read_bytes()
+    for other in (settings.model_copy(update={"steps": 4}), settings.model_copy(update={"lr": 0.5})):
+        assert recipes.paint(training, other, [detector], ["small"]).digest != paint.digest
+    for same in (settings.model_copy(update={"threads": 2}), settings.model_copy(update={"name": "other"})):
+        assert recipes.paint(training, same, [detector], ["small"]).digest == paint.digest
+
+
+def test_a_part_of_a_data_set_is_linked(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    engine, whole = Engine(Store(tmp_path / "store")), views_of(plan, vehicle)
+    frames = whole.options["frames"][1:3]
+    part, folder = engine.make(recipes.part_of(whole, "part", frames), whole)
+    assert [frame.id for frame in Dataset(part).frames()] == frames
+    image = f"frames/{frames[0]}/image.png"
+    assert (part / image).samefile(folder / image)
+
+
+def test_workers_of_a_cluster_make_the_same(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, tiny: Path
+) -> None:
+    pytest.importorskip("submitit", reason="submitit is not installed")
+    here = Engine(Store(tmp_path / "here"), Machine(threads=1))
+    renders = painted(here, views_of(plan, vehicle), vehicle)
+    frames = renders.options["frames"]
+    here.make(renders)
+    wanted = [detected(images, tiny, frames) for images in (views_of(plan, vehicle), renders)]
+    there = Engine(
+        Store(tmp_path / "there", [tmp_path / "here"]), Machine(threads=1), executor=OnCluster(Cluster("local"))
+    )
+    made_there = there.make(*wanted)
+    for one, other in zip(here.make(*wanted), made_there, strict=True):
+        assert other.is_relative_to(tmp_path / "there")
+        assert next(other.glob("*.jsonl")).read_bytes() == next(one.glob("*.jsonl")).read_bytes()
+        assert read_recipe(other)[1] > 0
+    (tmp_path / "gone.weights").write_bytes(tiny.read_bytes())
+    for suffix in (".cfg", ".names"):
+        (tmp_path / "gone").with_suffix(suffix).write_bytes(tiny.with_suffix(suffix).read_bytes())
+    lost = recipes.detections(
+        renders, load_detector(str(tmp_path / "gone.weights")), str(tmp_path / "gone.weights"),
+        DetectionSettings(score_threshold=0.3), frames,
+    )  # fmt: skip
+    (tmp_path / "gone.weights").unlink()
+    with pytest.raises(RaucaError, match=r"detecting, gone-random-1: .*gone.weights: not found"):
+        there.make(lost)
+
+
+def test_a_worker_tells_a_mistake_in_one_line(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "rauca_core.study.worker", tmp_path], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert done.stderr.startswith(f"error: {tmp_path / RECIPE}: not found")
+
+
+def test_the_cache_is_listed_and_pruned(
+    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
+) -> None:
+    cache = tmp_path / "cache"
+    engine = Engine(Store(cache))
+    (renders,) = engine.make(painted(engine, views_of(plan, vehicle), vehicle))
+    (cache / "weights").mkdir()
+    (cache / "weights" / "net.weights").write_bytes(bytes(100))
+    old = next((cache / "views").iterdir())
+    os.utime(old / RECIPE, (1, 1))
+    assert kept_in(cache)[0].path == old
+    assert {one.kind for one in kept_in(cache)} == {"views", "random", "map", "renders", "weights"}
+    assert [one.path for one in prune(cache, older_than_s=3600)] == [old]
+    least = sum(one.size for one in kept_in(cache) if one.kind != "weights")
+    assert len(prune(cache, max_bytes=least - 1)) == 1
+    prune(cache)
+    assert [one.kind for one in kept_in(cache)] == ["weights"]
+    prune(cache, kind="weights")
+    assert not kept_in(cache)
+    assert not renders.exists()
+
+
+def test_a_changed_camouflage_is_another_artifact(tmp_path: Path, box_vehicle: Vehicle, vehicle: Artifact) -> None:
+    path = tmp_path / "mine.json"
+    loaded = load_vehicle(tmp_path / "vehicle", read_image)
+    random_camouflage(path, loaded, 64, seed=1)
+    engine, before = Engine(Store(tmp_path / "store")), recipes.camouflage_in(path, "mine")
+    random_camouflage(path, loaded, 64, seed=2)
+    assert recipes.camouflage_in(path, "mine").digest != before.digest
+    with pytest.raises(RaucaError, match="has changed since the study began"):
+        engine.make(before)
