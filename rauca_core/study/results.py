@@ -121,7 +121,7 @@ def save_results(path: Path, results: Results) -> None:
 def load_results(path: Path) -> Results:
     """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
     fields = read_json(path)
-    fields.format(*FORMAT, oldest=FORMAT[1])
+    fields.format(*FORMAT)
     detectors = fields.nested("detectors")
     table = {paint: _estimates(row) for paint, row in _each(fields.nested("table")).items()}
     results = Results(

@@ -134,7 +134,7 @@ def test_results_survive_the_disk(scene, detectors: list[Detector], tmp_path: Pa
     assert (written["format"], written["version"]) == ("rauca-results", 3)
     assert written["images"]["noise"][0]["path"] == "../noise/L00-V000-clear-day.png"
     for change, complaint in [
-        ({"version": 4}, "reads up to 3; update rauca"),
+        ({"version": 4}, "reads 3; update rauca"),
         ({"table": {}}, "table and detectors do not fit"),
         ({"images": {}}, "images and frames do not fit"),
         ({"settings": written["settings"] | {"color": 1}}, "settings: unknown field color"),
