@@ -62,7 +62,7 @@ class Recorded:
 
     def _cache(self, detector: str, paint: str) -> DetectionCache:
         results = self._entry.results
-        folder = self._entry.folder / results.detections[paint][detector]
+        folder = self._entry.folder / results.detections.get(paint, {}).get(detector, "detections")
         if (known := folder / detector) not in self._caches:
             self._caches[known] = DetectionCache(folder, detector, results.detectors[detector], results.settings)
         return self._caches[known]

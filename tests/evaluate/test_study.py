@@ -81,7 +81,7 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
     written = json.loads(path.read_text())
     first = written["entries"][0]
     for change, complaint in [
-        ({"version": 2}, "reads up to 1; update rauca"),
+        ({"version": 2}, "reads 1; update rauca"),
         ({"entries": []}, "entries must be at least one"),
         ({"entries": [first, first]}, "each of its own vehicle, weathers and defence"),
         ({"entries": [first | {"results": "gone.json"}]}, "gone.json: not found"),
@@ -91,22 +91,6 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
         path.write_text(json.dumps(written | change))
         with pytest.raises(RaucaError, match=complaint):
             load_study(path)
-
-
-def test_results_of_the_first_version_can_still_be_read(tmp_path: Path) -> None:
-    (entry, *_) = saved(tmp_path)
-    path = entry.folder / "results.json"
-    old = json.loads(path.read_text()) | {"version": 1}
-    for name in ("vehicle", "defence", "clusters", "cluster_count"):
-        del old[name]
-    for frame in old["frames"]:
-        del frame["location"], frame["view"]
-    for group in (group for groups in old["groups"].values() for group in groups):
-        del group["mean"]
-    path.write_text(json.dumps(old))
-    read = load_study(tmp_path).entries[0].results
-    assert read.table == entry.results.table
-    assert (read.defence, read.clusters, read.groups["fog_density"][0].mean) == ("none", "frames", {})
 
 
 @pytest.mark.parametrize(
