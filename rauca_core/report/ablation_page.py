@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..study.ablations.findings import Findings
-from ..study.ablations.paired import Scores
-from ..study.ablations.verdicts import Outcome, Verdict
+from ..study.ablations.findings import Findings, Outcome, Scores, Verdict
 from ..study.contestants import NORMAL, RANDOM
 from ..study.families import in_table_order
 from ..study.results import MEAN, Estimate

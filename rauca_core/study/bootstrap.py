@@ -93,20 +93,16 @@ class Ranking:
         keep = place[self.frame] >= 0
         return Ranking(place[self.frame[keep]], self.hit[keep], len(chosen))
 
-    def average_precision(
-        self, counts: NDArray[np.int64] | None = None, cluster: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
+    def average_precision(self, counts: NDArray[np.int64], cluster: NDArray[np.int64]) -> NDArray[np.float64]:
         """AP@0.5, 101-point interpolation; that of :func:`average_precision`, by another way.
 
         Args:
-            counts: (R, C) how often each cluster counts; once each by default.
-            cluster: (F,) cluster of each frame; one for all by default.
+            counts: (R, C) how often each cluster counts.
+            cluster: (F,) cluster of each frame.
 
         Returns:
             (R,) in [0, 1].
         """
-        cluster = np.zeros(self.frames, np.int64) if cluster is None else cluster
-        counts = np.ones((1, int(cluster.max()) + 1), np.int64) if counts is None else counts
         found = np.flatnonzero(self.hit)
         if not len(found):
             return np.zeros(len(counts))

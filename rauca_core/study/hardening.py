@@ -6,23 +6,19 @@ works as it did, 1 where the hardened detector finds the camouflaged vehicle as 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .bootstrap import Ranking, interval
 from .contestants import NORMAL
 from .recorded import Recorded
 from .results import Estimate
-from .scores import clusters_of
+from .scores import Curve, estimate
 from .study import Entry
 
 LEAST_LOSS = 0.02  # AP: where a paint took less than that, there is nothing to recover
 KNOWN = 0.5  # share of resamples that must show a loss for an interval of the recovered share
-Curve = NDArray[np.float64]  # AP@0.5 (1 + R,): of the frames as they are, then of R resamples
 
 
 @dataclass(frozen=True)
@@ -64,9 +60,6 @@ class Gains:
     rows: tuple[Gain, ...]
     held_out: Gain
 
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> Gains:
     """Compare two detectors of an entry.
@@ -78,11 +71,10 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
     Raises:
         RaucaError: their detections are not kept any more.
     """
-    curves = _curves(entry, (before, after))
+    results, recorded = entry.results, Recorded(entry)
+    curves = {paint: [recorded.curve(detector, paint) for detector in (before, after)] for paint in results.paints}
     clean = curves[NORMAL][0]
-    rows = tuple(_gain(paint, curves[paint], clean) for paint in curves if paint != NORMAL)
     mean = [np.mean([curves[paint][k] for paint in held_out], axis=0) for k in (0, 1)]
-    results = entry.results
     return Gains(
         weathers=entry.weathers,
         vehicle=entry.vehicle,
@@ -90,30 +82,14 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
         frames=len(results.frames),
         draws=f"{results.cluster_count} {results.clusters}",
         clean=_gain(NORMAL, curves[NORMAL], clean),
-        rows=rows,
+        rows=tuple(_gain(paint, curves[paint], clean) for paint in curves if paint != NORMAL),
         held_out=_gain("held-out, mean", mean, clean),
     )
 
 
-def _curves(entry: Entry, detectors: tuple[str, str]) -> Mapping[str, list[Curve]]:
-    """Per paint, of each detector; all share the resamples."""
-    results, recorded = entry.results, Recorded(entry)
-    clusters = clusters_of(results.frames)
-    drawn = clusters.resample(results.resamples, results.seed)
-    counts = np.concatenate([np.ones_like(drawn[:1]), drawn])
-
-    def curve(detector: str, paint: str) -> Curve:
-        samples = [recorded.sample(detector, paint, index) for index in range(len(results.frames))]
-        values = Ranking.of(samples).average_precision(counts, clusters.of_frame)
-        values[0] = results.table[paint][detector].ap  # the published number, to the bit
-        return values
-
-    return {paint: [curve(detector, paint) for detector in detectors] for paint in results.paints}
-
-
 def _gain(paint: str, curves: Sequence[Curve], clean: Curve) -> Gain:
     before, after = curves
-    return Gain(paint, _estimate(before), _estimate(after), _estimate(after - before), _recovered(before, after, clean))
+    return Gain(paint, estimate(before), estimate(after), estimate(after - before), _recovered(before, after, clean))
 
 
 def _recovered(before: Curve, after: Curve, clean: Curve) -> Estimate | None:
@@ -121,9 +97,4 @@ def _recovered(before: Curve, after: Curve, clean: Curve) -> Estimate | None:
     known = lost >= LEAST_LOSS
     if not known[0] or known[1:].mean() < KNOWN:
         return None
-    shares = (after - before)[known] / lost[known]
-    return Estimate(float(shares[0]), *interval(shares[1:]))
-
-
-def _estimate(values: Curve) -> Estimate:
-    return Estimate(float(values[0]), *interval(values[1:]))
+    return estimate((after - before)[known] / lost[known])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ import numpy as np
 from ..contract import RaucaError
 from ..detect import canonical
 from .average_precision import Sample
-from .bootstrap import Ranking, interval
+from .bootstrap import Ranking
 from .detection_cache import DetectionCache, Found
 from .results import Estimate
-from .scores import clusters_of
+from .scores import Bootstrap, Curve, Draws, estimate
 from .study import Entry
 
 
@@ -48,17 +49,22 @@ class Recorded:
         Raises:
             RaucaError: as :meth:`found`.
         """
+        return estimate(np.mean([self.curve(name, paint) for name in detectors], axis=0))
+
+    def curve(self, detector: str, paint: str) -> Curve:
+        """The results' own AP@0.5, to the bit, then that of each resample of the results' own bootstrap.
+
+        Raises:
+            RaucaError: as :meth:`found`.
+        """
         results = self._entry.results
-        clusters = clusters_of(results.frames)
-        counts = clusters.resample(results.resamples, results.seed)
-        resampled = [
-            Ranking.of([self.sample(name, paint, index) for index in range(len(results.frames))]).average_precision(
-                counts, clusters.of_frame
-            )
-            for name in detectors
-        ]
-        mean = float(np.mean([results.table[paint][name].ap for name in detectors]))
-        return Estimate(mean, *interval(np.mean(resampled, axis=0)))
+        samples = [self.sample(detector, paint, index) for index in range(len(results.frames))]
+        return self._draws.curve(Ranking.of(samples), results.table[paint][detector].ap)
+
+    @cached_property
+    def _draws(self) -> Draws:
+        results = self._entry.results
+        return Draws.of(results.frames, Bootstrap(results.resamples, results.seed))
 
     def _cache(self, detector: str, paint: str) -> DetectionCache:
         results = self._entry.results

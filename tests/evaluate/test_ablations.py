@@ -33,9 +33,8 @@ from rauca_core.study.ablations import (
     Variant,
     experiment_named,
 )
-from rauca_core.study.ablations.paired import Scores, score_rows
+from rauca_core.study.ablations.findings import Comparison, Scores, Verdict, judge, score_rows
 from rauca_core.study.ablations.training_sets import TRAINING_SETS, chosen_frames
-from rauca_core.study.ablations.verdicts import Comparison, Verdict, judge
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.contestants import Contestant, find_vehicles, keep_copy
 from rauca_core.study.detection_cache import DetectionSettings
@@ -144,10 +143,7 @@ def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[
         clusters="locations", cluster_count=8,
     )  # fmt: skip
     entry = Entry(weathers, "none", "sedan", "car", results, Path(weathers))
-    monkeypatch.setattr(
-        "rauca_core.study.ablations.paired.Recorded",
-        lambda entry: type("R", (), {"sample": staticmethod(lambda d, p, i: samples[p][d][i])}),
-    )
+    monkeypatch.setattr("rauca_core.study.recorded.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     return entry
 
 

@@ -74,7 +74,8 @@ def test_every_resample_is_what_counting_by_hand_gives(seed: int) -> None:
 def test_a_part_of_a_ranking_is_the_ranking_of_the_part(seed: int) -> None:
     samples = random_samples(30, seed)
     chosen = np.flatnonzero(np.random.default_rng(seed).random(30) < 0.4)
-    (value,) = Ranking.of(samples).part(chosen).average_precision()
+    once, together = np.ones((1, 1), np.int64), np.zeros(len(chosen), np.int64)
+    (value,) = Ranking.of(samples).part(chosen).average_precision(once, together)
     assert value == pytest.approx(average_precision([samples[index] for index in chosen]), abs=1e-9)
 
 

@@ -1,17 +1,178 @@
-"""Everything an ablation found, before anything decides how it looks."""
+"""What an ablation found: rows compared in the same places, and what became of each ordering that somebody claims.
+
+Differences are paired: all variants share the resamples. A variant that was optimized with several seeds has as many
+camouflages; its AP is their mean, and every resample draws seeds as well as places, so that an interval covers the luck
+of an optimization too. With one seed it does not.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract.seeding import named_rng
 from ..contestants import NORMAL, RANDOM
 from ..families import is_own
-from ..study import Study
-from .experiment import Experiment, Variant
-from .paired import Scores, score_rows
-from .verdicts import Verdict, judge
+from ..recorded import Recorded
+from ..results import Estimate
+from ..scores import Curve, estimate
+from ..study import Entry, Study
+from .experiment import Claim, Experiment, Variant
+
+Outcome = Literal["confirmed", "refuted", "undecided"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two rows on the same frames; ``gap`` is AP of the claimed worse minus AP of the claimed better.
+
+    ``by_scope`` holds the gap of parts: each set of weathers, and the detectors that were attacked.
+    """
+
+    better: str
+    worse: str
+    gap: Estimate
+    by_scope: Mapping[str, Estimate]
+
+    @property
+    def outcome(self) -> Outcome:
+        """By the 95 % interval of the gap: all above 0, all below, or neither."""
+        if self.gap.low > 0:
+            return "confirmed"
+        return "refuted" if self.gap.high < 0 else "undecided"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A claim and its comparisons, a pair each."""
+
+    claim: Claim
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def outcome(self) -> Outcome:
+        """Confirmed if every pair is, refuted if one is."""
+        outcomes = {comparison.outcome for comparison in self.comparisons}
+        if "refuted" in outcomes:
+            return "refuted"
+        return "undecided" if "undecided" in outcomes else "confirmed"
+
+    def sentence(self, titles: Mapping[str, str]) -> str:
+        """One line: what was claimed and by whom, the outcome, the gap that decides it.
+
+        Args:
+            titles: of rows, by key.
+        """
+        better = dict.fromkeys(titles[one.better] for one in self.comparisons)
+        worse = dict.fromkeys(titles[one.worse] for one in self.comparisons)
+        deciding = (one for one in self.comparisons if one.outcome == self.outcome)
+        least = min(deciding, key=lambda one: one.gap.low)
+        which = f", least of {titles[least.better]} to {titles[least.worse]}," if len(self.comparisons) > 1 else ""
+        gap = f"{least.gap.ap:+.3f} [{least.gap.low:+.3f}, {least.gap.high:+.3f}]"
+        claim = f"{_listed(list(better))} below {_listed(list(worse))}"
+        return f"{claim}: {self.outcome}; AP{which} apart by {gap} ({self.claim.by}'s claim)"
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """AP of every row of a table under every set of weathers, resampled together.
+
+    Attributes:
+        curves: ``curves[weathers][row][detector]``.
+    """
+
+    curves: Mapping[str, Mapping[str, Mapping[str, Curve]]]
+
+    @property
+    def weathers(self) -> tuple[str, ...]:
+        return tuple(self.curves)
+
+    @property
+    def detectors(self) -> tuple[str, ...]:
+        first = next(iter(self.curves.values()))
+        return tuple(next(iter(first.values())))
+
+    def ap(self, row: str, detectors: Sequence[str], weathers: Sequence[str]) -> Estimate:
+        """AP of a row, averaged over detectors and sets of weathers."""
+        return estimate(self._mean(row, detectors, weathers))
+
+    def difference(self, row: str, less: str, detectors: Sequence[str], weathers: Sequence[str]) -> Estimate:
+        """AP of ``row`` minus that of ``less``, in the same places."""
+        return estimate(self._mean(row, detectors, weathers) - self._mean(less, detectors, weathers))
+
+    def _mean(self, row: str, detectors: Sequence[str], weathers: Sequence[str]) -> Curve:
+        some = [self.curves[name][row][detector] for name in weathers for detector in detectors]
+        return np.asarray(np.mean(some, axis=0))
+
+
+def score_rows(entries: Sequence[Entry], rows: Mapping[str, Sequence[str]]) -> Scores:
+    """Resample the AP of rows.
+
+    Args:
+        entries: one per set of weathers, of the same paints and detectors.
+        rows: row -> its camouflages' paints in the results, one per seed.
+
+    Raises:
+        RaucaError: detections that the results count are not kept any more.
+    """
+    return Scores({entry.weathers: _of_entry(entry, rows) for entry in entries})
+
+
+def _of_entry(entry: Entry, rows: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Curve]]:
+    results, recorded = entry.results, Recorded(entry)
+
+    def mean(detector: str, paints: Sequence[str], share: NDArray[np.float64]) -> Curve:
+        curves = np.stack([recorded.curve(detector, paint) for paint in paints], 1)
+        return np.asarray((share * curves).sum(1))
+
+    found = {}
+    for row, paints in rows.items():
+        share = _seed_shares(row, len(paints), results.resamples, results.seed)
+        found[row] = {detector: mean(detector, paints, share) for detector in results.detectors}
+    return found
+
+
+def _seed_shares(row: str, seeds: int, resamples: int, seed: int) -> NDArray[np.float64]:
+    """(1 + R, S): how much each seed counts; equally at first, then as often as it is drawn, for each row by itself."""
+    drawn = named_rng("seeds", row, seed).multinomial(seeds, np.full(seeds, 1 / seeds), size=resamples)
+    return np.concatenate([np.ones((1, seeds)), drawn]) / seeds
+
+
+def judge(claims: Sequence[Claim], scores: Scores, detectors: Sequence[str], attacked: Sequence[str]) -> list[Verdict]:
+    """Decide claims whose rows were all measured.
+
+    Args:
+        detectors: whose mean AP decides, over all sets of weathers.
+        attacked: white boxes among the measured detectors.
+    """
+    rows = set(scores.curves[scores.weathers[0]])
+    return [
+        Verdict(
+            claim, tuple(_compare(better, worse, scores, detectors, attacked) for better, worse in _pairs(claim, rows))
+        )
+        for claim in claims
+        if all(any(key in rows for key in keys) for keys in (claim.better, claim.worse))
+    ]
+
+
+def _pairs(claim: Claim, rows: set[str]) -> list[tuple[str, str]]:
+    return [(b, w) for b in claim.better for w in claim.worse if b in rows and w in rows]
+
+
+def _compare(better: str, worse: str, scores: Scores, detectors: Sequence[str], attacked: Sequence[str]) -> Comparison:
+    every = scores.weathers
+    scopes = {name: scores.difference(worse, better, detectors, [name]) for name in every if len(every) > 1}
+    if attacked:
+        scopes["white box"] = scores.difference(worse, better, attacked, every)
+    return Comparison(better, worse, scores.difference(worse, better, detectors, every), scopes)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 @dataclass(frozen=True)
