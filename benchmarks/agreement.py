@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pipelines.evaluate import render_camouflages
-from pipelines.renderers import REFERENCE
+from pipelines.renderers import reference_job
 from rauca_core.contract import Dataset, load_camouflage
 from rauca_core.study.agreement import measure_agreement
 
@@ -19,7 +19,7 @@ from .harness import Line, Panel, Results, Settings, save_figure
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:
     """Measure each sample count on the same frames, in one process; writes ``out`` (.json) and a plot beside it."""
     renders = out.parent / f"{out.stem}-cycles"
-    render_camouflages(dataset, [camouflage], renders, options=REFERENCE)
+    render_camouflages(reference_job(dataset, camouflage, renders))
     folder = renders / load_camouflage(camouflage)[0].name
     opened, results = Dataset(dataset), Results("agreement", Settings(dataset=str(dataset), samples=samples))
     measure_agreement(opened, camouflage, folder, samples=1)  # compiles the kernels, which is not what is measured

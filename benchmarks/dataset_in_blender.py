@@ -15,9 +15,9 @@ from typing import Any
 
 import bpy
 import numpy as np
+from blender_addon.arguments import dataset_parser
 from numpy.typing import NDArray
 
-from blender_addon.arguments import dataset_parser
 from blender_addon.dataset_job import plan_from
 from blender_addon.scene import camera, composed_fog
 from blender_addon.scene.annotate import Annotation

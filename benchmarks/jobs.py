@@ -25,6 +25,7 @@ from pipelines.console import progress_bar
 from rauca_core.contract import (
     Plan,
     Quality,
+    RenderFrames,
     Ring,
     Shard,
     chunks,
@@ -32,6 +33,7 @@ from rauca_core.contract import (
     find_preset,
     load_vehicle,
     planned_frames,
+    save_job,
 )
 from rauca_core.contract.assets import assets_folder
 from rauca_core.runtime.blender import blender_command
@@ -147,7 +149,8 @@ def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, 
     folder = place / "long"
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
-    command = blender_command("dataset_worker", ["--plan", str(folder), "--out", str(folder)])
+    save_job(place / "worker.json", RenderFrames(folder, folder))
+    command = blender_command(place / "worker.json")
     watch, wanted = _Watch(), planned_frames(plan)[:frames] if frames % 12 else planned_frames(plan)
     pieces = [[frame.id for frame in chunk] for chunk in chunks(plan, wanted, frames)]
     with progress_bar("rendering for memory", resumes=False) as move:

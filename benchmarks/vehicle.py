@@ -13,6 +13,7 @@ import numpy as np
 import torch
 
 from pipelines.console import progress_bar
+from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import car_score, load_detector
 from rauca_core.runtime.blender import run_blender
@@ -35,8 +36,9 @@ def bench(out: Path, vehicle: Sequence[str], detectors: Sequence[str]) -> Result
     loaded = {name: load_detector(name) for name in detectors}  # a wrong name is told before anything is rendered
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "ring"
+        arguments = ["--out", str(folder), *vehicle, *RING.split()]
         with progress_bar("rendering the ring", resumes=False) as move:
-            run_blender("make_dataset", ["--out", str(folder), *vehicle, *RING.split(), "--json-progress"], move)
+            run_blender(dataset_job(dataset_parser().parse_args(arguments)), move)
         dataset = Dataset(folder)
         frames = dataset.frames()
         if any(frame.box_xyxy is None for frame in frames):

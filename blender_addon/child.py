@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
 
-def child_command(job: str, arguments: Sequence[str]) -> list[str]:
-    """The command that runs ``headless.main`` for ``job``, under the name that Blender gave the add-on."""
+def child_command(job: Path) -> list[str]:
+    """The command that runs ``headless.main`` on a job's file, under the name that Blender gave the add-on."""
     package, root = str(__package__), str(Path(__file__).resolve().parent.parent)
     # Blender finds extensions (bl_ext...) by itself; a checkout must come before an installed copy.
     where = "" if "." in package else f"sys.path.insert(0, {root!r}); "
     code = f"import sys, importlib; {where}sys.exit(importlib.import_module({package + '.headless'!r}).main())"
     if blender := bpy.app.binary_path:
-        return [blender, "-b", "--python-exit-code", "3", "--python-expr", code, "--", job, *arguments]
-    return [sys.executable, "-c", code, job, *arguments]
+        return [blender, "-b", "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
+    return [sys.executable, "-c", code, str(job)]

@@ -1,18 +1,18 @@
-"""Making a data set: the plan from the options, the supervisor's run, and a worker's part in it."""
+"""Making a data set: the plan from the job, the supervisor's run, and a worker's part in it."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import bpy
 
+from . import devices
 from .child import child_command
-from .core import assets, contract, files
+from .core import contract, files
 from .jobs.crew import own_threads
 from .jobs.lock import FolderLock, hold_cameras
 from .jobs.messages import News
@@ -20,108 +20,99 @@ from .jobs.supervisor import Crew, Listener, Supervisor
 from .jobs.worker import serve, tell
 from .scene.images import read_image_blender
 from .scratch import scratch_folder, sweep_scratch
-from .selection import chosen_frames
 from .vehicles import find_vehicle
 
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
 
 
-def make(options: argparse.Namespace, progress: Callable[[contract.Progress], None]) -> None:
+def make(job: contract.MakeDataset, progress: Callable[[contract.Progress], None]) -> None:
     """Render what a data set folder, or a shard of it, lacks.
 
     Raises:
-        RaucaError: a mistake in the options, another run on the same frames, or frames that were left out.
+        RaucaError: a mistake in the job, another run on the same frames, or frames that were left out.
     """
-    vehicle = find_vehicle(options.vehicle, options.paint_mask, options.paint_material)
-    plan = plan_from(options, vehicle)
-    plan.check("options")
-    for note in [*vehicle.notes, *contract.preset_notes(options.weathers, assets.assets_folder() / "weathers")]:
+    vehicle = find_vehicle(job.vehicle)
+    job = replace(job, plan=completed(job, vehicle))
+    job.wanted()  # tells a stranger among the frames before anything is written
+    for note in [*vehicle.notes, *job.notes]:
         _note(note)
     sweep_scratch()
-    with _drafted(options.out, plan, vehicle) as draft:
-        reasons = _Run(options, plan, vehicle, draft, progress).finish()
+    with scratch_folder() as scratch, _drafted(job.out, job.plan, vehicle, scratch) as draft:
+        reasons = _Run(job, vehicle, draft, scratch / "worker.json", progress).finish()
     if reasons:
         frame, reason = next(iter(reasons.items()))
         raise contract.RaucaError(
-            f"{options.out}: {len(reasons)} frames failed twice and were left out, among them {frame}: {reason}; "
+            f"{job.out}: {len(reasons)} frames failed twice and were left out, among them {frame}: {reason}; "
             "run the same command with --retry-quarantined to try them again"
         )
 
 
-def work(options: argparse.Namespace) -> None:
+def work(job: contract.RenderFrames) -> None:
     """A worker's life: build the scene, then render what standard input asks for."""
     from .scene.dataset import render_chunk
     from .scene.session import Session
 
-    plan = contract.read_plan(options.plan)
-    session = Session(plan, contract.load_vehicle(options.plan / "vehicle", read_image_blender), options.scene)
-    if options.threads:
-        session.scene.render.threads_mode, session.scene.render.threads = "FIXED", options.threads
+    plan = contract.read_plan(job.plan)
+    session = Session(plan, contract.load_vehicle(job.plan / "vehicle", read_image_blender), job.scene)
+    devices.use(session.scene, job.device)
+    if job.threads:
+        session.scene.render.threads_mode, session.scene.render.threads = "FIXED", job.threads
     for note in session.place.notes:
         tell(News("note", reason=note))
     tasks = {task.id: task for task in contract.planned_frames(plan)}
 
     def render(ids: Sequence[str], tell: Callable[[News], None], stopped: Callable[[], bool]) -> None:
-        render_chunk(session, options.out, [tasks[frame_id] for frame_id in ids], tell, stopped)
+        render_chunk(session, job.out, [tasks[frame_id] for frame_id in ids], tell, stopped)
 
     # Unbuffered and left open: a thread waits in it to the end, and would hold a buffer's lock.
     serve(render, open(0, "rb", buffering=0, closefd=False))  # noqa: SIM115
 
 
-def plan_from(options: argparse.Namespace, vehicle: contract.Vehicle) -> contract.Plan:
-    """The plan that ``make_dataset``'s options describe."""
-    ring = contract.Ring(
-        azimuths_deg=options.azimuths,
-        elevations_deg=options.elevations,
-        distances_m=options.distances,
-        jitter_azimuth_deg=options.jitter_azimuth,
-        jitter_elevation_deg=options.jitter_elevation,
-        jitter_distance=options.jitter_distance,
-        jitter_aim_m=options.jitter_aim,
-        jitter_roll_deg=options.jitter_roll,
-        fov_deg=options.fov,
-    )
-    return contract.Plan(
-        name=options.out.name,
+def completed(job: contract.MakeDataset, vehicle: contract.Vehicle) -> contract.Plan:
+    """The job's plan with what is known here only: vehicle, scene, Blender's version and the device.
+
+    Raises:
+        RaucaError: the plan is of another vehicle or scene, or there is no such device.
+    """
+    plan = job.plan
+    if plan.atlas_id not in ("", vehicle.atlas_id):
+        raise contract.RaucaError(
+            f"{vehicle.name}: has the UV atlas {vehicle.atlas_id}, the plan is of {plan.vehicle_name} with "
+            f"{plan.atlas_id}; give its vehicle with --vehicle"
+        )
+    scenery = contract.Scenery.of_file(job.scene) if job.scene else contract.Scenery()
+    if plan.scenery not in (contract.Scenery(), scenery):
+        raise contract.RaucaError(f"{job.out}: the plan is of the scene {plan.scenery.name}; give it with --scene")
+    return replace(
+        plan,
+        name=job.out.name,
         vehicle_name=vehicle.name,
         atlas_id=vehicle.atlas_id,
-        size=options.size,
-        quality=contract.Quality(
-            options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
-        ),
-        light=options.light,
-        weathers=tuple(contract.find_preset(options.weathers, assets.assets_folder() / "weathers")),
-        ring=ring,
-        locations=options.locations,
-        reference_srgb=options.reference,
-        min_visible=options.min_visible,
-        seed=options.seed,
         blender=bpy.app.version_string,
-        scenery=contract.Scenery.of_file(options.scene) if options.scene else contract.Scenery(),
-        finish=options.finish,
-        recolor_share=options.recolor_share,
+        scenery=scenery,
+        device=devices.find(job.device).described,
     )
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One supervised run over a shard; workers read plan and vehicle from ``draft``."""
+    """One supervised run over a shard; workers read plan and vehicle from ``draft`` and their job from ``order``."""
 
-    options: argparse.Namespace
-    plan: contract.Plan
+    job: contract.MakeDataset
     vehicle: contract.Vehicle
     draft: Path
+    order: Path
     progress: Callable[[contract.Progress], None]
 
     def finish(self) -> dict[str, str]:
         """Render what is missing; returns the shard's quarantined frames with their reasons."""
-        out, shard = self.options.out, self.options.shard
-        with hold_cameras(out, shard, contract.cameras_of(self.plan, shard)) as lock:
+        out, shard, plan = self.job.out, self.job.shard, self.job.plan
+        with hold_cameras(out, shard, contract.cameras_of(plan, shard)) as lock:
             lock.sweep()
             if (out / "dataset.json").is_file():
                 self._claim(lock)  # a vehicle removed as damaged comes back where no frame is missing, too
             wanted, left_out = self._survey()
-            files.require_space(out, self.plan.size**2 * BYTES_PER_PIXEL * len(wanted))
+            files.require_space(out, plan.size**2 * BYTES_PER_PIXEL * len(wanted))
             listener = Listener(self.progress, _note)
             supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(lock))
             try:
@@ -132,13 +123,11 @@ class _Run:
 
     @cached_property
     def _asked(self) -> list[contract.PlannedFrame]:
-        """The shard's frames, or those of them that ``--only`` or ``--frames`` choose."""
-        chosen = chosen_frames(self.plan, self.options)
-        return [frame for frame in contract.planned_frames(self.plan, self.options.shard) if frame.id in chosen]
+        return self.job.wanted()
 
     def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
         """Frames to render, and those left out as quarantined; the ledger learns of done frames that it misses."""
-        out, again = self.options.out, self.options.retry_quarantined
+        out, again = self.job.out, self.job.retry_quarantined
         ledger, states = contract.read_ledger(out), contract.frame_states(out)
         wanted, left_out = [], {}
         for frame in self._asked:
@@ -149,39 +138,40 @@ class _Run:
                 wanted.append(frame)
             elif state == "done" and (frame.id not in ledger or ledger[frame.id].state != "done"):
                 # killed between the frame's rename and the ledger's line; when tried again, that still says otherwise
-                contract.append_entry(out, contract.LedgerEntry(frame.id, "done"), self.options.shard.label)
+                contract.append_entry(out, contract.LedgerEntry(frame.id, "done"), self.job.shard.label)
         return wanted, left_out
 
     def _pieces(self, wanted: list[contract.PlannedFrame]) -> list[list[str]]:
         """With several workers, pieces small enough that all of them are busy to the end."""
-        workers, most = self.options.workers, self.options.recycle
+        workers, most = self.job.workers, self.job.recycle
         if workers > 1:
-            most = min(most, max(len(self.plan.weathers), len(wanted) // (4 * workers)))
-        return [[frame.id for frame in chunk] for chunk in contract.chunks(self.plan, wanted, most)]
+            most = min(most, max(len(self.job.plan.weathers), len(wanted) // (4 * workers)))
+        return [[frame.id for frame in chunk] for chunk in contract.chunks(self.job.plan, wanted, most)]
 
     def _crew(self) -> Crew:
-        options = self.options
-        threads = own_threads(options.workers) if options.workers > 1 else 0
-        arguments = ["--plan", str(self.draft.absolute()), "--out", str(options.out.absolute())]
-        arguments += ["--scene", str(options.scene.absolute())] if options.scene else []
-        command = child_command("dataset_worker", [*arguments, "--threads", str(threads)])
-        return Crew(command, options.workers, options.recycle)
+        job = self.job
+        threads = own_threads(job.workers) if job.workers > 1 else 0
+        order = contract.RenderFrames(
+            self.draft.absolute(), job.out.absolute(), job.scene and job.scene.absolute(), threads, job.device
+        )
+        contract.save_job(self.order, order)
+        return Crew(child_command(self.order), job.workers, job.recycle)
 
     def _claim(self, lock: FolderLock) -> None:
         """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""
         with lock.claiming():
             # Without a plan, nothing says that a vehicle which lies there is the one that is rendered.
-            if not all((self.options.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
-                self.vehicle.save(self.options.out / "vehicle")
-            elif self.draft != self.options.out:  # another shard's, written since
-                _require_same(self.options.out, self.vehicle)
-            contract.claim_folder(self.options.out, self.plan)
-            contract.seal_dataset(self.options.out)
+            if not all((self.job.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
+                self.vehicle.save(self.job.out / "vehicle")
+            elif self.draft != self.job.out:  # another shard's, written since
+                _require_same(self.job.out, self.vehicle)
+            contract.claim_folder(self.job.out, self.job.plan)
+            contract.seal_dataset(self.job.out)
 
 
 @contextlib.contextmanager
-def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Iterator[Path]:
-    """The folder from which workers read plan and vehicle: ``out`` if it has them, else a draft outside it.
+def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle, draft: Path) -> Iterator[Path]:
+    """The folder from which workers read plan and vehicle: ``out`` if it has them, else ``draft``, outside it.
 
     So a scene that cannot be built leaves no plan behind that the corrected options would clash with.
 
@@ -194,10 +184,9 @@ def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle) -> Itera
             _require_same(out, vehicle)
             yield out
             return
-    with scratch_folder() as draft:
-        vehicle.save(draft / "vehicle")
-        contract.claim_folder(draft, plan)
-        yield draft
+    vehicle.save(draft / "vehicle")
+    contract.claim_folder(draft, plan)
+    yield draft
 
 
 def _require_same(out: Path, vehicle: contract.Vehicle) -> None:

@@ -30,8 +30,11 @@ from pipelines.evaluate import render_camouflages
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import (
     Dataset,
+    MakeDataset,
     Plan,
     Progress,
+    RenderCamouflages,
+    VehicleSource,
     balanced_frames,
     find_preset,
     frame_states,
@@ -86,7 +89,7 @@ class Workspace:
         ids = chosen_frames(plan, self._sizes)
         folder = self.folder / "sets" / f"{name}-{len(ids)}-{_digest(plan.to_json(), ids)}"
         title = f"rendering training set, {name}"
-        self._make(folder, plan, ids, wanted.arguments(self.vehicle.folder, plan), title)
+        self._make(folder, plan, ids, title)
         part = chosen_frames(plan, self._sizes, share)
         return folder if len(part) == len(ids) else linked_part(folder, part)
 
@@ -99,8 +102,7 @@ class Workspace:
         ids = tuple(balanced_frames(plan, held_out.frames))
         name = Path(weathers).stem
         folder = self.folder / "views" / f"{name}-{len(ids)}-{_digest(plan.to_json(), ids)}"
-        arguments = held_out.arguments(self.vehicle.folder, preset)
-        self._make(folder, plan, ids, arguments, f"rendering held-out views, {name} weathers")
+        self._make(folder, plan, ids, f"rendering held-out views, {name} weathers")
         return HeldOutViews(name, folder, ids)
 
     def run(self, name: str, asked: Mapping[str, Any], work: Callable[[Path, bool], object]) -> Path:
@@ -145,10 +147,9 @@ class Workspace:
                 if not all((folder / f"{frame}.png").is_file() for frame in frames)
             }
             if missing:
-                listed = _list_frames(out / "frames.txt", views.ids)
                 title = f"re-rendering {len(missing)} camouflages, {views.weathers} weathers"
-                options = ["--only", str(listed)]
-                render_camouflages(views.folder, list(missing.values()), out, self._blender, options, title)
+                job = RenderCamouflages(views.folder, out, tuple(missing.values()), tuple(views.ids))
+                render_camouflages(job, self._blender, title)
         return folders
 
     def paint(self, path: Path) -> Path:
@@ -157,17 +158,16 @@ class Workspace:
         kept = _named(self.folder / "paints", record.name.replace(" ", "-"), sha256_of(image)[:10], ".json")
         return keep_copy(Contestant(kept.stem, path, record), kept.parent)
 
-    def _make(self, folder: Path, plan: Plan, ids: Sequence[str], arguments: Sequence[str], title: str) -> None:
+    def _make(self, folder: Path, plan: Plan, ids: Sequence[str], title: str) -> None:
         """Render the frames of a plan that are missing; a finished frame is never rendered again."""
         with alone(folder):
             check_vehicle(folder, self.vehicle, "--data")
             states = frame_states(folder) if (folder / "dataset.json").is_file() else {}
             if all(states.get(frame) in ("done", "occluded") for frame in ids):
                 return
-            listed = _list_frames(folder.with_name(f"{folder.name}.txt"), ids)
-            chosen = [*arguments, "--out", str(folder), "--only", str(listed), "--json-progress"]
+            job = MakeDataset(folder, plan, VehicleSource(str(self.vehicle.folder)), frames=tuple(ids))
             with progress_bar(title) as move:
-                run_blender("make_dataset", chosen, move, self._blender)
+                run_blender(job, move, self._blender)
 
 
 def linked_part(dataset: Path, ids: Sequence[str]) -> Path:
@@ -216,11 +216,6 @@ def alone(product: Path) -> Iterator[None]:
 def _named(folder: Path, name: str, digest: str, suffix: str = "") -> Path:
     """What a digest names in a folder, whoever named it first: variants of two ablations may be the same."""
     return min(folder.glob(f"*-{digest}{suffix}"), default=folder / f"{name}-{digest}{suffix}")
-
-
-def _list_frames(path: Path, ids: Sequence[str]) -> Path:
-    write_bytes(path, ("\n".join(ids) + "\n").encode())
-    return path
 
 
 def _link(source: str, target: str) -> None:

@@ -16,7 +16,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from blender_addon.arguments import apply_parser
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.runtime.blender import run_blender
 
@@ -24,6 +23,7 @@ from .ablate_command import ablate
 from .bench_commands import bench_app, vehicle_arguments
 from .console import console, output, progress_bar
 from .dataset_commands import PASS_ON, Blender, dataset_app
+from .dataset_options import apply_job, apply_parser
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 from .evaluate_command import evaluate
@@ -88,9 +88,9 @@ def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
 @app.command("apply", context_settings=PASS_ON)
 def apply(context: typer.Context, blender: Blender = None) -> None:
     """Save a vehicle in camouflage as a .blend. `rauca apply --help` lists the options."""
-    apply_parser().parse_args(context.args)
+    job = apply_job(apply_parser().parse_args(context.args))
     with progress_bar("painting", resumes=False) as move:
-        run_blender("apply_camouflage", context.args, move, blender)
+        run_blender(job, move, blender)
     console.print("saved; open it in Blender, or append its object to a scene of yours")
 
 

@@ -10,7 +10,6 @@ import typer
 from rich.table import Column, Table
 from rich.text import Text
 
-from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Progress
 from rauca_core.contract.color import find_colors
 from rauca_core.contract.files import write_json
@@ -26,6 +25,7 @@ from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
 
 from .console import console, output, progress_bar
+from .dataset_options import dataset_job, dataset_parser
 from .going_on import goes_on_by_itself
 from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser
 
@@ -40,10 +40,10 @@ Blender = Annotated[Path | None, typer.Option(help="Blender program; without it 
 @dataset_app.command("make", context_settings=PASS_ON)
 def dataset_make(context: typer.Context, blender: Blender = None) -> None:
     """Render a data set: every view in every weather. `rauca dataset make --help` lists the options."""
-    _, arguments = slurm_parser().parse_known_args(context.args)
     every_option = ArgumentParser(prog="rauca dataset make", parents=[dataset_parser(), slurm_parser()], **MERGED)
     options = every_option.parse_args(context.args)
     refuse_without_slurm(options)
+    job = dataset_job(options)
     with goes_on_by_itself(), progress_bar("rendering data set", every_step=True) as bar:
 
         def move(progress: Progress) -> None:
@@ -52,11 +52,11 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
                 print(progress.line(), flush=True)
 
         if options.slurm:
-            job = render_on_slurm(options, arguments, blender, move)
+            array = render_on_slurm(options, job, blender, move)
         else:
-            run_blender("make_dataset", [*arguments, "--json-progress"], move, blender)
+            run_blender(job, move, blender)
     if options.slurm:
-        console.print(f"Slurm job {job}" + (" submitted" if options.no_wait else " finished"))
+        console.print(f"Slurm job {array}" + (" submitted" if options.no_wait else " finished"))
 
 
 @dataset_app.command("check")

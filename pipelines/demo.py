@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipelines.console import console, progress_bar
+from pipelines.dataset_options import dataset_job, dataset_parser
 from pipelines.evaluate import measure, render_camouflages
 from pipelines.going_on import goes_on_by_itself
 from pipelines.optimize_camouflage import optimize_camouflage
@@ -18,7 +19,7 @@ from pipelines.report import report_run
 from pipelines.stages import Stages
 from rauca_core.attack import make_settings, random_camouflage
 from rauca_core.attack.methods import settings_of
-from rauca_core.contract import load_vehicle
+from rauca_core.contract import RenderCamouflages, load_vehicle
 from rauca_core.detect import fetch
 from rauca_core.detect.weights_file import sha256_of
 from rauca_core.runtime.blender import run_blender
@@ -74,12 +75,13 @@ def run_demo(choice: DemoChoice) -> Path:
     detectors, held_out_views = (WHITE_BOX, *BLACK_BOX), f"{scale.held_out} --no-light"
 
     def dataset(folder: Path, title: str, vehicle: Sequence[str], options: str, seed: int) -> None:
-        chosen = f"{scale.frames} {options} --seed {seed} --json-progress".split()
+        chosen = f"{scale.frames} {options} --seed {seed}".split()
         arguments = ["--out", str(folder), *vehicle, *chosen]
 
         def work() -> None:
+            job = dataset_job(dataset_parser().parse_args(arguments))
             with progress_bar(title) as move:
-                run_blender("make_dataset", arguments, move, choice.blender)
+                run_blender(job, move, choice.blender)
 
         stages.run(title, arguments, work, folder / "dataset.json")
 
@@ -101,7 +103,8 @@ def run_demo(choice: DemoChoice) -> Path:
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
     painted = [sha256_of(path.with_suffix(".png")) for path in both]
-    stages.run("re-rendering", painted, lambda: render_camouflages(held_out, both, renders, choice.blender), renders)
+    job = RenderCamouflages(held_out, renders, tuple(both))
+    stages.run("re-rendering", painted, lambda: render_camouflages(job, choice.blender), renders)
     results, agree = out / "results.json", out / AGREEMENT
     asked = [*detectors, target, *painted]
     stages.run("detecting", asked, lambda: measure(held_out, both, renders, detectors, out, target), results)

@@ -19,8 +19,10 @@ from rauca_core.version import __version__
 PACKAGES = ("numpy", "numba", "xatlas", "opencv-contrib-python-headless", "faster-coco-eval", "safetensors")
 BLENDER_PROBE = """
 import bpy
-from blender_addon import compat
+from blender_addon import compat, devices
+gpus = [gpu.described for gpu in devices.gpus()]
 print("version", bpy.app.version_string, "denoiser" if compat.has_denoiser(bpy.context.scene) else "no-denoiser")
+print("renders on", "; ".join(["cpu", *gpus]))
 """
 
 
@@ -78,5 +80,7 @@ def _blender() -> Iterator[Finding]:
         yield Finding("bpy", reason, False, libraries_for(reason) or "pip install rauca[dataset]")
         return
     yield Finding("bpy", " ".join(answer[1:-1]))
+    devices = next((line for line in probe.stdout.splitlines() if line.startswith("renders on ")), "renders on cpu")
+    yield Finding("Cycles renders on", devices.removeprefix("renders on "))
     denoises = answer[-1] == "denoiser"
     yield Finding("denoiser", "Open Image Denoise" if denoises else "none", denoises, "use the bpy wheel")

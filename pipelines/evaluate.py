@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipelines.console import progress_bar
-from rauca_core.contract import Dataset, Progress, load_camouflage
+from rauca_core.contract import Dataset, Progress, RenderCamouflages, load_camouflage
 from rauca_core.detect import load_detector
 from rauca_core.runtime.blender import run_blender
 from rauca_core.study import DetectionSettings, Results, reference_images
@@ -19,21 +19,11 @@ from rauca_core.study.images_of import ImageOf
 
 
 def render_camouflages(
-    dataset: Path,
-    camouflages: Sequence[Path],
-    out: Path,
-    blender: Path | None = None,
-    options: Sequence[str] = (),
-    title: str = "re-rendering in camouflage",
+    job: RenderCamouflages, blender: Path | None = None, title: str = "re-rendering in camouflage"
 ) -> None:
-    """Render the data set's views in each camouflage to ``out/<name>``, with Cycles, never with the neural renderer.
-
-    Args:
-        options: more of ``pipelines/render_camouflage.py``, such as ``--every 12``.
-    """
-    arguments = ["--dataset", str(dataset), "--out", str(out), "--json-progress", *options, *map(str, camouflages)]
+    """Render a data set's views in camouflages, with Cycles, never with the neural renderer."""
     with progress_bar(title) as move:
-        run_blender("render_camouflages", arguments, move, blender)
+        run_blender(job, move, blender)
 
 
 def measure(

@@ -9,7 +9,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from blender_addon.headless import blender_arguments, make_dataset
+from blender_addon.headless import blender_arguments, run
+from pipelines.dataset_options import dataset_job, dataset_parser
 
 if __name__ == "__main__":
-    sys.exit(make_dataset(blender_arguments()))
+    options = dataset_parser().parse_args(blender_arguments())
+    sys.exit(run(lambda: dataset_job(options), options.json_progress))

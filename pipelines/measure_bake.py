@@ -30,9 +30,10 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
     from blender_addon.scene.surface import Surface
     from blender_addon.scene.vehicle import SceneVehicle
     from blender_addon.vehicles import find_vehicle
+    from rauca_core.contract import VehicleSource
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    vehicle = find_vehicle(options.vehicle, options.paint_mask, options.paint_material)
+    vehicle = find_vehicle(VehicleSource(options.vehicle, options.paint_mask, options.paint_material))
     if options.camouflage is not None:
         paintwork = read_paintwork(options.camouflage, vehicle.atlas_id)
     else:

@@ -20,7 +20,18 @@ from pathlib import Path
 from pipelines.console import progress_bar
 from pipelines.evaluate import render_camouflages
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Dataset, Plan, Progress, balanced_frames, find_preset, frame_states, load_vehicle
+from rauca_core.contract import (
+    Dataset,
+    MakeDataset,
+    Plan,
+    Progress,
+    RenderCamouflages,
+    VehicleSource,
+    balanced_frames,
+    find_preset,
+    frame_states,
+    load_vehicle,
+)
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_bytes
 from rauca_core.detect import Detector
@@ -95,7 +106,7 @@ class Views:
         """Whether nothing is left to be rendered; with another plan there, Blender is to say what differs."""
         if not (self.source / "dataset.json").is_file():
             return False
-        if replace(self.dataset.plan, name=plan.name, blender=plan.blender) != plan:
+        if replace(self.dataset.plan, name=plan.name, blender=plan.blender, device=plan.device) != plan:
             return False
         states = frame_states(self.source)
         return all(states.get(frame_id) in ("done", "occluded") for frame_id in self.ids)
@@ -150,10 +161,9 @@ def _held_out(request: Request, vehicle: VehicleChoice, weathers: str) -> Views:
     if views.rendered(plan):
         return views
     _list_frames(folder, ids)
-    arguments = [*held_out.arguments(vehicle.folder, preset), *_scene(request)]
-    arguments += ["--out", str(folder / "views"), "--only", str(folder / FRAMES), "--json-progress"]
+    job = MakeDataset(folder / "views", plan, VehicleSource(str(vehicle.folder)), request.scene, ids)
     with progress_bar(f"{vehicle.name}, {name}: rendering views") as move:
-        run_blender("make_dataset", arguments, move, request.blender)
+        run_blender(job, move, request.blender)
     return views
 
 
@@ -169,9 +179,9 @@ def _render(request: Request, vehicle: VehicleChoice, views: Views, copies: Mapp
         return
     record.forget(renders)
     _list_frames(views.folder, views.ids)
-    options = ["--only", str(views.folder / FRAMES), *_scene(request)]
     title = f"{vehicle.name}, {views.weathers}: re-rendering in camouflage"
-    render_camouflages(views.source, list(copies.values()), renders, request.blender, options, title)
+    job = RenderCamouflages(views.source, renders, tuple(copies.values()), tuple(views.ids), scene=request.scene)
+    render_camouflages(job, request.blender, title)
     record.save(renders)
 
 
@@ -209,7 +219,3 @@ def _evaluate(
 
 def _list_frames(folder: Path, ids: Sequence[str]) -> None:
     write_bytes(folder / FRAMES, ("\n".join(ids) + "\n").encode())
-
-
-def _scene(request: Request) -> list[str]:
-    return ["--scene", str(request.scene)] if request.scene else []

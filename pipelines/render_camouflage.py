@@ -9,7 +9,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from blender_addon.headless import blender_arguments, render_camouflages
+from blender_addon.headless import blender_arguments, run
+from pipelines.dataset_options import render_job, render_parser
 
 if __name__ == "__main__":
-    sys.exit(render_camouflages(blender_arguments()))
+    options = render_parser().parse_args(blender_arguments())
+    sys.exit(run(lambda: render_job(options), options.json_progress))

@@ -11,11 +11,11 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from blender_addon.selection import chosen_frames
-from rauca_core.contract import Progress, RaucaError, frame_states, read_plan
+from rauca_core.contract import MakeDataset, Progress, RaucaError, Shard, frame_states, save_job
 from rauca_core.runtime.blender import blender_command, reason_of
 
 POLL_S = 3.0
@@ -45,15 +45,15 @@ def refuse_without_slurm(options: argparse.Namespace) -> None:
 
 def render_on_slurm(
     options: argparse.Namespace,
-    arguments: Sequence[str],
+    job: MakeDataset,
     blender: Path | None,
     move: Callable[[Progress], None],
 ) -> str:
     """Submit the shards of a data set and, unless told otherwise, wait for them.
 
     Args:
-        options: of ``make_dataset`` and of :func:`slurm_parser`; logs go to ``<out>.slurm`` beside the data set.
-        arguments: of ``make_dataset``, as they were typed.
+        options: of :func:`slurm_parser`.
+        job: is cut into shards; their jobs and logs go to ``<out>.slurm`` beside the data set.
         move: called with the progress of all tasks together.
 
     Returns:
@@ -62,22 +62,26 @@ def render_on_slurm(
     Raises:
         RaucaError: there is no Slurm or submitit here, the cluster refuses the job, or tasks failed.
     """
-    folder: Path = options.out
-    if options.shard.count > 1:
+    folder = job.out
+    if job.shard.count > 1:
         raise RaucaError("--shard: with --slurm every shard is submitted; give --shards N instead")
     if options.shards < 1:
         raise RaucaError(f"--shards {options.shards}: must be at least 1")
     if shutil.which("sbatch") is None:
         raise RaucaError("--slurm: there is no sbatch here; run this on a login node of a Slurm cluster")
     logs = Path(f"{folder.absolute()}.slurm")
-    shards = [f"{i}/{options.shards}" for i in range(1, options.shards + 1)]
-    commands = [blender_command("make_dataset", [*arguments, "--shard", shard], blender) for shard in shards]
+    shards = [Shard(index, options.shards) for index in range(1, options.shards + 1)]
+    commands = []
+    for shard in shards:
+        path = logs / f"shard-{shard.index}.json"
+        commands.append(blender_command(path, blender))
+        save_job(path, replace(job, shard=shard))
     jobs = _submit(options, logs, commands)
     array = str(jobs[0].job_id).partition("_")[0]
     if options.no_wait:
         return array
     try:
-        _wait(jobs, array, options, move)
+        _wait(jobs, array, job, move)
     except KeyboardInterrupt:
         raise RaucaError(f"interrupted; job {array} goes on without us, `scancel {array}` ends it") from None
     failed = [f"{shard}: {reason}" for shard, job in zip(shards, jobs, strict=True) if (reason := _failure(job))]
@@ -111,11 +115,12 @@ def _submit(options: argparse.Namespace, logs: Path, commands: list[list[str]]) 
         raise RaucaError(f"--slurm: the cluster refused the job: {' '.join(str(error).split())}") from None
 
 
-def _wait(jobs: list[Any], array: str, options: argparse.Namespace, move: Callable[[Progress], None]) -> None:
+def _wait(jobs: list[Any], array: str, asked_for: MakeDataset, move: Callable[[Progress], None]) -> None:
+    asked = {frame.id for frame in asked_for.wanted()}
     while True:
         waiting = [job for job in jobs if not job.paths.result_pickle.exists()]
-        if (options.out / "dataset.json").is_file():
-            asked, states = chosen_frames(read_plan(options.out), options), frame_states(options.out)
+        if (asked_for.out / "dataset.json").is_file():
+            states = frame_states(asked_for.out)
             settled = sum(state != "failed" for frame, state in states.items() if frame in asked)
             move(Progress(settled, len(asked), f"{len(waiting)} of {len(jobs)} tasks left"))
         if not waiting:

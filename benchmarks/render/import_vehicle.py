@@ -14,6 +14,6 @@ from blender_addon.vehicles import find_vehicle
 if __name__ == "__main__":
     name, mask, material, out = sys.argv[1:]
     try:
-        find_vehicle(name, Path(mask) if mask else None, material or None).save(Path(out))
+        find_vehicle(contract.VehicleSource(name, Path(mask) if mask else None, material or None)).save(Path(out))
     except contract.RaucaError as error:
         sys.exit(f"error: {error}")

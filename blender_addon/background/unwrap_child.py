@@ -21,8 +21,9 @@ class UnwrapChild:
         self._folder: Path = job_folder()
         try:
             vehicle.save(self._folder / "before")
-            names = [str(self._folder / name) for name in ("before", "after")]
-            self._process = BackgroundProcess(child_command("unwrap_vehicle", names), lambda line: None)
+            job = self._folder / "job.json"
+            contract.save_job(job, contract.UnwrapVehicle(self._folder / "before", self._folder / "after"))
+            self._process = BackgroundProcess(child_command(job), lambda line: None)
         except (OSError, contract.RaucaError) as error:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise contract.RaucaError(f"Unwrapping cannot start: {error}") from None

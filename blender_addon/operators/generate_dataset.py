@@ -10,7 +10,6 @@ from bpy.app.translations import pgettext_rpt as rpt
 
 from .. import compat
 from ..background import watch
-from ..background.dataset_arguments import dataset_arguments
 from ..background.dataset_task import DatasetTask
 from ..background.folders import chosen_folder, job_folder, refuse_foreign
 from ..child import child_command
@@ -50,10 +49,51 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
         vehicle = context.scene.rauca.vehicle.chosen(context)
         scratch = job_folder()
         vehicle.save(scratch / "vehicle")
-        arguments = dataset_arguments(context, folder, scratch / "vehicle")
-        task = DatasetTask(folder, child_command("make_dataset", arguments), scratch)
+        contract.save_job(scratch / "job.json", dataset_job(context, folder, scratch / "vehicle"))
+        task = DatasetTask(folder, child_command(scratch / "job.json"), scratch)
         workers = settings.workers
         watch.begin(JOB, task, lambda job: _learn_pace(folder, workers))
+
+
+def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contract.MakeDataset:
+    """What the panels of steps 1 to 4 ask for.
+
+    Args:
+        out: folder of the dataset.
+        vehicle: folder of the saved vehicle.
+
+    Raises:
+        RaucaError: the list of weathers cannot be read, or the settings ask for what no dataset can be.
+    """
+    steps = context.scene.rauca
+    settings = steps.dataset
+    weathers, notes = steps.weather.chosen()
+    plan = contract.Plan(
+        name=out.name,
+        vehicle_name="",
+        atlas_id="",
+        size=settings.size,
+        quality=contract.Quality(settings.samples, denoise=settings.denoise),
+        light=settings.light,
+        weathers=tuple(weathers),
+        ring=steps.cameras.ring(context),
+        locations=settings.locations,
+        reference_srgb=contract.REFERENCE_SRGB,
+        min_visible=contract.MIN_VISIBLE,
+        seed=settings.seed,
+        blender="",
+    )
+    plan.check(rpt("Settings"))
+    return contract.MakeDataset(
+        out=out,
+        plan=plan,
+        vehicle=contract.VehicleSource(str(vehicle)),
+        frames=tuple(contract.balanced_frames(plan, settings.part)) if settings.part else None,
+        workers=settings.workers,
+        retry_quarantined=settings.retry,
+        device=settings.device.lower(),
+        notes=tuple(notes),
+    )
 
 
 def _learn_pace(folder: Path, workers: int) -> None:

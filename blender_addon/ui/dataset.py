@@ -44,6 +44,15 @@ class RaucaDataset(bpy.types.PropertyGroup):
         default=True,
         description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
+    device: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Render On",
+        items=[
+            ("CPU", "CPU", "The same bytes on every run; slower"),
+            ("GPU", "GPU", "The graphics cards that Cycles finds; refused where there is none"),
+            ("AUTO", "GPU or CPU", "The graphics cards where there are any, else the CPU"),
+        ],
+        description="What Cycles renders the frames on; the dataset notes it",
+    )
     part: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Frames at Most",
         default=0,
@@ -116,7 +125,7 @@ class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blen
         return not watch.busy(JOB)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        for name in ("light", "part", "workers", "seed", "retry"):
+        for name in ("light", "device", "part", "workers", "seed", "retry"):
             layout.prop(context.scene.rauca.dataset, name)
 
 

@@ -11,7 +11,18 @@ from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_sta
 from .errors import RaucaError, StoppedError
 from .files import seal_dataset
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
-from .plan import Plan, Quality, Ring, Scenery, claim_folder, read_plan
+from .job import (
+    ApplyCamouflage,
+    Job,
+    MakeDataset,
+    RenderCamouflages,
+    RenderFrames,
+    UnwrapVehicle,
+    VehicleSource,
+    load_job,
+    save_job,
+)
+from .plan import MIN_VISIBLE, REFERENCE_SRGB, Plan, Quality, Ring, Scenery, claim_folder, read_plan
 from .presets import find_preset, load_weathers, preset_notes, save_weathers, weather_from_carla
 from .progress import OptimizeProgress, Progress, parse_optimize_progress, parse_progress
 from .semantics import Box, Instance
@@ -21,6 +32,9 @@ from .work import PlannedFrame, Shard, balanced_frames, cameras_of, chunks, in_r
 
 __all__ = [
     "MAX_EXTENT_M",
+    "MIN_VISIBLE",
+    "REFERENCE_SRGB",
+    "ApplyCamouflage",
     "Box",
     "Camera",
     "Camouflage",
@@ -28,7 +42,9 @@ __all__ = [
     "Frame",
     "FramePasses",
     "Instance",
+    "Job",
     "LedgerEntry",
+    "MakeDataset",
     "Material",
     "OptimizeProgress",
     "Plan",
@@ -36,11 +52,15 @@ __all__ = [
     "Progress",
     "Quality",
     "RaucaError",
+    "RenderCamouflages",
+    "RenderFrames",
     "Ring",
     "Scenery",
     "Shard",
     "StoppedError",
+    "UnwrapVehicle",
     "Vehicle",
+    "VehicleSource",
     "Weather",
     "append_entry",
     "balanced_frames",
@@ -53,6 +73,7 @@ __all__ = [
     "in_rendering_order",
     "load_camouflage",
     "load_frame",
+    "load_job",
     "load_passes",
     "load_vehicle",
     "load_weathers",
@@ -65,6 +86,7 @@ __all__ = [
     "read_plan",
     "save_camouflage",
     "save_frame",
+    "save_job",
     "save_weathers",
     "seal_dataset",
     "weather_from_carla",

@@ -62,6 +62,9 @@ class Scenery(Record):
             raise RaucaError(f"{where}: must be the town, or a blend with its name and sha256")
 
 
+CPU = "cpu"
+REFERENCE_SRGB = (140, 140, 140)
+MIN_VISIBLE = 0.5
 FINISHES = ("own", "car_paint", "sticker")
 MAX_FRAMES = 1_000_000
 """Of one plan: a year of rendering, and some 200 MiB as a list of frames. Every command begins by making that list."""
@@ -132,6 +135,7 @@ class Plan(Record):
         scenery: where the vehicle stands.
         finish: of the paint: the vehicle's ``own``, ``car_paint`` (clearcoat) or ``sticker`` (matte).
         recolor_share: share of frames rendered once more for real in another color, to check the light maps.
+        device: that renders it: ``cpu``, or a backend of Cycles with its GPUs, such as ``OPTIX: NVIDIA L4``.
     """
 
     FORMAT = ("rauca-dataset", 2)
@@ -151,6 +155,7 @@ class Plan(Record):
     scenery: Scenery = Scenery()
     finish: Annotated[str, FINISHES] = "own"
     recolor_share: Annotated[float, (0, 1)] = 0.0
+    device: str = CPU
 
     def frame_ids(self) -> list[tuple[str, int, int, Weather]]:
         """Every planned frame as (id, location, view, weather), in rendering order."""
@@ -180,13 +185,15 @@ def read_plan(folder: Path) -> Plan:
 def claim_folder(folder: Path, plan: Plan) -> None:
     """Write the plan into an empty folder, or accept a folder that already holds the same plan.
 
-    A different plan is refused rather than mixed in; only the Blender version and the name may differ (folders are
-    moved and renamed), and are kept as first written.
+    A different plan is refused rather than mixed in; only the Blender version, the name (folders are moved and
+    renamed) and which GPU it was may differ, and are kept as first written.
     """
     path = Path(folder) / "dataset.json"
     if path.is_file():
         found = read_plan(folder)
-        plan = replace(plan, blender=found.blender, name=found.name)
+        same_kind = (found.device == CPU) == (plan.device == CPU)
+        device = found.device if same_kind else plan.device
+        plan = replace(plan, blender=found.blender, name=found.name, device=device)
         if found != plan:
             changed = [k for k, v in plan.to_json().items() if found.to_json()[k] != v]
             raise RaucaError(

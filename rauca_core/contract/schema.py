@@ -152,6 +152,12 @@ class Fields:
             raise self._refuse(name, "a list")
         return value
 
+    def texts(self, name: str) -> list[str]:
+        value = self.items(name)
+        if not all(isinstance(item, str) for item in value):
+            raise self._refuse(name, "a list of texts")
+        return value
+
     def nested(self, name: str) -> Fields:
         return Fields(self._get(name), f"{self.where}: {name}")
 
@@ -186,8 +192,8 @@ class Fields:
 class Record:
     """A dataclass that is a JSON object on disk; fields that have a default may be left out there.
 
-    Annotations are ``float``, ``int``, ``str``, ``bool``, arrays, records, tuples of numbers or records, free-form
-    dictionaries, and any of these or None. What more a value must be stands beside its type:
+    Annotations are ``float``, ``int``, ``str``, ``Path``, ``bool``, arrays, records, tuples of numbers, texts, paths or
+    records, free-form dictionaries, and any of these or None. What more a value must be stands beside its type:
     ``Annotated[float, (0, 1)]`` limits a number, ``Annotated[NDArray, (3, 3)]`` tells the shape of an array,
     ``Annotated[str, ("town", "blend")]`` the words to choose from, and ``Annotated[str, "plain_name"]`` names the
     method of :class:`Fields` that reads it.
@@ -232,6 +238,8 @@ def _plain(value: Any) -> Any:
         return value.to_json()
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
@@ -252,6 +260,8 @@ def _value(fields: Fields, name: str, kind: Any) -> Any:
     if get_origin(kind) is dict:
         fields.nested(name)  # refuses what is no object
         return fields.raw(name)
+    if kind is Path:
+        return Path(fields.text(name))
     if kind is str:
         return fields.choice(name, mark) if mark else fields.text(name)
     simple: dict[Any, Callable[..., Any]] = {float: fields.number, int: fields.integer, bool: fields.flag}
@@ -259,7 +269,9 @@ def _value(fields: Fields, name: str, kind: Any) -> Any:
 
 
 def _tuple(fields: Fields, name: str, parts: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Numbers or records: as many as the annotation has, or any number."""
+    """Texts, paths, numbers or records: as many as the annotation has, or any number."""
+    if parts[0] in (str, Path):
+        return tuple(parts[0](text) for text in fields.texts(name))
     if issubclass(parts[0], Record):
         return tuple(parts[0].from_json(item) for item in fields.objects(name))
     count = len(fields.items(name)) if Ellipsis in parts else len(parts)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from .errors import RaucaError
 from .plan import Plan
+from .schema import Record
 from .seeding import named_rng
 from .weather import Weather
 
@@ -39,7 +40,7 @@ class PlannedFrame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shard:
+class Shard(Record):
     """Part ``index`` of ``count``, counted from 1."""
 
     index: int = 1

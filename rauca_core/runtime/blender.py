@@ -8,11 +8,12 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..contract import Progress, RaucaError, parse_progress
+from ..contract import Job, Progress, RaucaError, parse_progress, save_job
 
 LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
 
@@ -20,8 +21,8 @@ LIBRARIES = "libx11-6 libxi6 libxrender1 libxxf86vm1 libxfixes3 libxkbcommon0 li
 """What Blender links to, as Debian's packages."""
 
 
-def blender_command(job: str, arguments: Sequence[str], blender: Path | None = None) -> list[str]:
-    """The command that runs ``blender_addon.headless`` for ``job``: in ``blender`` if given, else in the bpy wheel.
+def blender_command(job: Path, blender: Path | None = None) -> list[str]:
+    """The command that does the work of a job's file: in ``blender`` if given, else in the bpy wheel.
 
     Raises:
         RaucaError: neither is there.
@@ -33,9 +34,9 @@ def blender_command(job: str, arguments: Sequence[str], blender: Path | None = N
         code = (
             f"import sys; sys.path.insert(0, {root!r}); from blender_addon import headless; sys.exit(headless.main())"
         )
-        return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", job, *arguments]
+        return [str(blender), "-b", "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
     require_bpy("pass --blender PROGRAM")
-    return [sys.executable, "-m", "blender_addon.headless", job, *arguments]
+    return [sys.executable, "-m", "blender_addon.headless", str(job)]
 
 
 def require_bpy(instead: str = "") -> None:
@@ -45,20 +46,24 @@ def require_bpy(instead: str = "") -> None:
         raise RaucaError(f"Blender is missing: {wheel}" + (f", or {instead}" if instead else ""))
 
 
-def run_blender(
-    job: str, arguments: Sequence[str], progress: Callable[[Progress], None], blender: Path | None = None
-) -> None:
-    """Run a job to its end.
+def run_blender(job: Job, progress: Callable[[Progress], None], blender: Path | None = None) -> None:
+    """Let a Blender do a job to its end.
 
     Args:
-        job: ``make_dataset``, ``render_camouflages`` or ``apply_camouflage``.
         progress: called at every item.
 
     Raises:
         RaucaError: what the job said was wrong, or how it died.
     """
+    with tempfile.TemporaryDirectory(prefix="rauca-job-") as folder:
+        path = Path(folder) / "job.json"
+        save_job(path, job)
+        _run(job.task, blender_command(path, blender), progress)
+
+
+def _run(task: str, command: Sequence[str], progress: Callable[[Progress], None]) -> None:
     process = subprocess.Popen(
-        blender_command(job, arguments, blender),
+        command,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -79,7 +84,7 @@ def run_blender(
         raise
     listener.join(timeout=5)
     if process.returncode:
-        raise RaucaError(reason_of(job, process.returncode, complaints))
+        raise RaucaError(reason_of(task, process.returncode, complaints))
 
 
 def _stop(process: subprocess.Popen[str]) -> None:
@@ -91,7 +96,7 @@ def _stop(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def reason_of(job: str, code: int, complaints: Sequence[str], program: str = "Blender") -> str:
+def reason_of(task: str, code: int, complaints: Sequence[str], program: str = "Blender") -> str:
     """Why a job failed: its own sentence if it left one on standard error, else how it died."""
     for line in reversed(complaints):
         for mark in ("error: ", "interrupted: "):
@@ -100,12 +105,12 @@ def reason_of(job: str, code: int, complaints: Sequence[str], program: str = "Bl
     if code < 0:
         name = signal.Signals(-code).name
         return (
-            f"{job}: {program} was killed by {name} (out of memory?); finished frames are kept, run the command again"
+            f"{task}: {program} was killed by {name} (out of memory?); finished frames are kept, run the command again"
         )
     tail = next((line.strip() for line in reversed(complaints) if line.strip()), "no message")
     if advice := libraries_for(tail):
-        return f"{job}: Blender does not start: {tail.removeprefix('ImportError: ')}; {advice}"
-    return f"{job}: {program} stopped with code {code}: {tail}"
+        return f"{task}: Blender does not start: {tail.removeprefix('ImportError: ')}; {advice}"
+    return f"{task}: {program} stopped with code {code}: {tail}"
 
 
 def libraries_for(complaint: str) -> str:

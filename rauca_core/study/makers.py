@@ -14,16 +14,18 @@ from ..attack import StepReport, make_settings, random_camouflage, run_optimizat
 from ..contract import (
     Dataset,
     Frame,
+    ImportVehicle,
+    MakeDataset,
     Plan,
     Progress,
     RaucaError,
+    RenderCamouflages,
+    VehicleSource,
     frame_states,
     load_camouflage,
     load_vehicle,
     save_camouflage,
-    save_weathers,
 )
-from ..contract.files import write_bytes
 from ..contract.schema import Fields
 from ..detect.weights_file import sha256_of
 from ..environment.published_fit import FINISHED, WEIGHTS, fit_published
@@ -47,8 +49,8 @@ def has_vehicle(artifact: Artifact, folder: Path) -> bool:
 
 def make_vehicle(job: Job) -> None:
     """Read a vehicle from another format, in Blender."""
-    given = [*job.artifact.options["arguments"], "--out", str(job.folder)]
-    run_blender("import_vehicle", given, job.report, job.machine.blender)
+    given = Fields(job.artifact.options["source"], job.artifact.name)
+    run_blender(ImportVehicle(job.folder, VehicleSource.from_json(given)), job.report, job.machine.blender)
 
 
 def has_plan(artifact: Artifact, folder: Path) -> bool:
@@ -68,36 +70,8 @@ def make_views(job: Job) -> None:
     wanted = job.artifact
     fields = {**wanted.settings["plan"], "name": wanted.label, "blender": ""}
     plan = Plan.from_json(Fields(fields, wanted.name))
-    with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
-        given = dataset_arguments(plan, job.inputs[0], Path(temporary))
-        given += ["--only", str(_listed(Path(temporary), wanted.options["frames"])), *_scene(wanted)]
-        given += ["--out", str(job.folder), "--json-progress"]
-        run_blender("make_dataset", given, job.report, job.machine.blender)
-
-
-def dataset_arguments(plan: Plan, vehicle: Path, scratch: Path) -> list[str]:
-    """A plan as the arguments of ``make_dataset``, all but the output, the scene, and which frames.
-
-    Args:
-        scratch: an existing folder, for files that the arguments name.
-    """
-    save_weathers(scratch / "weathers.json", list(plan.weathers))
-    ring, quality = plan.ring, plan.quality
-    options: dict[str, object] = {
-        "vehicle": vehicle, "weathers": scratch / "weathers.json", "seed": plan.seed, "locations": plan.locations,
-        "size": plan.size, "samples": quality.samples, "adaptive-threshold": quality.adaptive_threshold,
-        "bounces": quality.bounces, "finish": plan.finish, "recolor-share": plan.recolor_share,
-        "reference": bytes(plan.reference_srgb).hex(), "min-visible": plan.min_visible, "fov": ring.fov_deg,
-        "azimuths": _numbers(ring.azimuths_deg), "elevations": _numbers(ring.elevations_deg),
-        "distances": _numbers(ring.distances_m), "jitter-azimuth": ring.jitter_azimuth_deg,
-        "jitter-elevation": ring.jitter_elevation_deg, "jitter-distance": ring.jitter_distance,
-        "jitter-aim": ring.jitter_aim_m, "jitter-roll": ring.jitter_roll_deg,
-    }  # fmt: skip
-    flags = {"light": plan.light, "denoise": quality.denoise, "composed-fog": quality.composed_fog}
-    return [
-        *(f"--{name}={value}" for name, value in options.items()),
-        *(f"--{name}" if on else f"--no-{name}" for name, on in flags.items()),
-    ]
+    vehicle, frames = VehicleSource(str(job.inputs[0])), tuple(wanted.options["frames"])
+    run_blender(MakeDataset(job.folder, plan, vehicle, _scene(wanted), frames), job.report, job.machine.blender)
 
 
 def make_part(job: Job) -> None:
@@ -190,11 +164,12 @@ def make_renders(jobs: Sequence[Job]) -> None:
             save_camouflage(paints[-1], replace(record, name=job.folder.name), image.read_bytes())
             for damaged in (path for path in job.folder.glob("*.png") if not is_whole(path)):
                 damaged.unlink()
-        options = ["--only", str(_listed(Path(temporary), frames)), *_scene(first.artifact)]
-        if "samples" in first.artifact.settings:
-            options += ["--samples", str(first.artifact.settings["samples"]), "--no-denoise"]
-        given = ["--dataset", str(first.inputs[0]), "--out", str(first.folder.parent), "--json-progress", *options]
-        run_blender("render_camouflages", [*given, *map(str, paints)], first.report, first.machine.blender)
+        samples = first.artifact.settings.get("samples")
+        wanted = RenderCamouflages(
+            first.inputs[0], first.folder.parent, tuple(paints), tuple(frames), samples, denoise=samples is None,
+            scene=_scene(first.artifact),
+        )  # fmt: skip
+        run_blender(wanted, first.report, first.machine.blender)
 
 
 def make_defended(job: Job) -> None:
@@ -286,19 +261,9 @@ def _images_behind(folder: Path, ids: Sequence[str]) -> Pictures:
     return Pictures((), paths, [sha256_of(path) for path in paths])
 
 
-def _scene(artifact: Artifact) -> list[str]:
+def _scene(artifact: Artifact) -> Path | None:
     scene = artifact.options.get("scene")
-    return ["--scene", str(scene)] if scene else []
-
-
-def _listed(folder: Path, ids: Sequence[str]) -> Path:
-    """A file that names frames, one a line."""
-    write_bytes(folder / "frames.txt", ("\n".join(ids) + "\n").encode())
-    return folder / "frames.txt"
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return ",".join(map(repr, values))
+    return Path(scene) if scene else None
 
 
 def _link(source: str, target: str) -> None:

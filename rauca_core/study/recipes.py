@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..attack import OptimizerSettings
-from ..contract import Dataset, Plan, RaucaError, Vehicle, load_camouflage, load_vehicle, read_plan
+from ..contract import Dataset, Plan, RaucaError, Vehicle, VehicleSource, load_camouflage, load_vehicle, read_plan
 from ..detect import Detector
 from ..detect.weights_file import sha256_of
 from ..runtime.images import read_image
@@ -31,11 +31,9 @@ def vehicle_file(path: Path, paint_mask: Path | None = None, paint_material: str
     if not path.is_file():
         raise RaucaError(f"{path}: no such vehicle; give a shipped one's name, its folder, an .obj, a .glb or a .blend")
     mask = None if paint_mask is None else sha256_of(paint_mask)
-    arguments = ["--vehicle", str(path)]
-    arguments += [] if paint_mask is None else ["--paint-mask", str(paint_mask)]
-    arguments += [] if paint_material is None else ["--paint-material", paint_material]
+    source = VehicleSource(str(path), paint_mask, paint_material)
     settings = {"file": sha256_of(path), "paint_mask": mask, "paint_material": paint_material}
-    return Artifact("vehicle", path.stem, settings, options={"arguments": arguments})
+    return Artifact("vehicle", path.stem, settings, options={"source": source.to_json()})
 
 
 def data_set(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,19 +71,6 @@ class HeldOut:
             (140, 140, 140), 0.5, self.seed, "",
         )  # fmt: skip
 
-    def arguments(self, vehicle: Path, preset: str) -> list[str]:
-        """Arguments of ``rauca dataset make`` for that plan, all but the output and which frames."""
-        ring = self.ring
-        options = {
-            "--vehicle": vehicle, "--weathers": preset, "--seed": self.seed, "--locations": self.locations,
-            "--size": self.size, "--samples": self.samples, "--fov": ring.fov_deg,
-            "--azimuths": _listed(ring.azimuths_deg), "--elevations": _listed(ring.elevations_deg),
-            "--distances": _listed(ring.distances_m), "--jitter-azimuth": ring.jitter_azimuth_deg,
-            "--jitter-elevation": ring.jitter_elevation_deg, "--jitter-distance": ring.jitter_distance,
-            "--jitter-aim": ring.jitter_aim_m, "--jitter-roll": ring.jitter_roll_deg,
-        }  # fmt: skip
-        return ["--no-light", "--no-composed-fog", *(str(part) for option in options.items() for part in option)]
-
 
 def frames_of_scale(scale: str) -> int:
     """Frames per weather set; raises :class:`RaucaError` for an unknown scale."""
@@ -99,7 +85,3 @@ def find_ring(name: str) -> Ring:
     if name not in RINGS:
         raise RaucaError(f"--ring {name}: unknown; choose {' or '.join(RINGS)}, and --elevations and --distances")
     return RINGS[name]
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ",".join(f"{value:g}" for value in values)

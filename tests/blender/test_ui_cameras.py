@@ -123,19 +123,6 @@ def test_the_ring_is_what_the_panel_says(addon, cameras):
     )
 
 
-def test_the_job_takes_the_panels_ring(addon, cameras):
-    from blender_addon.arguments import dataset_parser
-    from blender_addon.background.dataset_arguments import ring_arguments
-
-    cameras.azimuths, cameras.jitter_azimuth, cameras.jitter_distance = 7, math.radians(11), 15.0
-    ring = cameras.ring(addon.context)
-    read = dataset_parser().parse_args(["--out", "x", *ring_arguments(ring)])
-    assert (read.azimuths, read.elevations, read.distances) == (
-        ring.azimuths_deg, ring.elevations_deg, ring.distances_m,
-    )  # fmt: skip
-    assert (read.jitter_azimuth, read.jitter_distance, read.fov) == (11.0, 0.15, 60.0)
-
-
 def test_looking_through_and_leaving_gives_everything_back(addon, cameras):
     scene = addon.context.scene
     own, size, objects = scene.camera, scene.render.resolution_x, len(addon.data.objects)

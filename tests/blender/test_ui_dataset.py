@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.arguments import dataset_parser
 from tests.blender.disks import fill
 from tests.blender.timer import until
 
@@ -96,7 +95,7 @@ def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, h
 
 
 def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):
-    from blender_addon.background.dataset_arguments import dataset_arguments
+    from blender_addon.operators.generate_dataset import dataset_job
     from blender_addon.ui.dataset import state
 
     settings = steps().dataset
@@ -104,8 +103,8 @@ def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):
     for part, frames, asked in ((2, 2, 2), (0, 3, None)):
         settings.part = part
         assert state(addon.context).words.startswith(f"Ready: {frames} frames, about ")
-        arguments = dataset_arguments(addon.context, tmp_path / "set", tmp_path / "vehicle")
-        assert dataset_parser().parse_args(arguments).frames == asked
+        job = dataset_job(addon.context, tmp_path / "set", tmp_path / "vehicle")
+        assert (job.frames and len(job.frames)) == asked
 
 
 def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon, steps, headless, tmp_path):

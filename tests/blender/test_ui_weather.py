@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rauca_core.contract import RaucaError, Weather, find_preset, load_weathers, save_weathers
+from rauca_core.contract import RaucaError, Weather, find_preset, save_weathers
 from rauca_core.contract.assets import assets_folder
 
 FOG = Weather("mist", 30.0, 20.0, fog_density=50.0, cloudiness=40.0, wetness=30.0)
@@ -183,11 +183,13 @@ def test_the_gallery_picks_by_name(weather):
 
 
 def test_the_job_gets_the_list_or_the_sliders(addon, weather):
+    from blender_addon.ui.weather import lists
+
     weather.preset = "unseen"
-    assert weather.preset_file(addon.context) == "unseen"
+    assert weather.chosen() == (lists.shipped("unseen"), ())
     weather.used = "ONE"
     weather.rain = 12.5
-    (only,) = load_weathers(weather.preset_file(addon.context))
+    (only,) = weather.chosen()[0]
     assert only == weather.current()
     assert (only.name, only.precipitation) == ("my-weather", 12.5)
 
@@ -195,16 +197,16 @@ def test_the_job_gets_the_list_or_the_sliders(addon, weather):
 def test_a_file_of_the_users_own(addon, weather, tmp_path):
     weather.preset = "OWN"
     with pytest.raises(RaucaError, match="No list of weathers"):
-        weather.preset_file(addon.context)
+        weather.chosen()
     with pytest.raises(RuntimeError, match="choose another list"):
         addon.ops.rauca.next_weather()
     weather.file = str(tmp_path / "none.json")
     with pytest.raises(RaucaError, match="no such file"):
-        weather.preset_file(addon.context)
+        weather.chosen()
     save_weathers(tmp_path / "mine.json", [FOG])
     weather.file = str(tmp_path / "mine.json")
     assert weather.current() == FOG
-    assert weather.preset_file(addon.context) == str(tmp_path / "mine.json")
+    assert weather.chosen() == ((FOG,), [])
 
 
 def test_a_street_comes_and_goes_around_the_vehicle(addon, weather):

@@ -17,8 +17,8 @@ import pytest
 import typer
 from PIL import Image
 
-from blender_addon.arguments import apply_parser, dataset_parser
 from pipelines.cli import app
+from pipelines.dataset_options import apply_parser, dataset_parser
 from pipelines.evaluate_command import split_defences, split_names, weather_sets
 from pipelines.methods import chosen_settings
 from pipelines.naturalness import natural_settings

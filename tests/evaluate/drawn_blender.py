@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.stability.drawn import around, draw_frame
-from blender_addon.arguments import dataset_parser, render_parser
-from blender_addon.selection import chosen_frames
 from rauca_core.contract import (
     Dataset,
+    Job,
     LedgerEntry,
-    Plan,
+    MakeDataset,
     Progress,
-    Quality,
-    Ring,
+    RenderCamouflages,
     append_entry,
     claim_folder,
-    find_preset,
     load_camouflage,
     load_vehicle,
-    planned_frames,
     save_frame,
 )
 from rauca_core.contract.files import png_bytes, write_bytes
@@ -32,7 +29,7 @@ from rauca_core.runtime.images import read_image
 
 
 class DrawnBlender:
-    """Takes the arguments of the real one.
+    """Takes the jobs of the real one.
 
     Attributes:
         frames: how many were rendered, by job.
@@ -41,46 +38,32 @@ class DrawnBlender:
     def __init__(self) -> None:
         self.frames: Counter[str] = Counter()
 
-    def __call__(
-        self, job: str, arguments: Sequence[str], progress: Callable[[Progress], None], blender: Path | None = None
-    ) -> None:
-        {"make_dataset": self._make, "render_camouflages": self._render}[job](arguments)
+    def __call__(self, job: Job, progress: Callable[[Progress], None], blender: Path | None = None) -> None:
+        assert isinstance(job, MakeDataset | RenderCamouflages)
+        self._make(job) if isinstance(job, MakeDataset) else self._render(job)
         progress(Progress(1, 1, "drawn"))
 
-    def _make(self, arguments: Sequence[str]) -> None:
-        given = dataset_parser().parse_args(arguments)
-        vehicle = load_vehicle(Path(given.vehicle), read_image)
-        ring = Ring(
-            given.azimuths, given.elevations, given.distances, given.jitter_azimuth, given.jitter_elevation,
-            given.jitter_distance, given.jitter_aim, given.jitter_roll, given.fov,
-        )  # fmt: skip
-        quality = Quality(given.samples, given.adaptive_threshold, given.denoise, given.bounces, given.composed_fog)
-        plan = Plan(
-            given.out.name, vehicle.name, vehicle.atlas_id, given.size, quality, given.light,
-            tuple(find_preset(given.weathers, Path())), ring, given.locations, given.reference, given.min_visible,
-            given.seed, "none", finish=given.finish, recolor_share=given.recolor_share,
-        )  # fmt: skip
-        if not (given.out / "vehicle").is_dir():
-            vehicle.save(given.out / "vehicle")
-        claim_folder(given.out, plan)
-        chosen = chosen_frames(plan, given)
-        for task in planned_frames(plan):
-            if task.id in chosen and not (given.out / "frames" / task.id).is_dir():
+    def _make(self, job: MakeDataset) -> None:
+        vehicle = load_vehicle(Path(job.vehicle.name), read_image)
+        plan = replace(job.plan, name=job.out.name, vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id)
+        if not (job.out / "vehicle").is_dir():
+            vehicle.save(job.out / "vehicle")
+        claim_folder(job.out, plan)
+        for task in job.wanted():
+            if not (job.out / "frames" / task.id).is_dir():
                 camera = around(plan.ring.nominal(task.view)[0], plan.size)
                 drawn = draw_frame(vehicle, camera, task.id, task.view, task.weather)
-                save_frame(given.out / "frames" / task.id, *drawn)
-                append_entry(given.out, LedgerEntry(task.id, "done"))
+                save_frame(job.out / "frames" / task.id, *drawn)
+                append_entry(job.out, LedgerEntry(task.id, "done"))
                 self.frames["make_dataset"] += 1
 
-    def _render(self, arguments: Sequence[str]) -> None:
-        given = render_parser().parse_args(arguments)
-        wanted = set(given.only.read_text().split())
-        dataset = Dataset(given.dataset)
-        for path in given.camouflages:
+    def _render(self, job: RenderCamouflages) -> None:
+        dataset = Dataset(job.dataset)
+        for path in job.camouflages:
             record, image = load_camouflage(path)
             color = read_image(image).reshape(-1, 3).mean(0)
-            for frame in (frame for frame in dataset.frames() if frame.id in wanted):
-                target = given.out / record.name / f"{frame.id}.png"
+            for frame in (frame for frame in dataset.frames() if frame.id in (job.frames or ())):
+                target = job.out / record.name / f"{frame.id}.png"
                 if not target.is_file():
                     pixels = read_image(dataset.frame_folder(frame.id) / "image.png").copy()
                     pixels[read_image(dataset.frame_folder(frame.id) / "paint.png") > 0] = color

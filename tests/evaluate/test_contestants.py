@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 from benchmarks.stability.drawn import make_dataset
 from pipelines.ablate_workspace import Workspace
 from pipelines.protocol import Request, _held_out
-from rauca_core.contract import Camouflage, Plan, Quality, RaucaError, Vehicle, Weather, load_camouflage
+from rauca_core.contract import Camouflage, MakeDataset, Plan, Quality, RaucaError, Vehicle, Weather, load_camouflage
 from rauca_core.contract.camouflage import save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from rauca_core.study.ablations.sizes import QUICK
@@ -84,8 +83,8 @@ def begun(tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch)
     box_vehicle.save(tmp_path / "car")
     choice = read_vehicle_choice(tmp_path / "car")
 
-    def drawn(job: str, arguments: Sequence[str], *_: object) -> None:
-        make_dataset(Path(arguments[arguments.index("--out") + 1]), box_vehicle, 64, (40.0,))
+    def drawn(job: MakeDataset, *_: object) -> None:
+        make_dataset(job.out, box_vehicle, 64, (40.0,))
 
     for module in ("protocol", "ablate_workspace"):
         monkeypatch.setattr(f"pipelines.{module}.run_blender", drawn)

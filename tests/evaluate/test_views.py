@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from blender_addon.arguments import dataset_parser
 from rauca_core.contract import Plan, RaucaError, balanced_frames, find_preset
 from rauca_core.contract.assets import assets_folder
 from rauca_core.study.views import SCALES, HeldOut, find_ring, frames_of_scale
@@ -65,21 +63,6 @@ def test_a_larger_scale_holds_the_smaller_and_the_largest_is_the_whole_plan() ->
     assert balanced_frames(small, 10**6) == [frame_id for frame_id, *_ in small.frame_ids()]
     other_town = the_plan(HeldOut(seed=7))
     assert set(balanced_frames(other_town, 32)) != parts[0]
-
-
-def test_the_arguments_make_that_plan(tmp_path: Path) -> None:
-    """What Blender's side reads from the arguments is the plan that the frames were chosen from."""
-    pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-    from blender_addon.dataset_job import plan_from
-    from blender_addon.vehicles import find_vehicle
-
-    held_out = HeldOut(size=96, samples=3)
-    vehicle = find_vehicle("sedan", None, None)
-    folder = assets_folder() / "vehicles" / "sedan"
-    arguments = [*held_out.arguments(folder, "enhanced"), "--out", str(tmp_path / "views")]
-    made = plan_from(dataset_parser().parse_args(arguments), vehicle)
-    expected = held_out.plan(vehicle.name, vehicle.atlas_id, WEATHERS)
-    assert made.to_json() | {"blender": ""} == expected.to_json()
 
 
 def test_large_vehicles_are_seen_from_farther_away() -> None:

@@ -24,14 +24,14 @@ def test_a_missing_blender_is_told_with_what_would_do_without_it(tmp_path: Path)
     with pytest.raises(RaucaError, match=r"^Blender is missing: .*Python 3.12\)$"):
         require_bpy()
     with pytest.raises(RaucaError, match=r"or pass --blender PROGRAM$"):
-        blender_command("make_dataset", [])
+        blender_command(tmp_path / "job.json")
     with pytest.raises(RaucaError, match=r"or give a vehicle folder$"):
         open_vehicle(str(tmp_path / "car.glb"))
 
 
 def test_a_blender_program_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match="blender: no such program"):
-        blender_command("make_dataset", [], tmp_path / "blender")
+        blender_command(tmp_path / "job.json", tmp_path / "blender")
 
 
 def test_how_a_job_died_is_told_by_its_own_sentence_or_its_signal() -> None:

@@ -16,7 +16,7 @@ import typer
 
 from pipelines.detector_commands import weights_app
 from pipelines.efe_commands import efe_finetune, efe_train
-from rauca_core.contract import RaucaError
+from rauca_core.contract import ApplyCamouflage, RaucaError
 from rauca_core.detect.store import OWN_FOLDER
 from rauca_core.environment.convergence import ETA
 from rauca_core.runtime.blender import run_blender
@@ -110,7 +110,7 @@ def test_a_job_that_dies_is_told_with_its_reason(monkeypatch):
 
     def dies(code):
         monkeypatch.setattr(process, "blender_command", lambda *_: [sys.executable, "-c", code])
-        run_blender("make_dataset", [], lambda _: None)
+        run_blender(ApplyCamouflage(Path(), Path()), lambda _: None)
 
     with pytest.raises(RaucaError, match="killed by SIGKILL"):
         dies("import os; os.kill(os.getpid(), 9)")

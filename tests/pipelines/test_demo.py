@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -40,11 +39,11 @@ def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
         monkeypatch.setattr(demo, name, work)
 
     stands_for("fetch")
-    stands_for("run_blender", lambda job, given, *_: Path(given[1]) / "dataset.json")
+    stands_for("run_blender", lambda job, *_: job.out / "dataset.json")
     stands_for("load_vehicle")
     stands_for("random_camouflage", lambda path, *_, **__: path)
     stands_for("optimize_camouflage", lambda data, detectors, settings, out: out / "camouflage.json")
-    stands_for("render_camouflages", lambda data, paints, renders, blender: renders / "rauca")
+    stands_for("render_camouflages", lambda job, blender: job.out / "rauca")
     stands_for("measure", lambda *given: tmp_path / "results.json")
     stands_for("compare_renderers", lambda *given: tmp_path / "agreement.json")
     stands_for("report_run")
@@ -85,9 +84,8 @@ def test_the_demo_runs_resumes_and_reports(tmp_path):
 def test_a_boat_is_hidden_and_measured_as_a_boat(tmp_path, box_vehicle, monkeypatch):
     boat, seen = replace(box_vehicle, category="boat"), {}
 
-    def drawn(job, arguments, *_):
-        if job == "make_dataset":
-            make_dataset(Path(arguments[arguments.index("--out") + 1]), boat, 64, (40.0,))
+    def drawn(job, *_):
+        make_dataset(job.out, boat, 64, (40.0,))
 
     def optimized(dataset, detectors, settings, out, resume):
         seen["hidden"] = settings.target

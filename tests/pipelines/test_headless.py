@@ -19,6 +19,7 @@ import pytest
 from rauca_core.contract import (
     Camouflage,
     Dataset,
+    MakeDataset,
     RaucaError,
     chunks,
     load_passes,
@@ -120,10 +121,9 @@ def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_v
     box_vehicle.save(tmp_path / "vehicle")
     taller = replace(box_vehicle, positions=box_vehicle.positions * np.float32([1, 1, 1.5]))
     (tmp_path / "dataset.json").write_text("{}")
-    options = SimpleNamespace(out=tmp_path)
-    job = _Run(options, None, taller, tmp_path / "draft", lambda progress: None)
+    run = _Run(MakeDataset(tmp_path, None), taller, tmp_path / "draft", tmp_path / "job", lambda progress: None)
     with pytest.raises(RaucaError, match="holds a data set of another"):
-        job._claim(SimpleNamespace(claiming=contextlib.nullcontext))
+        run._claim(SimpleNamespace(claiming=contextlib.nullcontext))
     assert (tmp_path / "dataset.json").read_text() == "{}"
 
 
@@ -220,3 +220,26 @@ def test_a_disk_too_small_is_told_before_anything_is_written(tmp_path):
     assert refused.returncode == 2
     assert "MiB free" in refused.stderr
     assert not (tmp_path / "set").exists()
+
+
+def test_the_device_is_refused_or_recorded(tmp_path):
+    """This machine may have a GPU or none; either way the data set says what rendered it."""
+    from blender_addon import devices
+
+    one = ["--out", tmp_path / "set", *SMALL, "--azimuths", "1", "--weathers", "single", "--size", "32"]
+    if not devices.gpus():
+        refused = run(MAKE, *one, "--render-device", "gpu")
+        assert refused.returncode == 2
+        assert "error: --render-device gpu: Blender" in refused.stderr
+        assert "sees no GPU" in refused.stderr
+        assert not (tmp_path / "set").exists()
+    assert run(MAKE, *one, "--render-device", "auto").returncode == 0
+    assert Dataset(tmp_path / "set").plan.device == devices.find("auto").described
+
+
+def test_a_plan_of_another_data_set_makes_the_same_frames(dataset, tmp_path):
+    assert run(MAKE, "--out", tmp_path / "again", "--plan", dataset.folder / "dataset.json").returncode == 0
+    for frame in dataset.frames():
+        assert (tmp_path / "again" / "frames" / frame.id / "image.png").read_bytes() == (
+            dataset.frame_folder(frame.id) / "image.png"
+        ).read_bytes()

@@ -20,6 +20,7 @@ import pytest
 from rauca_core.contract import (
     LedgerEntry,
     RaucaError,
+    RenderFrames,
     Shard,
     append_entry,
     balanced_frames,
@@ -27,6 +28,7 @@ from rauca_core.contract import (
     planned_frames,
     read_ledger,
     read_plan,
+    save_job,
 )
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
@@ -81,7 +83,9 @@ def supervise(folder: Path, whole: Path, listener, workers: int = 1, recycle: in
     from blender_addon.jobs.supervisor import Crew, Supervisor
 
     plan = read_plan(whole)
-    command = child_command("dataset_worker", ["--plan", str(whole), "--out", str(folder)])
+    order = folder.with_name("worker.json")
+    save_job(order, RenderFrames(whole, folder))
+    command = child_command(order)
     folder.mkdir(exist_ok=True)
     supervisor = Supervisor(folder, Shard(), Crew(command, workers, recycle), listener, lambda: None)
     supervisor.run([[f.id for f in chunk] for chunk in chunks(plan, planned_frames(plan), recycle)], 0)
@@ -178,7 +182,8 @@ def killed(moment: str, *arguments: str) -> None:
 import os, signal, sys
 import bpy
 from blender_addon.core import contract
-from blender_addon.headless import make_dataset
+from blender_addon.headless import run
+from pipelines.dataset_options import dataset_job, dataset_parser
 def watched(name, real):
     def call(first, target, *rest):
         if {moment}: os.kill(os.getpid(), signal.SIGKILL)
@@ -186,7 +191,7 @@ def watched(name, real):
     return call
 os.replace = watched("os.replace", os.replace)
 contract.append_entry = watched("append_entry", contract.append_entry)
-sys.exit(make_dataset(sys.argv[1:]))
+sys.exit(run(lambda: dataset_job(dataset_parser().parse_args(sys.argv[1:])), as_json=False))
 """
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=300)
     assert done.returncode == -signal.SIGKILL, done.stderr

@@ -80,7 +80,7 @@ def test_a_worker_that_talks_nonsense_is_replaced_and_then_given_up(tmp_path):
 
 def test_progress_for_programs_is_on_standard_output_and_for_people_beside_it(monkeypatch, tmp_path):
     told = [Progress(i, 2, f"L00-V00{i}-day") for i in range(3)]
-    monkeypatch.setattr(dataset_commands, "run_blender", lambda job, arguments, move, blender: [*map(move, told)])
+    monkeypatch.setattr(dataset_commands, "run_blender", lambda job, move, blender: [*map(move, told)])
     for asked, expected in ([], []), (["--json-progress"], told):
         done = CliRunner().invoke(app, ["dataset", "make", "--out", str(tmp_path / "set"), *asked])
         assert done.exit_code == 0, done.output

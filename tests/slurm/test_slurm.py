@@ -11,11 +11,11 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from blender_addon.arguments import dataset_parser
 from pipelines import slurm
 from pipelines.cli import app
 from rauca_core.contract import (
     LedgerEntry,
+    MakeDataset,
     Progress,
     RaucaError,
     append_entry,
@@ -66,9 +66,9 @@ def test_progress_counts_the_frames_that_were_asked_for(tmp_path):
     strangers = [frame.id for frame in planned_frames(PLAN) if frame.id not in part]
     for frame in [*part[:2], *strangers[:4]]:  # the strangers are of an earlier run
         append_entry(tmp_path, LedgerEntry(frame, "occluded", visible=0.1))
-    options = dataset_parser().parse_args(["--out", str(tmp_path), "--frames", "3"])
+    job = MakeDataset(tmp_path, PLAN, frames=tuple(part))
     (tmp_path / "result").touch()
     ended = SimpleNamespace(paths=SimpleNamespace(result_pickle=tmp_path / "result"))
     moves: list[Progress] = []
-    slurm._wait([ended], "7", options, moves.append)
+    slurm._wait([ended], "7", job, moves.append)
     assert [(move.done, move.total) for move in moves] == [(2, 3)]

@@ -171,4 +171,5 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         own = self.file in shipped_names()
         mask = Path(bpy.path.abspath(self.file_mask)) if self.file_mask and not own else None
         material = self.file_material or None
-        return find_vehicle(self.file if own else bpy.path.abspath(self.file), mask, None if own else material)
+        name = self.file if own else bpy.path.abspath(self.file)
+        return find_vehicle(contract.VehicleSource(name, mask, None if own else material))

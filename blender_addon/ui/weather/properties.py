@@ -9,8 +9,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core import contract, seeding
-from ...own_folder import own_folder
+from ...core import contract
 from ...scene import shown_weather, street
 from ..cameras.anchor import anchor
 from ..fields import angle
@@ -174,23 +173,18 @@ class RaucaWeather(bpy.types.PropertyGroup):
         lamps = street.lamps(self.street)
         shown_weather.show(scene, self.shown, self.current(), lamps, ground, self.street_turn_deg)
 
-    def preset_file(self, context: bpy.types.Context) -> str:
-        """What ``--weathers`` of the jobs takes: a list's name, or a file.
+    def chosen(self) -> tuple[Sequence[contract.Weather], Sequence[str]]:
+        """The weathers that the dataset gets, and what the user should know of them.
 
         Raises:
-            RaucaError: no file is chosen, or it cannot be read; or the add-on's folder cannot be written to.
+            RaucaError: no file is chosen, or it cannot be read.
         """
         if self.used == "ONE":
-            weather = self.current()
-            name = f"{seeding.named_seed(*weather.to_json().values()):016x}.json"  # another weather, another file
-            path = own_folder() / "weathers" / name
-            contract.save_weathers(path, [weather])
-            return str(path)
+            return [self.current()], ()
         if self.preset != lists.OWN:
-            return str(self.preset)
-        path = Path(bpy.path.abspath(self.file))
-        lists.own(str(path) if self.file else "")
-        return str(path)
+            return lists.shipped(self.preset), ()
+        path = bpy.path.abspath(self.file) if self.file else ""
+        return lists.own(path), contract.preset_notes(path, Path())
 
 
 def _rains_alike(first: contract.Weather, second: contract.Weather) -> bool:

@@ -7,9 +7,7 @@ move, in the paint that it is measured in.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,19 +43,6 @@ class TrainingSet:
             (140, 140, 140), 0.5, TOWN_SEED, "", finish=self.finish,
         )  # fmt: skip
 
-    def arguments(self, vehicle: Path, plan: Plan) -> list[str]:
-        """Arguments of ``rauca dataset make`` for that plan, all but the output and which frames."""
-        ring = plan.ring
-        options = {
-            "--vehicle": vehicle, "--weathers": self.name, "--seed": plan.seed, "--locations": plan.locations,
-            "--size": plan.size, "--samples": plan.quality.samples, "--finish": self.finish, "--fov": ring.fov_deg,
-            "--azimuths": _listed(ring.azimuths_deg), "--elevations": _listed(ring.elevations_deg),
-            "--distances": _listed(ring.distances_m), "--jitter-azimuth": ring.jitter_azimuth_deg,
-            "--jitter-elevation": ring.jitter_elevation_deg, "--jitter-distance": ring.jitter_distance,
-            "--jitter-aim": ring.jitter_aim_m,
-        }  # fmt: skip
-        return [str(part) for option in options.items() for part in option]
-
 
 TRAINING_SETS = {
     found.name: found
@@ -79,7 +64,3 @@ def training_set(name: str) -> TrainingSet:
 def chosen_frames(plan: Plan, sizes: Sizes, share: float = 1.0) -> list[str]:
     """Ids of a balanced part of a plan, in its order; a smaller ``share`` is a part of a larger one."""
     return balanced_frames(plan, max(1, round(share * sizes.frames)))
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ",".join(f"{value:g}" for value in values)

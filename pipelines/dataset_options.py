@@ -1,0 +1,297 @@
+"""The options of the jobs that run in Blender, and the job that they describe.
+
+Here are the standard library and the contract only: the same options serve ``rauca`` and programs run inside Blender.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+from rauca_core.contract import (
+    MIN_VISIBLE,
+    REFERENCE_SRGB,
+    Dataset,
+    Plan,
+    Quality,
+    RaucaError,
+    Ring,
+    Shard,
+    balanced_frames,
+    find_preset,
+    preset_notes,
+)
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.job import (
+    DEVICES,
+    RECYCLE,
+    ApplyCamouflage,
+    MakeDataset,
+    RenderCamouflages,
+    VehicleSource,
+    require_planned,
+)
+from rauca_core.contract.schema import read_json
+
+# What a plan says: with --plan, these are left out.
+OF_THE_PLAN = (
+    "weathers", "locations", "azimuths", "elevations", "distances", "jitter_azimuth", "jitter_elevation",
+    "jitter_distance", "jitter_aim", "jitter_roll", "fov", "size", "samples", "adaptive_threshold", "bounces",
+    "composed_fog", "light", "denoise", "finish", "recolor_share", "reference", "min_visible", "seed",
+)  # fmt: skip
+
+
+def dataset_job(options: argparse.Namespace) -> MakeDataset:
+    """What :func:`dataset_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
+    presets = assets_folder() / "weathers"
+    vehicle = _vehicle(options)
+    if options.plan:
+        plan = _plan_of_file(options)
+        beside = options.plan.parent / "vehicle"
+        if not options.vehicle and beside.is_dir():
+            vehicle = VehicleSource(str(beside), options.paint_mask, options.paint_material)
+    else:
+        plan = _plan_of(options, presets)
+    plan.check("options")
+    return MakeDataset(
+        out=options.out,
+        plan=plan,
+        vehicle=vehicle,
+        scene=options.scene,
+        frames=_frames(options, plan),
+        shard=options.shard,
+        workers=options.workers,
+        recycle=options.recycle,
+        retry_quarantined=options.retry_quarantined,
+        device=options.render_device,
+        notes=() if options.plan else tuple(preset_notes(options.weathers, presets)),
+    )
+
+
+def render_job(options: argparse.Namespace) -> RenderCamouflages:
+    """What :func:`render_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
+    frames = None
+    if options.only or options.every > 1:
+        dataset = Dataset(options.dataset)
+        ids = [frame_id for frame_id, *_ in dataset.plan.frame_ids()]
+        named = frozenset(_named_frames(options.only, dataset.plan) if options.only else ids)
+        frames = tuple(frame.id for frame in dataset.frames()[:: options.every] if frame.id in named)
+    return RenderCamouflages(
+        options.dataset, options.out, tuple(options.camouflages), frames, options.samples, options.denoise,
+        options.scene, options.render_device,
+    )  # fmt: skip
+
+
+def apply_job(options: argparse.Namespace) -> ApplyCamouflage:
+    """What :func:`apply_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
+    if options.out.suffix != ".blend":
+        raise RaucaError(f"{options.out}: --out must end in .blend")
+    return ApplyCamouflage(options.out, options.camouflage, _vehicle(options))
+
+
+def _vehicle(options: argparse.Namespace) -> VehicleSource:
+    return VehicleSource(options.vehicle or "sedan", options.paint_mask, options.paint_material)
+
+
+def _plan_of(options: argparse.Namespace, presets: Path) -> Plan:
+    """The plan that the options spell out; the vehicle's part of it is known in Blender."""
+    ring = Ring(
+        azimuths_deg=options.azimuths,
+        elevations_deg=options.elevations,
+        distances_m=options.distances,
+        jitter_azimuth_deg=options.jitter_azimuth,
+        jitter_elevation_deg=options.jitter_elevation,
+        jitter_distance=options.jitter_distance,
+        jitter_aim_m=options.jitter_aim,
+        jitter_roll_deg=options.jitter_roll,
+        fov_deg=options.fov,
+    )
+    quality = Quality(
+        options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
+    )
+    return Plan(
+        name="",
+        vehicle_name="",
+        atlas_id="",
+        size=options.size,
+        quality=quality,
+        light=options.light,
+        weathers=tuple(find_preset(options.weathers, presets)),
+        ring=ring,
+        locations=options.locations,
+        reference_srgb=options.reference,
+        min_visible=options.min_visible,
+        seed=options.seed,
+        blender="",
+        finish=options.finish,
+        recolor_share=options.recolor_share,
+    )
+
+
+def _plan_of_file(options: argparse.Namespace) -> Plan:
+    """The plan that lies in a file, without what was noted of the Blender that rendered it."""
+    defaults = dataset_parser().parse_args(["--out", "x"])
+    for name in OF_THE_PLAN:
+        if getattr(options, name) != getattr(defaults, name):
+            raise RaucaError(f"--{name.replace('_', '-')}: {options.plan} says it; leave one of the two out")
+    return Plan.from_json(read_json(options.plan))
+
+
+def _frames(options: argparse.Namespace, plan: Plan) -> tuple[str, ...] | None:
+    """Ids of the frames that ``--only`` or ``--frames`` choose; None without."""
+    if options.frames:
+        return tuple(balanced_frames(plan, options.frames))
+    return tuple(sorted(_named_frames(options.only, plan))) if options.only else None
+
+
+def _named_frames(path: Path, plan: Plan) -> Collection[str]:
+    """The frame ids listed in ``path``, one per line.
+
+    Raises:
+        RaucaError: the file cannot be read, names no frame, or one that is not planned.
+    """
+    try:
+        named = frozenset(path.read_text(encoding="utf-8").split())
+    except (OSError, UnicodeDecodeError) as error:
+        raise RaucaError(f"{path}: cannot be read ({error}); give a text file of frame ids") from None
+    require_planned(named, plan, str(path))
+    return named
+
+
+def dataset_parser() -> argparse.ArgumentParser:
+    """Arguments of ``make_dataset``."""
+    parser = argparse.ArgumentParser(
+        prog="make_dataset.py", description="Render a multi-weather data set of a vehicle.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
+    _add_vehicle(add)
+    add("--plan", type=Path, help="dataset.json of another data set, which says all that is not about this machine")
+    add("--weathers", default="demo", help="preset name or .json file")
+    add("--locations", type=_whole, default=1, help="places in the town; each stands in another district")
+    add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
+    add("--elevations", type=_numbers, default=(10.0, 25.0), help="degrees, comma separated")
+    add("--distances", type=_numbers, default=(6.0, 10.0), help="metres, comma separated")
+    add("--jitter-azimuth", type=float, default=0.0, help="half-width, degrees")
+    add("--jitter-elevation", type=float, default=0.0, help="half-width, degrees")
+    add("--jitter-distance", type=float, default=0.0, help="half-width, fraction of the distance")
+    add("--jitter-aim", type=float, default=0.0, help="half-width, metres")
+    add("--jitter-roll", type=float, default=0.0, help="half-width, degrees")
+    add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
+    add("--size", type=_whole, default=320, help="frames are square, pixels")
+    add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")
+    add("--adaptive-threshold", type=float, default=0.0, help="stop sampling pixels at this noise; 0: never")
+    add("--bounces", type=int, default=4, help="of light between surfaces")
+    add("--composed-fog", action=argparse.BooleanOptionalAction, default=True, help="compose fog where accurate")
+    add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
+    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    _add_scene(add)
+    add("--finish", default="own", help="of the paint: own, car_paint (clearcoat) or sticker (matte)")
+    add("--recolor-share", type=float, default=0.0, help="share of frames also rendered for real in another color")
+    add("--reference", type=_color, default=REFERENCE_SRGB, help="reference paint, sRGB like 8c8c8c")
+    add("--min-visible", type=float, default=MIN_VISIBLE, help="keep out frames that see less of the paint than this")
+    add("--seed", type=int, default=0)
+    part = parser.add_mutually_exclusive_group().add_argument
+    _add_only(part)
+    part("--frames", type=_whole, help="a balanced part of so many frames; more of them later go on from it")
+    _add_crew(add)
+    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    return parser
+
+
+def render_parser() -> argparse.ArgumentParser:
+    """Arguments of ``render_camouflages``."""
+    parser = argparse.ArgumentParser(
+        prog="render_camouflage.py", description="Render a data set's views in camouflage.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--dataset", type=Path, required=True, help="data set whose views are rendered")
+    add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
+    add("--every", type=_whole, default=1, help="render only every n-th frame")
+    _add_only(add)
+    _add_device(add)
+    add("--samples", type=_whole, help="Cycles samples per pixel; the data set's own by default")
+    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
+    _add_scene(add)
+    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    add("camouflages", type=Path, nargs="+", help="camouflage .json files")
+    return parser
+
+
+def apply_parser() -> argparse.ArgumentParser:
+    """Arguments of ``apply_camouflage``."""
+    parser = argparse.ArgumentParser(
+        prog="rauca apply", description="Save a vehicle in camouflage.", allow_abbrev=False
+    )
+    add = parser.add_argument
+    add("--out", type=Path, required=True, help="the .blend to write")
+    _add_vehicle(add)
+    add("camouflage", type=Path, help="camouflage .json file")
+    return parser
+
+
+def _add_vehicle(add: Callable[..., object]) -> None:
+    add(
+        "--vehicle", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file; sedan by default"
+    )
+    add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
+    add("--paint-material", help="name of the material to camouflage")
+
+
+def _add_crew(add: Callable[..., object]) -> None:
+    add("--workers", type=_whole, default=1, help="Blender processes at once; they share the cores")
+    add("--recycle", type=_whole, default=RECYCLE, help="frames after which a worker is replaced by a fresh one")
+    _add_device(add)
+    add("--shard", type=_shard, default=Shard(), help="i/n: only part i, counted from 1, of n that cover the data set")
+    add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
+
+
+def _add_only(add: Callable[..., object]) -> None:
+    add("--only", type=Path, help="a text file with a frame id per line; the plan's other frames are left for later")
+
+
+def _add_scene(add: Callable[..., object]) -> None:
+    add(
+        "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
+    )
+
+
+def _add_device(add: Callable[..., object]) -> None:
+    add("--render-device", choices=DEVICES, default="cpu", help="that Cycles renders on; auto: a GPU if there is one")
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return value
+
+
+def _shard(text: str) -> Shard:
+    try:
+        return Shard.parse(text)
+    except RaucaError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a comma separated list of numbers") from None
+
+
+def _azimuths(text: str) -> tuple[float, ...]:
+    if text.isdigit() and int(text) > 0:
+        return tuple(i * 360.0 / int(text) for i in range(int(text)))
+    return _numbers(text)
+
+
+def _color(text: str) -> tuple[int, int, int]:
+    digits = text.removeprefix("#")
+    try:
+        red, green, blue = bytes.fromhex(digits)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an sRGB color like 8c8c8c") from None
+    return red, green, blue
