@@ -83,7 +83,7 @@ def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contrac
         seed=settings.seed,
         blender="",
     )
-    plan.check(rpt("Settings"))
+    plan.check(rpt("Generate Dataset"))
     return contract.MakeDataset(
         out=out,
         plan=plan,

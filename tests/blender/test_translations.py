@@ -21,7 +21,7 @@ SHOWN = [*ADD_ON.glob("ui/**/*.py"), *ADD_ON.glob("operators/*.py"), ADD_ON / "p
 SAID_BY_JOBS = [ADD_ON / "background" / "endings.py", ADD_ON / "background" / "python_check.py"]
 TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Ending", "Verdict"}  # calls whose plain texts are shown
 # Names and signs that are the same in every language.
-EXEMPT = {"{reason}", "CARLA", "+X", "-X", "+Y", "-Y"}
+EXEMPT = {"{reason}", "CARLA", "CPU", "GPU", "+X", "-X", "+Y", "-Y"}
 
 
 @pytest.fixture
