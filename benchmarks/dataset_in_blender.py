@@ -15,10 +15,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from blender_addon.arguments import dataset_parser
 from numpy.typing import NDArray
 
-from blender_addon.dataset_job import plan_from
+from blender_addon.dataset_job import completed
 from blender_addon.scene import camera, composed_fog
 from blender_addon.scene.annotate import Annotation
 from blender_addon.scene.light_maps import MARGIN_PX, light_maps
@@ -26,7 +25,8 @@ from blender_addon.scene.light_memory import LightMemory
 from blender_addon.scene.render import Crop, render_linear
 from blender_addon.scene.session import Session
 from blender_addon.vehicles import find_vehicle
-from rauca_core.contract import Progress, Quality, Weather, find_preset, in_rendering_order
+from pipelines.dataset_options import dataset_job, dataset_parser
+from rauca_core.contract import Progress, Quality, VehicleSource, Weather, find_preset, in_rendering_order
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.color import TRAIN, Color, recolor, srgb_to_linear
 from rauca_core.contract.files import write_json
@@ -59,9 +59,9 @@ class Studio:
     """
 
     def __init__(self, size: int, views: set[int]) -> None:
-        vehicle = find_vehicle("sedan", None, None)
+        vehicle = find_vehicle(VehicleSource("sedan"))
         options = dataset_parser().parse_args(["--out", "bench", "--size", str(size), "--weathers", "single"])
-        plan = plan_from(options, vehicle)
+        plan = completed(dataset_job(options), vehicle)
         self.default = plan.quality
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.session = Session(plan, vehicle)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pipelines.console import progress_bar
+from pipelines.dataset_options import dataset_job, dataset_parser
 from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import Dataset, Progress, RaucaError, Weather, find_preset, parse_progress
 from rauca_core.contract.assets import assets_folder
@@ -85,7 +86,7 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
         write_json(preset, {"format": name, "version": version, "weathers": [w.to_json() for w in wanted.weathers]})
         chosen = ["--out", str(out), "--vehicle", wanted.vehicle, "--weathers", str(preset), *wanted.options.split()]
         with goes_on_by_itself(), progress_bar(f"rendering {wanted.name}") as move:
-            run_blender("make_dataset", [*chosen, "--json-progress"], move)
+            run_blender(dataset_job(dataset_parser().parse_args(chosen)), move)
     return Dataset(out)
 
 

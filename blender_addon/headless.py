@@ -78,6 +78,8 @@ def _do(job: contract.Job, report: Report) -> None:
         _render_camouflages(job, report)
     elif isinstance(job, contract.ApplyCamouflage):
         save_blend(find_vehicle(job.vehicle), job.camouflage, job.out)
+    elif isinstance(job, contract.ImportVehicle):
+        _import_vehicle(job)
     else:
         _unwrap_vehicle(job)
 
@@ -102,6 +104,13 @@ def _render_camouflages(job: contract.RenderCamouflages, report: Report) -> None
         report(contract.Progress(done, total, last))
 
     render_camouflages(session, dataset, paintworks, job.out, progress, frames)
+
+
+def _import_vehicle(job: contract.ImportVehicle) -> None:
+    vehicle = find_vehicle(job.vehicle)
+    for note in vehicle.notes:
+        print(f"note: {note}", flush=True)
+    vehicle.save(job.out)
 
 
 def _unwrap_vehicle(job: contract.UnwrapVehicle) -> None:

@@ -13,6 +13,7 @@ from .files import seal_dataset
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .job import (
     ApplyCamouflage,
+    ImportVehicle,
     Job,
     MakeDataset,
     RenderCamouflages,
@@ -41,6 +42,7 @@ __all__ = [
     "Dataset",
     "Frame",
     "FramePasses",
+    "ImportVehicle",
     "Instance",
     "Job",
     "LedgerEntry",

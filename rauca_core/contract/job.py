@@ -143,6 +143,15 @@ class ApplyCamouflage(Record):
 
 
 @dataclass(frozen=True)
+class ImportVehicle(Record):
+    """Save a vehicle as the vehicle folder ``out``, whatever it comes from."""
+
+    task: ClassVar[str] = "import_vehicle"
+    out: Path
+    vehicle: VehicleSource = SEDAN
+
+
+@dataclass(frozen=True)
 class UnwrapVehicle(Record):
     """Read a vehicle folder, and write it to ``out`` with a new UV atlas for its paint."""
 
@@ -151,7 +160,7 @@ class UnwrapVehicle(Record):
     out: Path
 
 
-Job = MakeDataset | RenderFrames | RenderCamouflages | ApplyCamouflage | UnwrapVehicle
+Job = MakeDataset | RenderFrames | RenderCamouflages | ApplyCamouflage | ImportVehicle | UnwrapVehicle
 TASKS: dict[str, type[Job]] = {kind.task: kind for kind in get_args(Job)}
 
 

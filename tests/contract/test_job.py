@@ -10,6 +10,7 @@ import pytest
 from pipelines.dataset_options import dataset_job, dataset_parser, render_job, render_parser
 from rauca_core.contract import (
     ApplyCamouflage,
+    ImportVehicle,
     MakeDataset,
     RaucaError,
     RenderCamouflages,
@@ -32,6 +33,7 @@ JOBS = [
     RenderFrames(Path("plan"), Path("set"), None, 2, "gpu"),
     RenderCamouflages(Path("set"), Path("out"), (Path("a.json"), Path("b.json")), None, 16, False),
     ApplyCamouflage(Path("car.blend"), Path("a.json"), CAR),
+    ImportVehicle(Path("vehicle"), CAR),
     UnwrapVehicle(Path("before"), Path("after")),
 ]
 
