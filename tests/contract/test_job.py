@@ -47,10 +47,10 @@ def test_a_job_survives_its_file(job, tmp_path):
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"task": "dance"}, "no such task: 'dance'"),
+        ({"task": "dance"}, "task must be one of make_dataset"),
         ({"version": 2}, "update rauca"),
         ({"device": "tpu"}, "device must be one of cpu, gpu, auto"),
-        ({"shard": "4/2"}, "counted from 1"),
+        ({"shard": {"index": 4, "count": 2}}, "counted from 1"),
         ({"more": 1}, "unknown field more"),
         ({"workers": "two"}, "workers must be a whole number"),
     ],
