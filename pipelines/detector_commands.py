@@ -67,6 +67,7 @@ def detectors_train(
     precision: Annotated[str, typer.Option(help="float32 or bfloat16")] = "float32",
     seed: int = 0,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    device: Annotated[str, typer.Option(help="that learns and tests: cpu, cuda, cuda:1 ...")] = "cpu",
     remarks: Annotated[str, typer.Option(help="for the card")] = "",
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
@@ -74,7 +75,8 @@ def detectors_train(
     from .train_detector import Wish, train_detector
 
     chosen = {"steps": steps, "batch": batch, "lr": lr, "size": size, "round": every, "precision": precision}
-    wish = Wish(name, datasets, out, test or [], chosen | {"seed": seed, "threads": threads}, start, classes, remarks)
+    chosen |= {"seed": seed, "threads": threads}
+    wish = Wish(name, datasets, out, test or [], chosen, start, classes, remarks, device)
     weights, found = train_detector(wish, resume)
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():

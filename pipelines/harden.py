@@ -28,6 +28,8 @@ from rauca_core.detect.weights_file import sha256_of
 from rauca_core.report import HardeningNotes, write_hardening
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.cpu import threads
+from rauca_core.runtime.devices import find_device
+from rauca_core.runtime.distributed import Processes
 from rauca_core.study.contestants import (
     NORMAL,
     RANDOM,
@@ -66,6 +68,7 @@ class Wish:
         adaptive_steps: of the attack on the result; 0 makes none.
         views: rendered views to evaluate on; made anew, in ``weathers``, when there are none.
         held_out_views: how.
+        device: that attacks, learns and measures.
     """
 
     detector: str
@@ -80,6 +83,7 @@ class Wish:
     held_out_views: HeldOut
     resamples: int = 1000
     blender: Path | None = None
+    device: str = "cpu"
 
 
 def harden_detector(wish: Wish, resume: bool) -> tuple[Path, list[Gains]]:
@@ -148,8 +152,9 @@ def _harden(wish: Wish, attacked: Sequence[Path], resume: bool) -> Path:
             dataset = attacked[(number - 1) % len(attacked)]
             settings = _attack_settings(wish, f"round-{number}", chosen.attack_steps, number)
             return _optimize(
-                dataset, detector, settings, folder, lambda r: show(number, r.step, f"attack, score {r.score:.2f}")
-            )
+                wish, dataset, detector, settings, folder,
+                lambda r: show(number, r.step, f"attack, score {r.score:.2f}"),
+            )  # fmt: skip
 
         def show_step(number: int, done: int, steps: int, loss: float) -> None:
             show(number, chosen.attack_steps + done, f"loss {loss:.3f}")
@@ -163,8 +168,9 @@ def _harden(wish: Wish, attacked: Sequence[Path], resume: bool) -> Path:
                 console.print(f"round {found.number} of {found.rounds}, {step}: loss {report.loss:.3f}{said}")
 
         wanted = Hardening(
-            wish.detector, wish.data, wish.camouflages, wish.out, chosen, attack, score, command_line(), attacked
-        )
+            wish.detector, wish.data, wish.camouflages, wish.out, chosen, attack, score, command_line(), attacked,
+            wish.device,
+        )  # fmt: skip
         return harden(wanted, resume, show_test, show_step)
 
 
@@ -177,12 +183,9 @@ def _adaptive(wish: Wish, weights: Path, chosen: Mapping[VehicleChoice, Sequence
         folder = wish.out / ADAPTIVE / vehicle.name
         with progress_bar(f"{vehicle.name}: attacking the hardened detector") as move:
             made[vehicle.atlas_id] = _optimize(
-                dataset,
-                load_detector(str(weights)),
-                settings,
-                folder,
+                wish, dataset, load_detector(str(weights)), settings, folder,
                 lambda r: move(Progress(r.step, r.steps, f"score {r.score:.2f}")),
-            )
+            )  # fmt: skip
     return made
 
 
@@ -196,7 +199,12 @@ def _attack_settings(wish: Wish, name: str, steps: int, what: object) -> Optimiz
 
 
 def _optimize(
-    dataset: Path, detector: Detector, settings: OptimizerSettings, folder: Path, on_step: Callable[[StepReport], None]
+    wish: Wish,
+    dataset: Path,
+    detector: Detector,
+    settings: OptimizerSettings,
+    folder: Path,
+    on_step: Callable[[StepReport], None],
 ) -> Path:
     """Optimize, or go on, also to more steps than it was finished with; what has as many is left as it is."""
     done = folder / "camouflage.json"
@@ -207,7 +215,8 @@ def _optimize(
         if isinstance(steps, int) and steps > settings.steps:
             raise RaucaError(f"{done}: took {steps} steps, not {settings.steps}; ask for as many, or remove {folder}")
     started = (folder / "checkpoints" / POINTER).is_file()
-    return run_optimization(Dataset(dataset), [detector], settings, folder, on_step, resume=started)
+    processes = Processes(0, 1, find_device(wish.device))
+    return run_optimization(Dataset(dataset), [detector], settings, folder, on_step, started, processes=processes)
 
 
 def _evaluate(
@@ -216,7 +225,7 @@ def _evaluate(
     chosen: Mapping[VehicleChoice, Sequence[Contestant]],
     adaptive: Mapping[str, Path],
 ) -> list[Entry]:
-    detectors = [load_detector(wish.detector), load_detector(str(weights))]
+    detectors = [load_detector(name, device=wish.device) for name in (wish.detector, str(weights))]
     datasets: dict[str, list[Dataset]] = {}
     for folder in wish.views:
         datasets.setdefault(read_plan(folder).atlas_id, []).append(Dataset(folder))
@@ -237,6 +246,7 @@ def _evaluate(
         random=RandomPaint(),
         resamples=wish.resamples,
         blender=wish.blender,
+        device=wish.device,
     )
     with threads(wish.settings.threads):
         return run_study(request)

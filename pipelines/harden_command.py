@@ -54,6 +54,7 @@ def harden(
     resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
     seed: int = 0,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    device: Annotated[str, typer.Option(help="that attacks, learns and measures: cpu, cuda, cuda:1 ...")] = "cpu",
     resume: Annotated[bool, typer.Option("--resume", help="go on where OUT stopped")] = False,
     blender: Blender = None,
 ) -> None:
@@ -71,7 +72,7 @@ def harden(
     _check(views or [], names)
     wish = Wish(
         detector, camouflage or [], held_out, data, out, settings, adaptive_steps, views or [], names,
-        replace(HeldOut(), frames=frames), resamples, blender,
+        replace(HeldOut(), frames=frames), resamples, blender, device,
     )  # fmt: skip
     weights, gains = harden_detector(wish, resume)
     for one in gains:

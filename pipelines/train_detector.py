@@ -36,6 +36,7 @@ class Wish:
     start: Path | None = None
     classes: str = ""
     remarks: str = ""
+    device: str = "cpu"
 
 
 def train_detector(wish: Wish, resume: bool) -> tuple[Path, Findings]:
@@ -45,7 +46,7 @@ def train_detector(wish: Wish, resume: bool) -> tuple[Path, Findings]:
     classes = [name.strip() for name in wish.classes.split(",") if name.strip()]
     wanted = Fit(
         wish.name, wish.datasets, wish.out, settings, score, wish.tests, wish.start, classes, command_line(),
-        wish.remarks,
+        wish.remarks, wish.device,
     )  # fmt: skip
     said = ""
     with progress_bar("training") as move:

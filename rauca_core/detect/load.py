@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 
 from ..contract import RaucaError
+from ..runtime.devices import find_device
 from .catalogue import SOURCES, find_source
 from .classes import class_list, read_names
 from .interface import Detector
@@ -78,10 +79,10 @@ def load_detector(name_or_path: str, size: int | None = None, device: torch.devi
 
     Raises:
         RaucaError: unknown name, missing, damaged or mismatched files, a size the network cannot take, a family whose
-            package is not installed.
+            package is not installed, a device that this machine does not have.
     """
     found = resolve(name_or_path)
-    return _MAKERS[found.family](found, size).to(device)
+    return _MAKERS[found.family](found, size).to(find_device(device))
 
 
 def _resolved(source: Source, files: tuple[Path, ...]) -> Resolved:

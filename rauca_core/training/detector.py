@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ..contract.seeding import named_rng, named_seed
 from ..detect.synth.network import Truth
 from ..detect.synth.networks import trainable
+from ..runtime.devices import find_device
 from .checkpoint import AveragedCopy
 from .loop import RoundReport, Run, run_task
 from .measure import Findings
@@ -85,7 +86,7 @@ class _DetectorTask:
     """See :class:`loop.Task`."""
 
     def __init__(self, job: Job) -> None:
-        self.job, self.device = job, torch.device(job.device)
+        self.job, self.device = job, find_device(job.device)
         self.network = job.network.to(self.device)
         settings = job.settings
         learning = [p for p in self.network.parameters() if p.requires_grad]

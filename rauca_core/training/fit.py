@@ -20,6 +20,7 @@ from ..detect.synth.card import DetectorCard, load_network, save_weights
 from ..detect.synth.networks import BODY, build_network, find_recipe
 from ..detect.weights_file import sha256_of
 from ..environment.frames import LightFrames
+from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
 from .measure import CAR, Findings, Score, measure
 from .samples import Samples
@@ -67,6 +68,7 @@ def fit(
         RaucaError: unusable data sets, settings, folder or weights; a loss that is not finite; a stop.
     """
     find_recipe(wanted.name)
+    find_device(wanted.device)
     _check_folders(wanted)
     settings, began = wanted.settings, time.process_time()
     frames = LightFrames([*wanted.datasets, *wanted.tests], settings.memory_mb)

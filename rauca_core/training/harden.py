@@ -27,6 +27,7 @@ from ..detect.weights_file import sha256_of
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.checkpoint_files import differences
+from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
@@ -146,6 +147,7 @@ class _Rounds:
         if not (wanted.camouflages or settings.attack_steps):
             raise RaucaError("attack_steps: 0, and no camouflages given; there is nothing to harden against")
         self.wanted, self.origin, self.settings = wanted, origin, settings
+        self.device = find_device(wanted.device)
         self.frames = LightFrames(wanted.datasets, settings.memory_mb)
         by: SplitBy = "location" if all(d.plan.locations > 1 for d in self.frames.datasets) else "view"
         self.train, held_out = self.frames.split(by, settings.test_share, settings.seed)
@@ -183,7 +185,7 @@ class _Rounds:
         for number in range(1, self.settings.rounds + 1):
             folder = self.wanted.out / f"round-{number}"
             detector = self.origin.detector() if weights is None else load_weights(weights)
-            detector.to(self.wanted.device)
+            detector.to(self.device)
             if self.settings.attack_steps:
                 pool.append(self.wanted.attack(detector, number, folder / "attack"))
             after = folder / "weights.safetensors"
@@ -200,24 +202,23 @@ class _Rounds:
     ) -> None:
         """One round's fine-tuning, or the rest of it."""
         network, _ = self.origin.network(start)
-        device = self.wanted.device
         settings = self.settings.of_round(number, CALM * self.origin.lr)
         plain, worn = self.samples(pool, share=0.0), self.samples(pool[-1:], share=1.0)
         worn_by = [i for i in self.tested if self.wears(i, pool[-1])]
 
         def test(average: nn.Module) -> Findings:
             detector = as_detector(self.origin.card, average)
-            found = measure(detector, plain, self.tested, self.wanted.score, self.settings.seed, device)
+            found = measure(detector, plain, self.tested, self.wanted.score, self.settings.seed, self.device)
             if not worn_by:
                 return found
-            dressed = measure(detector, worn, worn_by, self.wanted.score, self.settings.seed, device)
+            dressed = measure(detector, worn, worn_by, self.wanted.score, self.settings.seed, self.device)
             return replace(found, ap50={**found.ap50, WORN: dressed.ap50[ALL]})
 
         folder = after.parent / "training"
         job = Job(
             network, self.samples(pool), self.train, test, settings, folder,
             {"data": self.frames.digest, "pool": [sha256_of(load_camouflage(p)[1]) for p in pool]}, keep_norms=True,
-            device=device,
+            device=self.device,
         )  # fmt: skip
         rounds = self.settings.rounds
         average, findings = train(

