@@ -42,8 +42,7 @@ from rauca_core.contract import (
     load_vehicle,
 )
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.files import atomic_folder, open_to_append, write_bytes
-from rauca_core.detect.weights_file import sha256_of
+from rauca_core.contract.files import atomic_folder, file_digest, open_to_append, write_bytes
 from rauca_core.environment.published_fit import fit_published
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.checkpoint_files import POINTER
@@ -155,7 +154,7 @@ class Workspace:
     def paint(self, path: Path) -> Path:
         """A copy under a name that says which map it is: renders of other maps never lie in its folder."""
         record, image = load_camouflage(path)
-        kept = _named(self.folder / "paints", record.name.replace(" ", "-"), sha256_of(image)[:10], ".json")
+        kept = _named(self.folder / "paints", record.name.replace(" ", "-"), file_digest(image)[:10], ".json")
         return keep_copy(Contestant(kept.stem, path, record), kept.parent)
 
     def _make(self, folder: Path, plan: Plan, ids: Sequence[str], title: str) -> None:

@@ -20,8 +20,8 @@ from pipelines.stages import Stages
 from rauca_core.attack import make_settings, random_camouflage
 from rauca_core.attack.methods import settings_of
 from rauca_core.contract import RenderCamouflages, load_vehicle
+from rauca_core.contract.files import file_digest
 from rauca_core.detect import fetch
-from rauca_core.detect.weights_file import sha256_of
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 from rauca_core.study.contestants import read_vehicle_choice
@@ -102,7 +102,7 @@ def run_demo(choice: DemoChoice) -> Path:
     stages.run("optimizing", [scale.method, scale.steps, scale.batch, SEED, target], optimize, rauca)
     stages.run("random paint", [SEED, RANDOM_CELL], paint_random, random)
     both = [random, rauca]
-    painted = [sha256_of(path.with_suffix(".png")) for path in both]
+    painted = [file_digest(path.with_suffix(".png")) for path in both]
     job = RenderCamouflages(held_out, renders, tuple(both))
     stages.run("re-rendering", painted, lambda: render_camouflages(job, choice.blender), renders)
     results, agree = out / "results.json", out / AGREEMENT

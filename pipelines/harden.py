@@ -22,9 +22,9 @@ from pipelines.protocol import RandomPaint, Request, run_study
 from pipelines.train_detector import command_line, score
 from rauca_core.attack import OptimizerSettings, StepReport, make_settings, run_optimization
 from rauca_core.contract import Dataset, Progress, RaucaError, load_camouflage, read_plan
+from rauca_core.contract.files import file_digest
 from rauca_core.contract.seeding import named_seed
 from rauca_core.detect import Detector, load_detector
-from rauca_core.detect.weights_file import sha256_of
 from rauca_core.report import HardeningNotes, write_hardening
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.cpu import threads
@@ -106,10 +106,10 @@ def _contestants(wish: Wish) -> list[Contestant]:
     contestants = read_contestants(wish.held_out, RESERVED)
     if not contestants:
         raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
-    trained = {sha256_of(load_camouflage(path)[1]): path for path in wish.camouflages}
-    trained |= {sha256_of(png): png.with_suffix(".json") for png in wish.out.glob("round-*/attack/camouflage.png")}
+    trained = {file_digest(load_camouflage(path)[1]): path for path in wish.camouflages}
+    trained |= {file_digest(png): png.with_suffix(".json") for png in wish.out.glob("round-*/attack/camouflage.png")}
     for contestant in contestants:
-        if path := trained.get(sha256_of(contestant.path.with_suffix(".png"))):
+        if path := trained.get(file_digest(contestant.path.with_suffix(".png"))):
             raise RaucaError(f"{contestant.path}: the same UV map as {path}; what is trained on cannot be held out")
     return contestants
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
+from ..contract.files import file_digest
 from .catalogue import SOURCES, find_source
 from .download import download, keep
 from .sources import Source, WeightsFile
-from .weights_file import sha256_of
 
 OWN_FOLDER = "RAUCA_WEIGHTS"  # environment: a folder of weights that were downloaded elsewhere
 
@@ -83,7 +83,7 @@ def _take(source: Source, file: WeightsFile, folder: Path) -> bool:
     for path in sorted(folder.iterdir()):
         if not path.is_file() or path.stat().st_size != (file.size_bytes or path.stat().st_size):
             continue
-        if sha256_of(path).startswith(file.sha256):
+        if file_digest(path).startswith(file.sha256):
             with path.open("rb") as stream:
                 keep(source.name, stream, file, weights_folder() / file.name)
             return True
@@ -105,7 +105,7 @@ def _verify_file(source: Source, file: WeightsFile) -> None:
         raise RaucaError(
             f"{path}: expected {file.size_bytes} bytes, found {found}; run `rauca weights fetch {source.name}`"
         )
-    if not sha256_of(path).startswith(file.sha256):
+    if not file_digest(path).startswith(file.sha256):
         raise RaucaError(f"{path}: sha256 differs from the published weights; remove the file and fetch it again")
 
 

@@ -6,7 +6,6 @@ then float32 per convolution in order: bias, [scale, mean, variance], kernel.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
+from ..contract.files import file_digest
 from ..contract.reading import require_file
 from .layers import Convolution
 from .network import DarknetNetwork
@@ -38,7 +38,7 @@ def read_weights(path: Path, network: DarknetNetwork) -> str:
     for layer in convolutions:
         _fill(layer, values[start : start + _count(layer)])
         start += _count(layer)
-    return sha256_of(path)
+    return file_digest(path)
 
 
 def _count(layer: Convolution) -> int:
@@ -77,9 +77,3 @@ def _fill(layer: Convolution, values: NDArray[np.float32]) -> None:
     with torch.no_grad():
         layer.bias.copy_(torch.from_numpy(bias))
         layer.weight.copy_(torch.from_numpy(kernel))
-
-
-def sha256_of(path: Path) -> str:
-    """Hexadecimal sha256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

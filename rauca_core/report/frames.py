@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import RaucaError
-from ..detect.weights_file import sha256_of
+from ..contract.files import file_digest
 from ..study.average_precision import IOU_THRESHOLD, Sample
 from ..study.bootstrap import box_overlaps
 from ..study.detection_cache import Found
@@ -146,6 +146,6 @@ class FramePicker:
 def _tile(entry: Entry, found: Found, paint: str, index: int) -> bytes:
     row, shown = entry.results.frames[index], entry.results.images[paint][index]
     path = entry.folder / shown.path
-    if not path.is_file() or sha256_of(path) != shown.sha256:
+    if not path.is_file() or file_digest(path) != shown.sha256:
         raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
     return frame_picture(path, row.box_xyxy, found, entry.category, PICTURE_THRESHOLD)

@@ -26,8 +26,8 @@ from ..contract import (
     load_vehicle,
     save_camouflage,
 )
+from ..contract.files import file_digest
 from ..contract.schema import Fields
-from ..detect.weights_file import sha256_of
 from ..environment.published_fit import FINISHED, WEIGHTS, fit_published
 from ..runtime.blender import run_blender
 from ..runtime.checkpoint_files import POINTER
@@ -138,7 +138,7 @@ def make_random(job: Job) -> None:
 def make_map(job: Job) -> None:
     """Copy a camouflage under its label, so that a study holds what it judged."""
     record, image = load_camouflage(Path(job.artifact.options["source"]))
-    if sha256_of(image) != job.artifact.settings["uv_map"]:
+    if file_digest(image) != job.artifact.settings["uv_map"]:
         raise RaucaError(f"{image}: has changed since the study began; run the command again")
     save_camouflage(job.folder / CAMOUFLAGE, replace(record, name=job.artifact.label), image.read_bytes())
 
@@ -227,7 +227,7 @@ def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
     known = {frame.id: frame for frame in Dataset(views).frames()}
     frames: list[Frame] = [known[frame] for frame in ids]
     paths = [image_of(folder, frame.id) for frame in frames]
-    return Pictures(frames, paths, [sha256_of(path) for path in paths])
+    return Pictures(frames, paths, [file_digest(path) for path in paths])
 
 
 def image_of(folder: Path, frame: str) -> Path:
@@ -258,7 +258,7 @@ def _images_behind(folder: Path, ids: Sequence[str]) -> Pictures:
     place = read_recipe(folder)[0].inputs[0].place
     assert place is not None
     paths = [image_of(place, frame) for frame in ids]
-    return Pictures((), paths, [sha256_of(path) for path in paths])
+    return Pictures((), paths, [file_digest(path) for path in paths])
 
 
 def _scene(artifact: Artifact) -> Path | None:

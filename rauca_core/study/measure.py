@@ -16,8 +16,8 @@ import numpy as np
 import torch
 
 from ..contract import Dataset, Frame, RaucaError
+from ..contract.files import file_digest
 from ..detect import Detector, canonical, class_index
-from ..detect.weights_file import sha256_of
 from .average_precision import Sample
 from .defences import Defence
 from .defended import NO_DEFENCE, defended_images
@@ -158,13 +158,13 @@ def _pictures(
     """The images that detectors will see, of every paint."""
     paints = {}
     for paint, paths in located.items():
-        pictures = Pictures(frames, paths, [sha256_of(path) for path in paths])
+        pictures = Pictures(frames, paths, [file_digest(path) for path in paths])
         if defence is not None and defence.name != NO_DEFENCE:
             report = partial(on_progress, f"{defence.name} on {paint}")
             targets = [out / "images" / f"{_key(defence, image_sha256)}.png" for image_sha256 in pictures.hashes]
             defended_images(defence, frames, paths, targets, report)
             paths = targets
-            pictures = Pictures(frames, paths, [sha256_of(path) for path in paths])
+            pictures = Pictures(frames, paths, [file_digest(path) for path in paths])
         paints[paint] = pictures
     return paints
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..attack import OptimizerSettings
 from ..contract import Dataset, Plan, RaucaError, Vehicle, VehicleSource, load_camouflage, load_vehicle, read_plan
+from ..contract.files import file_digest
 from ..detect import Detector
-from ..detect.weights_file import sha256_of
 from ..runtime.images import read_image
 from .artifact import Artifact, digest_of
 from .defences import Defence
@@ -30,9 +30,9 @@ def vehicle_file(path: Path, paint_mask: Path | None = None, paint_material: str
     """A vehicle that Blender has to read first: an .obj, .glb or .blend, and where its paint is."""
     if not path.is_file():
         raise RaucaError(f"{path}: no such vehicle; give a shipped one's name, its folder, an .obj, a .glb or a .blend")
-    mask = None if paint_mask is None else sha256_of(paint_mask)
+    mask = None if paint_mask is None else file_digest(paint_mask)
     source = VehicleSource(str(path), paint_mask, paint_material)
-    settings = {"file": sha256_of(path), "paint_mask": mask, "paint_material": paint_material}
+    settings = {"file": file_digest(path), "paint_mask": mask, "paint_material": paint_material}
     return Artifact("vehicle", path.stem, settings, options={"source": source.to_json()})
 
 
@@ -98,7 +98,7 @@ def random_paint(vehicle: Artifact, size: int, seed: int, cell: int) -> Artifact
 def camouflage_in(path: Path, label: str) -> Artifact:
     """A finished camouflage, known by its UV map: whoever made it, renders of it are the same."""
     record, image = load_camouflage(path)
-    settings = {"uv_map": sha256_of(image), "atlas_id": record.atlas_id, "size": record.size}
+    settings = {"uv_map": file_digest(image), "atlas_id": record.atlas_id, "size": record.size}
     return Artifact("map", label, settings, options={"source": str(path.absolute())})
 
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..contract import Plan, RaucaError, load_camouflage
-from ..contract.files import write_json
+from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
-from ..detect.weights_file import sha256_of
 from ..runtime.images import is_whole
 
 FILE_NAME = "rendered.json"
@@ -32,7 +31,7 @@ class RenderRecord:
         """Describe renders of ``plan`` in ``camouflages`` (JSON paths)."""
         text = json.dumps(replace(plan, blender="").to_json(), sort_keys=True)
         read = [load_camouflage(path) for path in camouflages]
-        uv_maps = {record.name: sha256_of(image) for record, image in read}
+        uv_maps = {record.name: file_digest(image) for record, image in read}
         return RenderRecord(hashlib.sha256(text.encode()).hexdigest(), uv_maps)
 
     def holds(self, folder: Path, frames: Sequence[str]) -> bool:

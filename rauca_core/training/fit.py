@@ -13,12 +13,12 @@ import torch
 from torch import nn
 
 from ..contract import RaucaError, read_plan
+from ..contract.files import file_digest
 from ..detect.catalogue import find_source
 from ..detect.store import stored_path, verify
 from ..detect.synth.adapter import SynthDetector
 from ..detect.synth.card import DetectorCard, load_network, save_weights
 from ..detect.synth.networks import BODY, build_network, find_recipe
-from ..detect.weights_file import sha256_of
 from ..environment.frames import LightFrames
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
@@ -157,7 +157,7 @@ def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     """The network to begin with, and the sha256 of the weights that went into it."""
     if wanted.start is None:
         body = _yolo_body()
-        return build_network(wanted.name, len(class_names), body, wanted.settings.seed), sha256_of(body)
+        return build_network(wanted.name, len(class_names), body, wanted.settings.seed), file_digest(body)
     network, card, digest = load_network(wanted.start)
     if (card.name, card.class_names) != (wanted.name, class_names):
         raise RaucaError(

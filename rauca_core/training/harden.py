@@ -19,11 +19,10 @@ import torch
 from torch import nn
 
 from ..contract import RaucaError, load_camouflage
-from ..contract.files import write_json
+from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
 from ..detect.interface import Detector
 from ..detect.synth.card import HARDENED, DetectorCard, as_detector, load_weights, save_weights
-from ..detect.weights_file import sha256_of
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.checkpoint_files import differences
@@ -158,7 +157,7 @@ class _Rounds:
         self.identity = {
             "detector": origin.fingerprint,
             "data": self.frames.digest,
-            "camouflages": [sha256_of(load_camouflage(path)[1]) for path in wanted.camouflages],
+            "camouflages": [file_digest(load_camouflage(path)[1]) for path in wanted.camouflages],
             **settings.identity(),
         }
         if settings.attack_steps:
@@ -217,7 +216,7 @@ class _Rounds:
         folder = after.parent / "training"
         job = Job(
             network, self.samples(pool), self.train, test, settings, folder,
-            {"data": self.frames.digest, "pool": [sha256_of(load_camouflage(p)[1]) for p in pool]}, keep_norms=True,
+            {"data": self.frames.digest, "pool": [file_digest(load_camouflage(p)[1]) for p in pool]}, keep_norms=True,
             device=self.device,
         )  # fmt: skip
         rounds = self.settings.rounds

@@ -8,6 +8,7 @@ from pathlib import Path
 from torch import nn
 
 from ..contract import RaucaError
+from ..contract.files import file_digest
 from ..detect.catalogue import SOURCES, find_source
 from ..detect.classes import class_list
 from ..detect.interface import Detector
@@ -15,7 +16,7 @@ from ..detect.load import load_detector, resolve
 from ..detect.synth.card import DetectorCard, load_network, read_card
 from ..detect.synth.darknet_student import DarknetStudent
 from ..detect.synth.networks import RECIPES, is_darknet
-from ..detect.weights_file import read_weights, sha256_of
+from ..detect.weights_file import read_weights
 
 DARKNET_SIZE, DARKNET_LR = 416, 4e-4
 
@@ -79,7 +80,7 @@ def origin_of(detector: str) -> Origin:
         card = DetectorCard(
             found.name, class_list("coco-80"), DARKNET_SIZE, f"{found.name} of darknet", "public domain"
         )
-        return Origin(detector, weights, sha256_of(weights), card, DARKNET_LR, fingerprint)
+        return Origin(detector, weights, file_digest(weights), card, DARKNET_LR, fingerprint)
     raise _refusal(detector)
 
 

