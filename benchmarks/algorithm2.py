@@ -19,8 +19,8 @@ from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import SparseOperator, rasterize
 from rauca_core.render.kernels import njit
 from rauca_core.render.product import from_triplets
-from rauca_core.render.raster.atlas import rasterize_atlas
 from rauca_core.render.raster.pattern import pattern
+from rauca_core.render.raster.rasterize import rasterize_atlas
 from rauca_core.render.sampling.facets import facet_fragments
 from rauca_core.render.sampling.sampler import TEXTURE_SIZE
 from rauca_core.render.sampling.surface import find_surface

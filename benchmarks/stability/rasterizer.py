@@ -1,4 +1,4 @@
-"""Meshes that are hard to rasterize, on every path: compiled, and plain torch on each device that is here.
+"""Meshes that are hard to rasterize.
 
 The precision is that of the vertices. Inside, samples and vertices lie on one fixed-point lattice and depth is float64.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,28 +14,19 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.contract import Camera
-from rauca_core.render.raster.rasterize import Raster, rasterize
+from rauca_core.render import rasterize
 
 from .checks import Check, Try, expect
 
 Points = NDArray[np.floating]
-Render = Callable[..., Raster]
-PATHS = [None, "cpu"] + (["cuda"] if torch.cuda.is_available() else [])
 POINTLESS = {torch.bfloat16: "vertices are never bfloat16: those of a car would move by 8 mm"}
 SHEET = [(0, -1, -1), (0, 1, -1), (0, 0, 1)]
 QUAD = [(0, 1, 2), (0, 2, 3)]
 
 
-def on_every_path(body: Callable[[Render, Any], str]) -> Try:
-    """A case that must come out alike on all paths; ``body`` gets the rasterizer and the vertices' NumPy type."""
-
-    def attempt(dtype: torch.dtype) -> str:
-        kind = np.float64 if dtype == torch.float64 else np.float32
-        found = {body(partial(rasterize, device=path), kind) for path in PATHS}
-        expect(len(found) == 1, f"paths differ: {' | '.join(sorted(found))}")
-        return found.pop()
-
-    return attempt
+def attempt(body: Callable[[Any], str]) -> Try:
+    """A case, whose ``body`` gets the vertices' NumPy type."""
+    return lambda dtype: body(np.float64 if dtype == torch.float64 else np.float32)
 
 
 def flat(size: int) -> Camera:
@@ -49,9 +39,9 @@ def at_depth_one(points: Any, kind: Any = np.float64) -> Points:
     return np.pad(np.asarray(points, float), ((0, 0), (0, 1)), constant_values=1.0).astype(kind)
 
 
-def owners(render: Render, points: Points, faces: Any, size: int, samples: int = 1) -> NDArray[np.integer]:
+def owners(points: Points, faces: Any, size: int, samples: int = 1) -> NDArray[np.integer]:
     """How many of the faces (F, 3) own each sample, when every face is drawn alone."""
-    return np.sum([render(points, np.array([f]), flat(size), samples).whole(size, size) >= 0 for f in faces], 0)
+    return np.sum([rasterize(points, np.array([f]), flat(size), samples).whole(size, size) >= 0 for f in faces], 0)
 
 
 def triangulated(inner: Points, size: int) -> tuple[Points, NDArray[np.integer]]:
@@ -74,79 +64,79 @@ def _once(number: NDArray[np.integer]) -> str:
     return f"{number.size} samples, each owned once"
 
 
-def _diagonal(render: Render, kind: Any) -> str:
+def _diagonal(kind: Any) -> str:
     square = at_depth_one([(0.5, 0.5), (32.5, 0.5), (32.5, 32.5), (0.5, 32.5)], kind)
     for faces in (QUAD, [(0, 1, 3), (1, 2, 3)]):
-        number = owners(render, square, faces, 40)
+        number = owners(square, faces, 40)
         # Top and left edges own their samples, bottom and right ones do not.
         expect(number.sum() == 1024, f"{number.sum()} samples inside, not 1024")
         told = _once(number[:32, :32])
     return told
 
 
-def _vertices_on_centers(render: Render, kind: Any) -> str:
+def _vertices_on_centers(kind: Any) -> str:
     rng = np.random.default_rng(0)
     points, faces = triangulated(rng.integers(0, 16, (40, 2)) + 0.5, 16)
     turned = np.array([f[:: rng.choice([-1, 1])] for f in faces])  # either winding
     for order, samples in ((turned, 1), (faces, 1), (faces, 4)):
-        told = _once(owners(render, at_depth_one(points, kind), order, 16, samples))
+        told = _once(owners(at_depth_one(points, kind), order, 16, samples))
     return told
 
 
-def _without_area(render: Render, kind: Any) -> str:
+def _without_area(kind: Any) -> str:
     points = at_depth_one([(1.5, 1.5), (20.5, 20.5), (39.5, 39.5), (1.5, 1.5), (10, 30)], kind)
     # A needle through sample centers, two equal corners, a repeated index, a point.
-    raster = render(points, np.array([(0, 1, 2), (0, 3, 4), (0, 0, 4), (4, 4, 4)]), flat(40), 4)
+    raster = rasterize(points, np.array([(0, 1, 2), (0, 3, 4), (0, 0, 4), (4, 4, 4)]), flat(40), 4)
     drawn = int((raster.face_ids >= 0).sum())
     expect(drawn == 0, f"{drawn} samples drawn")
     expect(np.isfinite(raster.planes).all(), "planes are not finite")
     return "nothing drawn, finite"
 
 
-def _needle(render: Render, kind: Any) -> str:
+def _needle(kind: Any) -> str:
     points = at_depth_one([(1.5, 1.5), (39.5, 1.5 + 1e-4), (39.5, 1.5 - 1e-4)]) * [[1], [2], [3]]
-    raster = render(points.astype(kind), np.array([(0, 1, 2)]), flat(40), 4)
+    raster = rasterize(points.astype(kind), np.array([(0, 1, 2)]), flat(40), 4)
     expect(np.isfinite(raster.barycentrics()).all(), "barycentrics are not finite")
     expect(np.isfinite(raster.planes).all(), "planes are not finite")
     return "finite"
 
 
-def _nan_vertex(render: Render, kind: Any) -> str:
+def _nan_vertex(kind: Any) -> str:
     points = at_depth_one([(0, 0), (8, 0), (8, 8), (0, 8), (4, 4)], kind)
     points[3, 1], points[4, 0] = np.nan, np.inf
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        ids = render(points, np.array([(0, 1, 2), (0, 2, 3), (0, 1, 4)]), flat(8)).whole(8, 8)
+        ids = rasterize(points, np.array([(0, 1, 2), (0, 2, 3), (0, 1, 4)]), flat(8)).whole(8, 8)
     expect(any("2 vertices are NaN" in str(w.message) for w in told), "no warning that counts the vertices")
     expect((ids[np.triu_indices(8, 1)] == 0).all(), "the sound face is missing")
     expect((ids[np.tril_indices(8, -1)] == -1).all(), "a broken face is drawn")
     return "2 vertices counted, their 2 faces left out"
 
 
-def _tiny_faces(render: Render, kind: Any) -> str:
+def _tiny_faces(kind: Any) -> str:
     x, y = np.meshgrid(np.linspace(0, 24, 301), np.linspace(0, 24, 301))
     n = np.arange(300 * 301).reshape(300, 301)[:, :300].ravel()
     faces = np.concatenate([np.stack([n, n + 1, n + 302], 1), np.stack([n, n + 302, n + 301], 1)])
-    ids = render(at_depth_one(np.stack([x.ravel(), y.ravel()], 1), kind), faces, flat(24)).whole(24, 24)
+    ids = rasterize(at_depth_one(np.stack([x.ravel(), y.ravel()], 1), kind), faces, flat(24)).whole(24, 24)
     expect((ids >= 0).all(), f"{(ids < 0).sum()} gaps")
     return f"{len(faces)} faces on {ids.size} samples, no gap"
 
 
-def _huge_coordinates(render: Render, kind: Any) -> str:
+def _huge_coordinates(kind: Any) -> str:
     for far in (4e6, 1e10, 1e25):
         points = at_depth_one([(-far, -far), (far, -far), (far, far), (-far, far)], kind)
-        raster = render(points, np.array(QUAD), flat(32), 2)
+        raster = rasterize(points, np.array(QUAD), flat(32), 2)
         expect((raster.whole(32, 32) >= 0).all(), f"gaps at {far:.0e}")
         expect(np.isfinite(raster.barycentrics()).all(), f"barycentrics are not finite at {far:.0e}")
-        told = _once(owners(render, points, QUAD, 32))
+        told = _once(owners(points, QUAD, 32))
     return told
 
 
-def _ground_through_the_camera(render: Render, kind: Any) -> str:
+def _ground_through_the_camera(kind: Any) -> str:
     camera = Camera.look_at(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0]), 90, 64, 64)
     ground = np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], kind)
     faces = np.array(QUAD)
-    raster = render(ground, faces, camera, 2)
+    raster = rasterize(ground, faces, camera, 2)
     ids, horizon = raster.whole(64, 64), 32 * raster.pattern.rows
     expect((ids[horizon + 2 :] >= 0).all(), "gaps below the horizon")
     expect((ids[: horizon - 2] == -1).all(), "ground above the horizon")
@@ -158,63 +148,63 @@ def _ground_through_the_camera(render: Render, kind: Any) -> str:
     return "the lower half filled, points within 1e-6 pixels of their samples"
 
 
-def _inside_a_box(render: Render, kind: Any) -> str:
+def _inside_a_box(kind: Any) -> str:
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], kind)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     for aim in [(1.0, 0.7, 0.3), (-1.0, 0.2, -0.9), (0.1, 0.2, 1.0)]:
         camera = Camera.look_at(np.array([0.1, 0.2, 0.0]), np.array(aim), 100, 48, 48)
-        gaps = int((render(corners, faces, camera).whole(48, 48) < 0).sum())
+        gaps = int((rasterize(corners, faces, camera).whole(48, 48) < 0).sum())
         expect(gaps == 0, f"{gaps} gaps towards {aim}")
     return "no gap in 3 directions"
 
 
-def _behind_the_camera(render: Render, kind: Any) -> str:
+def _behind_the_camera(kind: Any) -> str:
     camera = Camera.look_at(np.zeros(3), np.array([1.0, 0, 0]), 60, 16, 16)
     behind = np.array([(-2, -1, -1), (-2, 1, -1), (-2, 0, 1)], kind)
-    expect(render(behind, np.array([(0, 1, 2)]), camera).face_ids.size == 0, "mirrored into view")
+    expect(rasterize(behind, np.array([(0, 1, 2)]), camera).face_ids.size == 0, "mirrored into view")
     return "nothing drawn"
 
 
-def _near_plane(render: Render, kind: Any) -> str:
+def _near_plane(kind: Any) -> str:
     camera = Camera.look_at(np.zeros(3), np.array([1.0, 0, 0]), 90, 16, 16)
     points = np.array([(0.01, -1, -1), (0.01, 1, -1), (0.01, 0, 2), (0.03, -1, -1), (0.03, 1, -1), (0.03, 0, 2)], kind)
     faces = np.array([(0, 1, 2), (3, 4, 5)])
-    expect((render(points, faces, camera).whole(16, 16) == 1).all(), "a face before the near plane is drawn")
-    expect((render(points, faces, camera, near=0.005).whole(16, 16) == 0).all(), "a face behind it is not")
+    expect((rasterize(points, faces, camera).whole(16, 16) == 1).all(), "a face before the near plane is drawn")
+    expect((rasterize(points, faces, camera, near=0.005).whole(16, 16) == 0).all(), "a face behind it is not")
     return "cut off at 2 cm"
 
 
-def _coplanar_duplicates(render: Render, kind: Any) -> str:
+def _coplanar_duplicates(kind: Any) -> str:
     for turned in [(0, 1, 2), (1, 2, 0), (2, 1, 0)]:
-        seen = _seen(render, np.array(SHEET, kind), [turned, (0, 1, 2), turned])
+        seen = _seen(np.array(SHEET, kind), [turned, (0, 1, 2), turned])
         expect(seen == {0}, f"faces {sorted(seen)} seen")
     return "face 0 everywhere"
 
 
-def _micrometre(render: Render, kind: Any) -> str:
+def _micrometre(kind: Any) -> str:
     points = np.concatenate([SHEET, np.add(SHEET, (1e-6, 0, 0))]).astype(kind)
     for order in ([(0, 1, 2), (3, 4, 5)], [(3, 4, 5), (0, 1, 2)]):
-        seen = _seen(render, points, order)
+        seen = _seen(points, order)
         expect(seen == {order.index((3, 4, 5))}, f"faces {sorted(seen)} seen")
     return "the nearer one everywhere, in either order"
 
 
-def _ties(render: Render, kind: Any) -> str:
+def _ties(kind: Any) -> str:
     # Each sheet is nearer than the last by less than a tie: the first stays until one beats it by more than that.
     sheets = [at_depth_one([(0, 0), (8, 0), (0, 8)]) / (1 + 0.6e-9 * n) for n in range(6)]
     points = np.concatenate(sheets).astype(kind)
-    ids = render(points, np.arange(18).reshape(6, 3), flat(8)).whole(8, 8)
+    ids = rasterize(points, np.arange(18).reshape(6, 3), flat(8)).whole(8, 8)
     # 0 gives way to 2, and 2 to 4. As float32 all six are one sheet.
     wanted = 4 if kind is np.float64 else 0
     expect(set(np.unique(ids)) == {-1, wanted}, f"faces {set(np.unique(ids))} seen")
     return f"sheet {wanted} everywhere"
 
 
-def _seen(render: Render, points: Points, faces: Sequence[Any]) -> set[int]:
+def _seen(points: Points, faces: Sequence[Any]) -> set[int]:
     """The faces that are seen at all, from ten metres."""
     camera = Camera.look_at(np.array([10.0, 0.3, 0.2]), np.zeros(3), 30, 32, 32)
-    return set(np.unique(render(points, np.array(faces), camera).whole(32, 32)).tolist()) - {-1}
+    return set(np.unique(rasterize(points, np.array(faces), camera).whole(32, 32)).tolist()) - {-1}
 
 
 def _checks() -> Iterator[Check]:
@@ -238,7 +228,7 @@ def _checks() -> Iterator[Check]:
             _ties,
         ),
     ):
-        yield Check("rasterizer", name, expected, on_every_path(body), POINTLESS)
+        yield Check("rasterizer", name, expected, attempt(body), POINTLESS)
 
 
 CHECKS = tuple(_checks())

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..contract import Vehicle
-from .raster.atlas import rasterize_atlas
+from .raster.rasterize import rasterize_atlas
 
 SUBSAMPLES = 2  # squared, per texel; partly covered texels only need a rough weight
 

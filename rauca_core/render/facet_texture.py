@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, Vehicle
-from .filters import filter_table
 from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
-from .raster.pattern import pattern
+from .raster.pattern import filter_table, pattern
 from .raster.rasterize import rasterize
 from .sampling.facets import cell_points, check_texture_size, facet_fragments
 from .sampling.sampler import TEXTURE_SIZE

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
 from .coverage import SUBSAMPLES
-from .filters import filter_table
 from .merge import Rows, merge_pixels
 from .mipmap import Pyramid
 from .product import from_triplets
-from .raster.atlas import rasterize_atlas
-from .raster.pattern import pattern
-from .raster.rasterize import Raster
+from .raster.pattern import filter_table, pattern
+from .raster.rasterize import Raster, rasterize_atlas
 from .sampling.fragments import Fragments
 from .sampling.surface import Array, Surface, find_surface
 from .sparse import SparseOperator

@@ -17,10 +17,10 @@ from torch import Tensor
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantize_rows, to_fractions
-from .filters import filter_table
 from .merge import Rows, filter_fragments
 from .mipmap import Pyramid
 from .product import compose
+from .raster.pattern import filter_table
 from .raster.pattern import pattern as subsample_pattern
 from .raster.rasterize import rasterize
 from .sampling.sampler import Sampler, look_up

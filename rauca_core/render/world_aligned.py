@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
-from .filters import filter_table
 from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
-from .raster.pattern import pattern
+from .raster.pattern import filter_table, pattern
 from .raster.rasterize import Raster, rasterize
 from .sampling.fragments import Fragments
 from .sampling.mip_lookup import read_level

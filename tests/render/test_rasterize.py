@@ -66,14 +66,13 @@ def test_rows_that_read_the_texture_are_spread_as_evenly_as_all(samples: int) ->
     assert chosen.side**2 * len(points) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("device", [None, "cpu"])
-def test_triangles_smaller_than_a_snap_show_nothing(device: str | None) -> None:
+def test_triangles_smaller_than_a_snap_show_nothing() -> None:
     centers = np.stack(np.meshgrid(np.arange(4) + 0.5, np.arange(4) + 0.5), 2).reshape(-1, 1, 2)
     corners = centers + np.array([[0.0, 0.0], [1e-7, 0.0], [0.0, 1e-7]])
     points = np.concatenate([corners, np.ones((16, 3, 1))], 2).reshape(-1, 3)
     faces = np.arange(48).reshape(16, 3)
     for order in (faces, faces[:, ::-1]):
-        assert not (rasterize(points, order, flat(4), device=device).whole(4, 4) >= 0).any()
+        assert not (rasterize(points, order, flat(4)).whole(4, 4) >= 0).any()
 
 
 def test_window_is_a_crop_of_the_whole_image() -> None:
@@ -105,11 +104,6 @@ def test_absurd_sizes_are_refused() -> None:
         rasterize(*corner, flat(16384), margin=1)
     wanted = (pattern(16).points().sum(1) < 1).sum()
     assert (rasterize(*corner, flat(16384), 16).face_ids == 0).sum() == wanted
-
-
-def test_a_device_without_float64_is_refused() -> None:
-    with pytest.raises(RaucaError, match="float64"):
-        rasterize(at_depth_one([(0, 0), (1, 0), (0, 1)]), np.array([(0, 1, 2)]), flat(8), device="mps")
 
 
 @pytest.mark.parametrize("face", [(0, 1, 3), (0, 1, -1)])

@@ -1,4 +1,4 @@
-"""Which face each subsample of an image sees, compiled for the CPU or in plain torch for any device."""
+"""Which face each subsample of an image sees."""
 
 from .pattern import Pattern, pattern
 from .rasterize import Raster, rasterize

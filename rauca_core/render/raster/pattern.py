@@ -1,4 +1,6 @@
-"""Where the subsamples of a pixel lie: a rank-1 lattice, whose every sample has a row and a column of its own.
+"""Where the subsamples of a pixel lie, and what each weighs in the pixel filter.
+
+They lie on a rank-1 lattice, whose every sample has a row and a column of its own.
 
 A regular n x n grid meets an edge that runs along a pixel row with only n distinct heights; a lattice of N points
 meets it with N. What it meets an oblique edge with follows from how far apart its points lie, so N is the first number
@@ -10,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from math import gcd
+from math import gcd, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ from ...contract import RaucaError
 
 PATTERNS = ("lattice", "grid")
 PLACES = 64  # that a pixel should read the texture at
+FILTERS = ("blackman-harris", "box")
+_CYCLES_WIDTH = 3.0  # pixels: Cycles doubles its default `filter_width` of 1.5 for Blackman-Harris
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +118,28 @@ def _nearest(number: int, step: int, k: NDArray[np.int64]) -> tuple[int, int]:
     distance = x**2 + y**2
     nearest = int(distance.min())
     return nearest, int(np.minimum(x, y)[distance == nearest].min())
+
+
+def filter_table(name: str, pattern: Pattern) -> tuple[NDArray[np.float64], int]:
+    """Weights of the subsamples around a pixel.
+
+    Returns:
+        ((2 * reach + 1) * rows, (2 * reach + 1) * columns) weights that sum to 1, and ``reach``: how many pixels the
+        filter extends beyond the pixel itself.
+
+    Raises:
+        RaucaError: unknown filter.
+    """
+    if name == "box":
+        return np.full((pattern.rows, pattern.columns), 1.0 / pattern.number), 0
+    if name != "blackman-harris":
+        raise RaucaError(f"filter: {name!r} is unknown; choose one of {', '.join(FILTERS)}")
+    y = (np.arange(3 * pattern.rows) + 0.5) / pattern.rows - 1.5
+    x = (np.arange(3 * pattern.columns)[None] + np.tile(pattern.shifts, 3)[:, None]) / pattern.columns - 1.5
+    table = _blackman_harris(y)[:, None] * _blackman_harris(x)
+    return table / table.sum(), 1
+
+
+def _blackman_harris(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    phase = 2 * pi * (offsets / _CYCLES_WIDTH + 0.5)
+    return 0.35875 - 0.48829 * np.cos(phase) + 0.14128 * np.cos(2 * phase) - 0.01168 * np.cos(3 * phase)

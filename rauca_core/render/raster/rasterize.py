@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ...contract import Camera, RaucaError
 from ..kernels import njit
-from . import rasterize_torch, scanline
-from .fixed_point import LIMIT, MAX_SIDE, Screen
 from .pattern import Pattern
 from .pattern import pattern as pattern_of
+from .scanline import draw
+from .triangles import LIMIT, MAX_SIDE, Screen
 
 Array = NDArray[np.float64]
 
@@ -97,7 +96,6 @@ def rasterize(
     near: float = NEAR_M,
     *,
     pattern: Pattern | None = None,
-    device: torch.device | str | None = None,
 ) -> Raster:
     """Find the nearest face behind every subsample. Both sides of a face are seen, as in Cycles.
 
@@ -110,15 +108,12 @@ def rasterize(
         margin: pixels around the image to rasterize as well (the pixel filter reaches beyond its edge).
         near: faces nearer than this, metres along z, are cut off.
         pattern: where the subsamples lie, in place of ``samples``.
-        device: where to run the path in plain torch. None runs the compiled one, on the CPU; both see the same faces.
 
     Raises:
-        RaucaError: samples outside 1 to 16, an image of more than 16384 pixels along a side, margin included,
-            triangles of vertices that do not exist, or a device without float64.
+        RaucaError: samples outside 1 to 16, an image of more than 16384 pixels along a side, margin included, or
+            triangles of vertices that do not exist.
     """
     pattern = pattern or pattern_of(samples)
-    if device is not None and torch.device(device).type == "mps":
-        raise RaucaError("device: mps has no float64, which depth needs; choose cpu or cuda")
     width, height = camera.width + 2 * margin, camera.height + 2 * margin
     if max(width, height) > MAX_SIDE:
         raise RaucaError(f"camera: {width}x{height} pixels are too many to rasterize; choose at most {MAX_SIDE} a side")
@@ -126,16 +121,27 @@ def rasterize(
     if triangles.size and triangles.view(np.uint32).max() >= len(positions):  # numba would read beyond, or before
         raise RaucaError(f"mesh: triangles name vertices outside 0 to {len(positions) - 1}; repair the mesh")
     screen = Screen.of(camera, pattern, margin, near)
-    if device is None:
-        face_ids, window, broken = scanline.draw(positions, triangles, screen)
-    else:
-        face_ids, window, broken = rasterize_torch.draw(positions, triangles, screen, torch.device(device))
+    face_ids, window, broken = draw(positions, triangles, screen)
     if broken:
         warnings.warn(
             f"mesh: {broken} vertices are NaN, infinite or beyond {LIMIT:.0e} m; their faces are left out", stacklevel=2
         )
     x0, y0 = window[0] - screen.limits[0], window[1] - screen.limits[1]
     return Raster(face_ids, x0, y0, pattern, margin, positions, triangles, screen.matrix)
+
+
+def rasterize_atlas(uvs: NDArray[np.floating], size: int, samples: int = 1) -> Raster:
+    """See the UV atlas as an image of ``size`` x ``size`` pixels, row 0 at the top, lowest face first on overlaps.
+
+    Args:
+        uvs: (F, 3, 2) per corner, u right, v up; what lies outside [0, 1] lies outside the image.
+        size: side of the map, texels.
+        samples: a texel has about ``samples`` x ``samples`` subsamples; one means its center.
+    """
+    corners = uvs.reshape(-1, 2).astype(np.float64)
+    flat = np.stack([corners[:, 0] * size, (1 - corners[:, 1]) * size, np.ones(len(corners))], 1)
+    camera = Camera(np.eye(3), np.eye(3), np.zeros(3), size, size)
+    return rasterize(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3), camera, samples)
 
 
 @njit(cache=True, nogil=True)

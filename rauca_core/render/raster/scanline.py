@@ -1,6 +1,7 @@
-"""The compiled path of the rasterizer, one core: project the vertices, then draw face after face into a z-buffer.
+"""Drawing triangles into a z-buffer, one core: choose those that may hold a sample, then draw face after face.
 
-Places in arrays are unsigned where time counts: numba asks of every signed one whether it counts from the end.
+On a small picture of a car half of the triangles fall between the samples, so these are left out first. Places in
+arrays are unsigned where time counts: numba asks of every signed one whether it counts from the end.
 """
 
 from __future__ import annotations
@@ -11,13 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import njit
-from .boxes import first, last, place_vertices, select
-from .clip import clip_faces
-from .fixed_point import BROKEN, DEPTH_TIE, LIMIT, ONE, Screen, Window
-from .project import project
-from .small import LARGE, mark_samples
+from .triangles import BROKEN, DEPTH_TIE, FRACTION, HALF, LIMIT, ONE, Screen, Window, clip_faces, project
 
 FEW = 16  # a box of so few samples is tested one by one, a larger one row by row
+FAR = 2**30  # samples: beyond any image
 
 
 def draw(
@@ -28,108 +26,91 @@ def draw(
     corners, owners, over, fixed = triangles, np.empty(0, np.int32), vertices.over, vertices.fixed
     if vertices.state.any():
         corners, owners, over, fixed = clip_faces(*vertices, triangles, screen.planes, screen.near)
-    live, boxes, window = select(corners, place_vertices(fixed, screen))
+    boxes = np.empty((fixed.shape[1], 4), np.int32)
+    _place(fixed, screen.columns, screen.rows, screen.shifts.min(), screen.shifts.max(), screen.limits, boxes)
+    live, around = np.empty(len(corners) + 1, np.int32), np.empty((len(corners) + 1, 4), np.int32)
+    number, window = _select(corners, boxes, live, around)
     face_ids = np.full((window[3] - window[1], window[2] - window[0]), -1, np.int32)
-    if face_ids.size:
-        lines, columns = screen.lines(window), screen.columns
-        marks, found = np.empty(len(live), np.uint8), np.empty(len(live) + 1, np.int32)
-        number = mark_samples(live, boxes, corners, fixed, columns, lines, window[1], marks, found)
+    if number:
         mesh = corners, owners, fixed, over, vertices.points, triangles
-        _draw(found[:number], live, boxes, marks, mesh, columns, lines, window, face_ids)
+        _draw(live[:number], around, mesh, screen.columns, screen.lines(window), window, face_ids)
     return face_ids, window, int(np.count_nonzero(vertices.state == BROKEN))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw(
-    found: Any,
-    live: Any,
-    boxes: Any,
-    marks: Any,
-    mesh: Any,
-    columns: int,
-    lines: Any,
-    window: Any,
-    face_ids: Any,
-) -> None:
-    """Draw those ``found`` of the triangles ``live`` into ``face_ids`` (h, w).
+@njit(cache=True, nogil=True)
+def _first(position: Any, per_pixel: Any, offset: Any) -> Any:
+    """The first sample at or after a fixed-point position, where sample n lies at (n * ONE + offset) // per_pixel."""
+    return -((offset - position * per_pixel) >> FRACTION)
 
-    Each at its owner's depth, within that of its corners.
+
+@njit(cache=True, nogil=True)
+def _last(position: Any, per_pixel: Any, offset: Any) -> Any:
+    """The last sample at or before a fixed-point position."""
+    return ((position + 1) * per_pixel - 1 - offset) >> FRACTION
+
+
+@njit(cache=True, nogil=True)
+def _place(fixed: Any, columns: int, rows: int, low: int, high: int, limits: Any, boxes: Any) -> None:
+    """What each vertex (2, V) adds to the box of a triangle: ``boxes`` (V, 4), x0, y0, x1, y1, within the image.
+
+    In samples from the image's corner, all inclusive. Every vertex belongs to several triangles, so this is not asked
+    per corner.
     """
+    xs, ys = fixed[0], fixed[1]
+    for v in range(xs.shape[0]):
+        x, y = np.int64(xs[v]), np.int64(ys[v])
+        boxes[v, 0], boxes[v, 1] = max(_first(x, columns, high), limits[0]), max(_first(y, rows, HALF), limits[1])
+        boxes[v, 2], boxes[v, 3] = min(_last(x, columns, low), limits[2] - 1), min(_last(y, rows, HALF), limits[3] - 1)
+
+
+@njit(cache=True, nogil=True)
+def _select(corners: Any, boxes: Any, live: Any, around: Any) -> Any:
+    """The triangles (T, 3) of vertices with ``boxes`` (V, 4) whose own box holds a sample.
+
+    Written to ``live`` (T + 1,): which they are; to ``around`` (T + 1, 4): their boxes.
+
+    Returns:
+        how many, and the window of all of them, x1 and y1 exclusive.
+    """
+    number, left, top, right, bottom = np.uint64(0), FAR, FAR, -FAR, -FAR
+    for t in range(np.uint64(corners.shape[0])):
+        i, j, k = np.uint32(corners[t, 0]), np.uint32(corners[t, 1]), np.uint32(corners[t, 2])
+        x0, y0 = min(boxes[i, 0], min(boxes[j, 0], boxes[k, 0])), min(boxes[i, 1], min(boxes[j, 1], boxes[k, 1]))
+        x1, y1 = max(boxes[i, 2], max(boxes[j, 2], boxes[k, 2])), max(boxes[i, 3], max(boxes[j, 3], boxes[k, 3]))
+        hit = (x0 <= x1) & (y0 <= y1)
+        live[number] = t
+        around[number, 0], around[number, 1], around[number, 2], around[number, 3] = x0, y0, x1, y1
+        number += np.uint64(hit)  # no branch decides what is written: no processor could guess it
+        if hit:
+            left, top, right, bottom = min(left, x0), min(top, y0), max(right, x1), max(bottom, y1)
+    return int(number), (left, top, right + 1, bottom + 1) if number else (0, 0, 0, 0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw(live: Any, boxes: Any, mesh: Any, columns: int, lines: Any, window: Any, face_ids: Any) -> None:
+    """Draw the triangles ``live`` into ``face_ids`` (h, w), each at its owner's depth, within that of its corners."""
     corners, owners, fixed, over, points, triangles = mesh
     x0, y0 = window[0], window[1]
     nearest = np.zeros(face_ids.shape)
-    for m in range(np.uint64(found.shape[0])):
-        n = np.uint32(found[m])
+    for n in range(np.uint64(live.shape[0])):
         t = np.uint32(live[n])
         i, j, k = np.uint32(corners[t, 0]), np.uint32(corners[t, 1]), np.uint32(corners[t, 2])
         low, high = min(over[i], min(over[j], over[k])), max(over[i], max(over[j], over[k]))
-        box = -boxes[n, 0], boxes[n, 2], -boxes[n, 1] - y0, boxes[n, 3] - y0
+        box = np.int64(boxes[n, 0]), np.int64(boxes[n, 2]), np.int64(boxes[n, 1]) - y0, np.int64(boxes[n, 3]) - y0
         a = np.int64(fixed[0, i]), np.int64(fixed[1, i])
         b = np.int64(fixed[0, j]), np.int64(fixed[1, j])
         c = np.int64(fixed[0, k]), np.int64(fixed[1, k])
         if (b[0] - a[0]) * (c[1] - a[1]) < (c[0] - a[0]) * (b[1] - a[1]):
             b, c = c, b
-        small = marks[n] < LARGE
-        few = columns == 1 and (box[1] - box[0] + 1) * (box[3] - box[2] + 1) <= FEW
-        if small and not _may_show_marked(marks[n], box, high, x0, nearest):
-            continue
-        if few and not small and not _may_show(a, b, c, box, high, lines, x0, nearest):
-            continue
         face = np.uint32(owners[t]) if owners.shape[0] > 0 else t
         plane = _depth_plane(points, triangles, face)
         if not abs(plane[0]) + abs(plane[1]) + abs(plane[2]) <= LIMIT:
             continue  # seen edge-on
         depth = plane[0], plane[1], plane[2], low, high
-        if small:
-            _show_marked(marks[n], box, depth, face, lines, x0, nearest, face_ids)
-        elif few:
+        if columns == 1 and (box[1] - box[0] + 1) * (box[3] - box[2] + 1) <= FEW:
             _test_samples(a, b, c, box, depth, face, lines, x0, nearest, face_ids)
         else:
             _fill_rows(a, b, c, box, depth, face, columns, lines, x0, nearest, face_ids)
-
-
-@njit(cache=True, nogil=True)
-def _may_show_marked(mark: Any, box: Any, high: float, x0: int, nearest: Any) -> bool:
-    """Whether any marked sample shows nothing nearer than the triangle's nearest corner. Many are hidden."""
-    for bit in range(4):
-        row, column = np.uint64(box[2] + (bit >> 1)), np.uint64(box[0] - x0 + (bit & 1))
-        if mark & (1 << bit) and high > nearest[row, column]:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _show_marked(mark: Any, box: Any, depth: Any, face: Any, lines: Any, x0: int, nearest: Any, face_ids: Any) -> None:
-    """Draw a triangle's marked samples, where a pixel has one column."""
-    for bit in range(4):
-        if mark & (1 << bit):
-            row, column = np.uint64(box[2] + (bit >> 1)), box[0] + (bit & 1)
-            start = depth[0] * lines[2][row] + (depth[1] * lines[3][row] + depth[2])
-            value = min(max(depth[0] * column + start, depth[3]), depth[4])
-            place = np.uint64(column - x0)
-            if value > nearest[row, place]:
-                nearest[row, place] = value * DEPTH_TIE
-                face_ids[row, place] = face
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _may_show(a: Any, b: Any, c: Any, box: Any, high: float, lines: Any, x0: int, nearest: Any) -> bool:
-    """Whether any sample lies in the triangle and shows nothing nearer than its nearest corner.
-
-    Many triangles have a sample in their box but none inside, or are hidden: no need of their planes.
-    """
-    ys, shifts = lines[0], lines[1]
-    tie_a, tie_b, tie_c = _loses_ties(a, b), _loses_ties(b, c), _loses_ties(c, a)
-    column, row = box[0], box[2]
-    while row <= box[3]:
-        x, y = column * ONE + shifts[row], ys[row]
-        inside = (_side(a, b, x, y) - tie_a) | (_side(b, c, x, y) - tie_b) | (_side(c, a, x, y) - tie_c)
-        if (inside >= 0) & (high > nearest[row, column - x0]):
-            return True
-        ends = column == box[1]
-        column = box[0] if ends else column + 1
-        row += ends
-    return False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -191,8 +172,8 @@ def _fill_rows(
         left, right = _cut(b, c, ys[row], left, right)
         left, right = _cut(c, a, ys[row], left, right)
         start = depth[0] * lefts[row] + (depth[1] * tops[row] + depth[2])
-        begin = max(box[0], first(left, columns, shifts[row]))
-        end = min(box[1], last(right, columns, shifts[row]))
+        begin = max(box[0], _first(left, columns, shifts[row]))
+        end = min(box[1], _last(right, columns, shifts[row]))
         for column in range(begin, end + 1):
             value = min(max(step * column + start, depth[3]), depth[4])
             if value > nearest[row, column - x0]:

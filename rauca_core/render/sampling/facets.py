@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...contract import RaucaError, Vehicle
 from ..mipmap import Pyramid
 from ..product import from_triplets
-from ..raster.atlas import rasterize_atlas
+from ..raster.rasterize import rasterize_atlas
 from ..sparse import SparseOperator
 from .fragments import Fragments
 from .surface import Array, Surface, find_surface, mask_at
