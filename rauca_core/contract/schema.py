@@ -193,10 +193,10 @@ class Record:
     """A dataclass that is a JSON object on disk; fields that have a default may be left out there.
 
     Annotations are ``float``, ``int``, ``str``, ``Path``, ``bool``, arrays, records, tuples of numbers, texts, paths or
-    records, free-form dictionaries, and any of these or None. What more a value must be stands beside its type:
-    ``Annotated[float, (0, 1)]`` limits a number, ``Annotated[NDArray, (3, 3)]`` tells the shape of an array,
-    ``Annotated[str, ("town", "blend")]`` the words to choose from, and ``Annotated[str, "plain_name"]`` names the
-    method of :class:`Fields` that reads it.
+    records, dictionaries of any of these (free-form ones of ``Any``), and any of these or None. What more a value must
+    be stands beside its type: ``Annotated[float, (0, 1)]`` limits a number, ``Annotated[NDArray, (3, 3)]`` tells the
+    shape of an array, ``Annotated[str, ("town", "blend")]`` the words to choose from, and
+    ``Annotated[str, "plain_name"]`` names the method of :class:`Fields` that reads it.
     """
 
     FORMAT: ClassVar[tuple[str, int] | None] = None
@@ -238,6 +238,8 @@ def _plain(value: Any) -> Any:
         return value.to_json()
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
     if isinstance(value, Path):
         return str(value)
     return value.tolist() if isinstance(value, np.ndarray) else value
@@ -258,8 +260,8 @@ def _value(fields: Fields, name: str, kind: Any) -> Any:
     if get_origin(kind) is tuple:
         return _tuple(fields, name, parts)
     if get_origin(kind) is dict:
-        fields.nested(name)  # refuses what is no object
-        return fields.raw(name)
+        inner = fields.nested(name)
+        return fields.raw(name) if parts[1] is Any else {key: _value(inner, key, parts[1]) for key in inner.names()}
     if kind is Path:
         return Path(fields.text(name))
     if kind is str:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract.files import append_line, write_bytes
-from ..contract.schema import Fields, whole_lines
+from ..contract.schema import Fields, Record, whole_lines
 from ..detect import Detections, Detector, canonical
 from ..detect.scoring import class_index
 
@@ -26,7 +26,7 @@ MAX_CACHE_BYTES = 2**30
 
 
 @dataclass(frozen=True)
-class DetectionSettings:
+class DetectionSettings(Record):
     """Which detections are kept.
 
     Attributes:

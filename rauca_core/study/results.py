@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated
 
 from ..contract import RaucaError
 from ..contract.files import write_json
-from ..contract.schema import Fields, read_json
+from ..contract.schema import Record, read_json
 from .detection_cache import DetectionSettings
 
-FORMAT = ("rauca-results", 3)
 MEAN = "mean"
-T = TypeVar("T")
 AXES = ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
 
 
 @dataclass(frozen=True)
-class FrameRow:
+class FrameRow(Record):
     """A frame that took part, under its nominal camera (before jitter) and its weather.
 
     ``location`` and ``view`` are the data set's.
@@ -38,7 +35,7 @@ class FrameRow:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Record):
     """AP@0.5 in [0, 1] over frames, and the bootstrap's 95 % interval over their locations (see `bootstrap.py`)."""
 
     ap: float
@@ -47,7 +44,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Group:
+class Group(Record):
     """AP@0.5 of the frames that share a value on one of :data:`AXES`.
 
     Attributes:
@@ -60,11 +57,11 @@ class Group:
     value: float
     frames: int
     ap: dict[str, dict[str, float]]
-    mean: dict[str, Estimate] = field(default_factory=dict)
+    mean: dict[str, Estimate]
 
 
 @dataclass(frozen=True)
-class ImageRow:
+class ImageRow(Record):
     """An image that was evaluated; ``path`` is relative to the results' folder."""
 
     path: str
@@ -72,7 +69,7 @@ class ImageRow:
 
 
 @dataclass(frozen=True)
-class Results:
+class Results(Record):
     """An evaluation.
 
     Attributes:
@@ -91,9 +88,11 @@ class Results:
         clusters, cluster_count: what the bootstrap draws (``locations``, ``views`` or ``frames``), and how many.
     """
 
+    FORMAT = ("rauca-results", 3)
+
     dataset: str
     settings: DetectionSettings
-    resamples: int
+    resamples: Annotated[int, (1,)]
     seed: int
     detectors: dict[str, str]
     frames: tuple[FrameRow, ...]
@@ -111,103 +110,21 @@ class Results:
     def paints(self) -> tuple[str, ...]:
         return tuple(self.table)
 
+    def _check_whole(self, where: str) -> None:
+        columns = {*self.detectors, MEAN}
+        if not self.table or any(set(row) != columns for row in self.table.values()):
+            raise RaucaError(f"{where}: table and detectors do not fit together; evaluate again")
+        if set(self.images) != set(self.table) or any(len(i) != len(self.frames) for i in self.images.values()):
+            raise RaucaError(f"{where}: images and frames do not fit together; evaluate again")
+        if set(self.groups) != set(AXES):
+            raise RaucaError(f"{where}: groups must be {', '.join(AXES)}; evaluate again")
+
 
 def save_results(path: Path, results: Results) -> None:
     """Write ``results.json`` atomically."""
-    name, version = FORMAT
-    write_json(path, {"format": name, "version": version, **asdict(results)})
+    write_json(path, results.to_json())
 
 
 def load_results(path: Path) -> Results:
-    """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or from a newer rauca."""
-    fields = read_json(path)
-    fields.format(*FORMAT)
-    detectors = fields.nested("detectors")
-    table = {paint: _estimates(row) for paint, row in _each(fields.nested("table")).items()}
-    results = Results(
-        dataset=fields.text("dataset"),
-        settings=_settings(fields.nested("settings")),
-        resamples=fields.integer("resamples", 1),
-        seed=fields.integer("seed"),
-        detectors={name: detectors.text(name) for name in detectors.names()},
-        frames=_rows(fields, "frames", _frame_row),
-        dropped=tuple(str(frame) for frame in fields.items("dropped")),
-        table=table,
-        groups=_rows_by_name(fields.nested("groups"), _group),
-        images=_rows_by_name(fields.nested("images"), _image_row),
-        detections={
-            paint: {name: row.text(name) for name in row.names()}
-            for paint, row in _each(fields.nested("detections")).items()
-        },
-        vehicle=fields.text("vehicle"),
-        defence=fields.text("defence"),
-        clusters=fields.text("clusters"),
-        cluster_count=fields.integer("cluster_count"),
-    )
-    fields.done()
-    _check(path, results)
-    return results
-
-
-def _check(path: Path, results: Results) -> None:
-    columns = {*results.detectors, MEAN}
-    if not results.table or any(set(row) != columns for row in results.table.values()):
-        raise RaucaError(f"{path}: table and detectors do not fit together; evaluate again")
-    if set(results.images) != set(results.table) or any(len(i) != len(results.frames) for i in results.images.values()):
-        raise RaucaError(f"{path}: images and frames do not fit together; evaluate again")
-    if set(results.groups) != set(AXES):
-        raise RaucaError(f"{path}: groups must be {', '.join(AXES)}; evaluate again")
-
-
-def _frame_row(fields: Fields) -> FrameRow:
-    left, top, right, bottom = fields.array("box_xyxy", (4,)).tolist()
-    numbers: dict[str, Any] = {name: fields.number(name) for name in AXES}
-    numbers |= {name: fields.integer(name) for name in ("location", "view")}
-    row = FrameRow(fields.text("id"), fields.text("weather"), **numbers, box_xyxy=(left, top, right, bottom))
-    fields.done()
-    return row
-
-
-def _settings(fields: Fields) -> DetectionSettings:
-    thresholds = (fields.number(name) for name in ("score_threshold", "other_threshold", "iou_threshold"))
-    settings = DetectionSettings(fields.text("category"), *thresholds)
-    fields.done()
-    return settings
-
-
-def _image_row(fields: Fields) -> ImageRow:
-    row = ImageRow(fields.text("path"), fields.text("sha256"))
-    fields.done()
-    return row
-
-
-def _group(fields: Fields) -> Group:
-    ap = {paint: {name: row.number(name) for name in row.names()} for paint, row in _each(fields.nested("ap")).items()}
-    group = Group(fields.number("value"), fields.integer("frames"), ap, _estimates(fields.nested("mean")))
-    fields.done()
-    return group
-
-
-def _estimates(table: Fields) -> dict[str, Estimate]:
-    """Estimates by name."""
-    return {name: _estimate(row) for name, row in _each(table).items()}
-
-
-def _estimate(fields: Fields) -> Estimate:
-    estimate = Estimate(*map(fields.number, ("ap", "low", "high")))
-    fields.done()
-    return estimate
-
-
-def _each(table: Fields) -> dict[str, Fields]:
-    """The objects of a table, by name."""
-    return {name: table.nested(name) for name in table.names()}
-
-
-def _rows(table: Fields, name: str, read: Callable[[Fields], T]) -> tuple[T, ...]:
-    """A list of objects, each read by ``read``."""
-    return tuple(read(Fields(row, f"{table.where}: {name}[{i}]")) for i, row in enumerate(table.items(name)))
-
-
-def _rows_by_name(table: Fields, read: Callable[[Fields], T]) -> dict[str, tuple[T, ...]]:
-    return {name: _rows(table, name, read) for name in table.names()}
+    """Read ``results.json``; raises :class:`RaucaError` when it is missing, damaged or of another version."""
+    return Results.from_json(read_json(path))
