@@ -1,6 +1,6 @@
 """The paper's Algorithm 2 as published: the facet texture tensor is filled from the UV map anew at every step.
 
-`rauca_core/render/sampling/facets.py` turns it into an operator once, since it depends on geometry only; these kernels
+`rauca_core/render/facets.py` turns it into an operator once, since it depends on geometry only; these kernels
 measure what that saves, and compute the same numbers (tested). What the published renderer also does at every step,
 finding the face of every texel and of every pixel by testing all faces, is left out: both are looked up, which is far
 kinder than the original. All loops are serial, so that sums repeat to the bit. ``uvs`` is (nf, 3, 2) float64.
@@ -17,13 +17,13 @@ from torch import Tensor
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import SparseOperator, rasterize
+from rauca_core.render.facets import facet_fragments
 from rauca_core.render.kernels import njit
-from rauca_core.render.product import from_triplets
 from rauca_core.render.raster.pattern import pattern
 from rauca_core.render.raster.rasterize import rasterize_atlas
-from rauca_core.render.sampling.facets import facet_fragments
-from rauca_core.render.sampling.sampler import TEXTURE_SIZE
-from rauca_core.render.sampling.surface import find_surface
+from rauca_core.render.sampler import TEXTURE_SIZE
+from rauca_core.render.sparse import from_triplets
+from rauca_core.render.surface import find_surface
 
 SUBSAMPLES = 2  # per pixel and axis, as published
 

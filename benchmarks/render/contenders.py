@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, Taps, build_taps
-from rauca_core.render.sampling.sampler import Sampler
+from rauca_core.render.sampler import Sampler
 
 ALGORITHM_2 = "Algorithm 2, 2x2"
 BILINEAR = "1 bilinear sample"

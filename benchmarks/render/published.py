@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.algorithm2 import pixels_from_cells, texel_faces, uv_traversal_step, uv_traversal_step_back
 from rauca_core.contract import Camera
-from rauca_core.render.sampling.sampler import TEXTURE_SIZE
+from rauca_core.render.sampler import TEXTURE_SIZE
 
 from .scenes import Car
 

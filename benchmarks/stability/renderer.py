@@ -11,7 +11,7 @@ from torch import Tensor
 
 from rauca_core.contract import Camera, RaucaError, color
 from rauca_core.render import MipmappedTexture, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
-from rauca_core.render.sampling.sampler import Sampler, look_up
+from rauca_core.render.sampler import Sampler, look_up
 
 from .box import painted_box
 from .checks import Check, expect

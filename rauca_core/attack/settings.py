@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..contract import RaucaError
 from ..render import Sampler
-from ..render.sampling.sampler import TEXTURE_SIZE
+from ..render.sampler import TEXTURE_SIZE
 from .augmentation import AugmentationName
 from .lights import LightName
 from .losses import ObjectiveName

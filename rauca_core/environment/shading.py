@@ -18,7 +18,7 @@ from ..contract import Camera, Vehicle
 from ..contract.color import linear_to_srgb
 from ..render import rasterize
 from ..render.raster.pattern import pattern
-from ..render.sampling.surface import find_surface
+from ..render.surface import find_surface
 
 AMBIENT, DIRECTIONAL = 0.5, 0.5
 SUBSAMPLES = 2  # per pixel and axis, as published

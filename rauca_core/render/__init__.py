@@ -5,7 +5,7 @@ from .composite import composite, linear_to_srgb, saturate, srgb_to_linear
 from .facet_texture import bake_facets, cell_positions
 from .mipmap import MipmappedTexture, Pyramid
 from .raster.rasterize import Raster, rasterize
-from .sampling import Sampler
+from .sampler import Sampler
 from .sparse import SparseOperator, apply_many
 from .taps import Taps, build_taps, tap_format
 from .world_aligned import build_world_aligned_taps, pattern_pyramid, project_pattern

@@ -15,8 +15,7 @@ import numpy as np
 from ..contract import Camera, RaucaError, Vehicle
 from .facet_texture import build_facet_taps, cells_pyramid
 from .mipmap import Pyramid
-from .sampling import Sampler
-from .sampling.sampler import TEXTURE_SIZE
+from .sampler import TEXTURE_SIZE, Sampler
 from .taps import FORMAT, Taps, build_taps, tap_format
 from .world_aligned import SHARPNESS, build_world_aligned_taps, pattern_pyramid
 

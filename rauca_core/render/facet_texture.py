@@ -3,7 +3,7 @@
 A view reads the cells of the faces it sees, as Neural Renderer does; there is no UV map in between. To deploy such a
 texture it is baked: every texel of the atlas reads the cells of the face under it.
 
-Not here: what `sampling.facets` computes, the cells as a function of a UV map.
+Not here: what `facets` computes, the cells as a function of a UV map.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, Vehicle
+from .facets import cell_points, check_texture_size, facet_fragments
 from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
 from .raster.pattern import filter_table, pattern
 from .raster.rasterize import rasterize
-from .sampling.facets import cell_points, check_texture_size, facet_fragments
-from .sampling.sampler import TEXTURE_SIZE
-from .sampling.surface import Array, Surface, find_surface
+from .sampler import TEXTURE_SIZE
 from .sparse import SparseOperator
+from .surface import Array, Surface, find_surface
 from .taps import Taps, round_taps
 from .thin import Thinning
 

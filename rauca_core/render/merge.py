@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..contract import Camera
 from .kernels import njit
+from .lookup import Fragments
 from .raster.rasterize import Raster
-from .sampling.fragments import Fragments
 from .thin import Thinning, thin_row
 
 FAINTEST = 1e-7  # coverage below which a pixel shows no paint

@@ -14,15 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from PIL import Image
 from torch import Tensor
 
 from ..contract import RaucaError, Vehicle
-from .coverage import texel_coverage
 from .kernels import njit
 from .lanes import CHANNELS, add, black, load, store
+from .raster.rasterize import rasterize_atlas
 from .sparse import SparseOperator, apply_many, gather, scatter, with_rows
 
 DILATION_ROUNDS = 8  # texels around each chart that the renderer's bilinear filter and coarse mips may touch
+SUBSAMPLES = 2  # squared, per texel of the map; partly covered texels only need a rough weight
 ROW = 4  # numbers of a row of `MipmappedTexture`, the last unused
 
 
@@ -52,6 +54,7 @@ class Pyramid:
         sizes: side of each level, texels.
         slots: per level (side, side) int32, the texel's place in the list of T, or -1.
         coverage: per level (side, side) float32 in [0, 1].
+        flat: for kernels: slots and coverage of all levels one after another, where each begins, and ``sizes``.
         tree: which coarse texel each texel goes into, and with what share.
         spare: per type a buffer that is all zero, lent to the `MipmappedTexture` whose gradient is in work.
     """
@@ -71,6 +74,9 @@ class Pyramid:
             self.slots.append(slot)
             start += number
         self.count = start
+        starts = np.cumsum([0] + [slot.size for slot in self.slots])
+        flat_slots, flat_coverage = (np.concatenate([a.ravel() for a in m]) for m in (self.slots, self.coverage))
+        self.flat = flat_slots, flat_coverage, starts, np.array(self.sizes)
         self.texels = np.flatnonzero(coverage > 0)
         if not len(self.texels):
             raise RaucaError("vehicle: no texel of the UV map is paintable at this size; choose a larger map")
@@ -126,6 +132,19 @@ class Pyramid:
             color[inside] = levels[torch.from_numpy(slot[inside].astype(np.int64))].numpy()
         _dilate(color, np.where(self.slots[0] >= 0, 0, -1).astype(np.int8))
         return torch.from_numpy(np.ascontiguousarray(color.transpose(2, 0, 1)))
+
+
+def texel_coverage(vehicle: Vehicle, size: int) -> NDArray[np.float32]:
+    """Paintable share (size, size) in [0, 1] of each texel, row 0 at the top: charts of paint faces times the mask.
+
+    UVs outside [0, 1] lie beyond the map and cover nothing.
+    """
+    raster = rasterize_atlas(vehicle.uvs[vehicle.paint_faces()], size, SUBSAMPLES)
+    rows, columns = raster.pattern.rows, raster.pattern.columns
+    hit = raster.whole(size, size).reshape(size, rows, size, columns) >= 0
+    charts = hit.mean((1, 3), dtype=np.float32)
+    mask = Image.fromarray(vehicle.paint_mask).resize((size, size), Image.Resampling.BOX)
+    return charts * (np.asarray(mask, np.float32) / np.float32(255))
 
 
 @njit(cache=True, nogil=True)

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
-from .coverage import SUBSAMPLES
+from .lookup import Fragments
 from .merge import Rows, merge_pixels
-from .mipmap import Pyramid
-from .product import from_triplets
+from .mipmap import SUBSAMPLES, Pyramid
 from .raster.pattern import filter_table, pattern
 from .raster.rasterize import Raster, rasterize_atlas
-from .sampling.fragments import Fragments
-from .sampling.surface import Array, Surface, find_surface
-from .sparse import SparseOperator
+from .sparse import SparseOperator, from_triplets
+from .surface import Array, Surface, find_surface
 from .thin import Thinning
 
 BAND = 128  # rows of the atlas read at once

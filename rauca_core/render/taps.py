@@ -19,12 +19,11 @@ from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantize_rows, to_fractions
 from .merge import Rows, filter_fragments
 from .mipmap import Pyramid
-from .product import compose
 from .raster.pattern import filter_table
 from .raster.pattern import pattern as subsample_pattern
 from .raster.rasterize import rasterize
-from .sampling.sampler import Sampler, look_up
-from .sparse import SparseOperator
+from .sampler import Sampler, look_up
+from .sparse import SparseOperator, compose
 from .thin import Thinning
 
 FORMAT = 4  # of the file and of what is computed, see :func:`tap_format`: a change of either makes old files stale

@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
+from .lookup import Fragments, read_level
 from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
 from .raster.pattern import filter_table, pattern
 from .raster.rasterize import Raster, rasterize
-from .sampling.fragments import Fragments
-from .sampling.mip_lookup import read_level
-from .sampling.surface import Array, Surface, find_surface, mask_at
 from .sparse import SparseOperator
+from .surface import Array, Surface, find_surface, mask_at
 from .taps import Taps, round_taps, usual_thinning
 from .thin import Thinning
 

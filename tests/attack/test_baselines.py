@@ -8,7 +8,7 @@ import pytest
 from rauca_core.attack import plain_camouflage, random_camouflage
 from rauca_core.attack.baselines import texel_metres
 from rauca_core.contract import RaucaError, Vehicle, load_camouflage
-from rauca_core.render.coverage import texel_coverage
+from rauca_core.render.mipmap import texel_coverage
 from rauca_core.runtime.images import read_image
 
 

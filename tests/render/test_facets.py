@@ -12,10 +12,10 @@ from torch import Tensor
 from benchmarks.algorithm2 import texel_faces, uv_traversal_step, uv_traversal_step_back
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, SparseOperator, rasterize
-from rauca_core.render.product import compose, from_triplets
-from rauca_core.render.sampling.facets import check_texture_size, onto_pyramid, tensor_traversal, uv_traversal
-from rauca_core.render.sampling.sampler import Sampler, facet_operator, look_up
-from rauca_core.render.sampling.surface import find_surface
+from rauca_core.render.facets import check_texture_size, onto_pyramid, tensor_traversal, uv_traversal
+from rauca_core.render.sampler import Sampler, facet_operator, look_up
+from rauca_core.render.sparse import compose, from_triplets
+from rauca_core.render.surface import find_surface
 
 SIZE = 9
 CASES = [(seed, ts) for seed in range(3) for ts in (2, 3, 4)]

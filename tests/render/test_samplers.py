@@ -9,11 +9,11 @@ import torch.nn.functional as torch_functional
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, rasterize
-from rauca_core.render.product import compose, from_triplets
+from rauca_core.render.lookup import longest_axis, read_level
 from rauca_core.render.raster.rasterize import Raster
-from rauca_core.render.sampling.mip_lookup import longest_axis, read_level
-from rauca_core.render.sampling.sampler import Lookup, Sampler, look_up
-from rauca_core.render.sampling.surface import find_surface, mask_at
+from rauca_core.render.sampler import Lookup, Sampler, look_up
+from rauca_core.render.sparse import compose, from_triplets
+from rauca_core.render.surface import find_surface, mask_at
 
 SIZE = 64
 

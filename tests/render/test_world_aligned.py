@@ -10,8 +10,8 @@ import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import Pyramid, SparseOperator, build_taps, rasterize
-from rauca_core.render.product import from_triplets
-from rauca_core.render.sampling.surface import find_surface
+from rauca_core.render.sparse import from_triplets
+from rauca_core.render.surface import find_surface
 from rauca_core.render.world_aligned import (
     PLANES,
     blend_weights,

@@ -23,7 +23,7 @@ from ...contract.seeding import named_rng
 from ...render import Pyramid
 from ...render.kernels import njit
 from ...render.onto_atlas import read_on_atlas
-from ...render.sampling.surface import Surface
+from ...render.surface import Surface
 
 Array = NDArray[np.float64]
 REACH, GAP_M = 2.0, 0.02  # steps of the map, metres: charts closer than the larger are joined, and panels beside a gap

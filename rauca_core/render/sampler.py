@@ -8,13 +8,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contract import Vehicle
-from ..mipmap import Pyramid
-from ..raster.rasterize import Raster
-from ..sparse import SparseOperator
+from ..contract import Vehicle
 from .facets import facet_fragments, onto_pyramid, tensor_traversal, uv_traversal
-from .fragments import Fragments, find_fragments
-from .mip_lookup import bilinear_fragments, trilinear_fragments
+from .lookup import Fragments, area_fragments, bilinear_fragments, trilinear_fragments
+from .mipmap import Pyramid
+from .raster.rasterize import Raster
+from .sparse import SparseOperator
 from .surface import find_surface
 
 TEXTURE_SIZE = 6  # ts of T_fc in DAS, FCA and the paper's published code
@@ -53,7 +52,7 @@ class Lookup:
         fragments: of the painted samples; their "texels" are places in a list of ``columns`` values.
         columns: length of that list: the pyramid's texels, or the cells of the visible faces.
         inner: None, or the operator (columns, T) from the pyramid's texels to the cells. Its rows sum to 1, or are
-            empty for black cells: `product.compose` puts it behind the rows of the pixels.
+            empty for black cells: `sparse.compose` puts it behind the rows of the pixels.
     """
 
     fragments: Fragments
@@ -81,7 +80,7 @@ def look_up(
         RaucaError: a texture size below 2, or so large that the cells cannot be counted.
     """
     if sampler == Sampler.AREA:
-        return Lookup(find_fragments(vehicle, raster, pyramid), pyramid.count)
+        return Lookup(area_fragments(vehicle, raster, pyramid), pyramid.count)
     paint = vehicle.paint_faces()
     surface = find_surface(raster, paint)
     if sampler == Sampler.BILINEAR:

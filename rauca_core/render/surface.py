@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import njit
-from ..raster.rasterize import Raster
+from .kernels import njit
+from .raster.rasterize import Raster
 
 Array = NDArray[np.float64]
 
@@ -61,13 +61,29 @@ def find_surface(raster: Raster, wanted: NDArray[np.bool_]) -> Surface:
 
 def mask_at(mask: NDArray[np.uint8], uv: Array) -> NDArray[np.float32]:
     """The paint mask (H, W), bilinear, in [0, 1] at map coordinates (N, 2); beyond the map its edge is repeated."""
-    sides = np.array(mask.shape[::-1])
-    point = np.clip(np.stack([uv[:, 0], 1 - uv[:, 1]], 1) * sides - 0.5, 0.0, sides - 1.0)
-    low = point.astype(np.int64)
-    (left, top), (right, bottom), (fx, fy) = low.T, np.minimum(low + 1, sides - 1).T, (point - low).T
+    paint = np.empty(len(uv), np.float32)
+    _read_mask(mask, uv, paint)
+    return paint
+
+
+@njit(cache=True, nogil=True)
+def _read_mask(mask: Any, uv: Any, paint: Any) -> None:
+    for n in range(paint.shape[0]):
+        paint[n] = bilinear_mask(mask, uv[n, 0], uv[n, 1])
+
+
+@njit(cache=True, nogil=True)
+def bilinear_mask(mask: Any, u: float, v: float) -> float:
+    """One value of :func:`mask_at`."""
+    height, width = mask.shape
+    x = min(max(u * width - 0.5, 0.0), width - 1.0)
+    y = min(max((1.0 - v) * height - 0.5, 0.0), height - 1.0)
+    left, top = int(x), int(y)
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    fx, fy = x - left, y - top
     upper = mask[top, left] * (1 - fx) + mask[top, right] * fx
     lower = mask[bottom, left] * (1 - fx) + mask[bottom, right] * fx
-    return np.asarray((upper * (1 - fy) + lower * fy) / 255.0, np.float32)
+    return (upper * (1 - fy) + lower * fy) / 255.0
 
 
 @njit(cache=True, nogil=True)

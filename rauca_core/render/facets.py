@@ -14,12 +14,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contract import RaucaError, Vehicle
-from ..mipmap import Pyramid
-from ..product import from_triplets
-from ..raster.rasterize import rasterize_atlas
-from ..sparse import SparseOperator
-from .fragments import Fragments
+from ..contract import RaucaError, Vehicle
+from .lookup import Fragments
+from .mipmap import Pyramid
+from .raster.rasterize import rasterize_atlas
+from .sparse import SparseOperator, from_triplets
 from .surface import Array, Surface, find_surface, mask_at
 
 Float = type[np.floating]
