@@ -21,9 +21,8 @@ from blender_addon.dataset_job import completed
 from blender_addon.scene import camera, composed_fog
 from blender_addon.scene.annotate import Annotation
 from blender_addon.scene.light_maps import MARGIN_PX, light_maps
-from blender_addon.scene.light_memory import LightMemory
 from blender_addon.scene.render import Crop, render_linear
-from blender_addon.scene.session import Session
+from blender_addon.scene.session import LightMemory, Session
 from blender_addon.vehicles import find_vehicle
 from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import Progress, Quality, VehicleSource, Weather, find_preset, in_rendering_order

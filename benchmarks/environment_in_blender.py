@@ -24,12 +24,10 @@ import numpy as np
 from blender_addon.core import color, contract, files
 from blender_addon.scene import camera, render
 from blender_addon.scene.camouflages import read_paintwork
-from blender_addon.scene.frame import Light, with_rain
+from blender_addon.scene.frame import Light, rain_before
 from blender_addon.scene.images import read_image_blender
 from blender_addon.scene.light_maps import light_maps
-from blender_addon.scene.light_memory import LightMemory
-from blender_addon.scene.rain import rain_before
-from blender_addon.scene.session import Session
+from blender_addon.scene.session import LightMemory, Session
 
 MARGIN_PX = 2
 
@@ -90,7 +88,7 @@ def _rendered(
 def _as_in_the_frame(session: Session, dataset: contract.Dataset, frame: contract.Frame, light: Light) -> Light:
     light = light.exposed(frame.exposure_stops)
     (distance,) = contract.load_passes(dataset.frame_folder(frame.id), ("distance",)).values()
-    return with_rain(light, rain_before(session, frame.location, frame.view, frame.weather, distance))
+    return light.behind(rain_before(session, frame.location, frame.view, frame.weather, distance))
 
 
 if __name__ == "__main__":

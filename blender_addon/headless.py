@@ -68,7 +68,7 @@ def run(find_job: Callable[[], contract.Job], as_json: bool) -> int:
 
 def _do(job: contract.Job, report: Report) -> None:
     from . import dataset_job
-    from .scene.apply import save_blend
+    from .scene.camouflages import save_blend
 
     if isinstance(job, contract.MakeDataset):
         dataset_job.make(job, report)

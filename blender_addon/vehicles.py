@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .core import contract
-from .scene.shipped import load_shipped, shipped_names
+from .scene.vehicle import load_shipped, shipped_names
 
 
 def find_vehicle(source: contract.VehicleSource) -> contract.Vehicle:
@@ -24,6 +24,6 @@ def find_vehicle(source: contract.VehicleSource) -> contract.Vehicle:
         raise contract.RaucaError(
             f"{path}: no such vehicle; give an .obj, .glb or .blend file, or one of {', '.join(known)}"
         )
-    from .scene.vehicle_import import import_vehicle
+    from .scene.vehicle_files import import_vehicle
 
     return import_vehicle(path, source.paint_mask, source.paint_material)

@@ -29,7 +29,7 @@ NEEDED = (
 )
 TOPS = {"rauca_core", "blender_addon", "pipelines"}
 OF_A_CHECKOUT = {
-    "build_extension.py", "extension_wheels.py", "extension_wheels.txt", "licences.py", "measure_bake.py",
+    "build_extension.py", "extension_wheels.py", "extension_wheels.txt", "licences.py",
     "other_pythons_wheel.py", "weather_thumbnails.py",
 }  # fmt: skip
 

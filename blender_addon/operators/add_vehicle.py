@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
-from ..scene.shipped import add_shipped, shipped_names
+from ..scene.vehicle import add_shipped, shipped_names
 from .operator import RaucaOperator
 
 SPOKEN = {"suv": "SUV", "boat_detailed": "Detailed Boat"}

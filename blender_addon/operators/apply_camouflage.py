@@ -12,9 +12,8 @@ from mathutils import Matrix
 from ..core import contract
 from ..evaluation.found import find_evaluation
 from ..scene.camouflages import read_paintwork
-from ..scene.mesh_edits import object_mode
+from ..scene.mesh_edits import Surface, object_mode
 from ..scene.painting import paint_surface
-from ..scene.surface import Surface
 from .on_vehicle import objects_of, place, vehicle_for
 from .operator import RaucaOperator
 

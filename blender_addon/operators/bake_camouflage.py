@@ -108,7 +108,7 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
         if running is None or event.type == "ESC":
             self._end(context)
             self.report({"INFO"}, rpt("Bake stopped; nothing was written"))
-            return {"CANCELED"}
+            return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if (percent := int(100 * running.done)) != self._shown:

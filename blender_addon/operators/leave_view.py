@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
-from ..scene.looking import leave
+from ..scene.camera import leave
 from .operator import RaucaOperator
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
-from ..scene.looking import look
+from ..scene.camera import look
 from .operator import RaucaOperator
 
 

@@ -6,7 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
 from ..scene.mesh_edits import object_mode
-from ..scene.second_layer import add_layer
+from ..scene.smart_project import add_layer
 from .on_vehicle import coat_shown, painted_surface
 from .operator import RaucaOperator
 

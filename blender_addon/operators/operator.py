@@ -46,7 +46,7 @@ class RaucaOperator:
     def refuse(self, error: contract.RaucaError) -> set[str]:
         """Report a mistake and end."""
         self.report({"ERROR"}, rpt(with_buttons(str(error))))  # type: ignore[attr-defined]
-        return {"CANCELED"}
+        return {"CANCELLED"}
 
 
 def tooltip(items: Sequence[tuple[str, str, str]], chosen: str) -> str:

@@ -9,7 +9,7 @@ from ..background.unwrap_child import UnwrapChild
 from ..core import contract
 from ..scene.mesh_edits import object_mode
 from ..scene.paint_layer import to_unwrap, write_unwrapped
-from ..scene.shipped import untouched_shipped
+from ..scene.vehicle import untouched_shipped
 from ..scene.vehicle_reading import Reading, unwrapped
 from .operator import RaucaOperator
 
@@ -60,7 +60,7 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
         if event.type == "ESC" or _child is None:
             self.cancel(context)
             self.report({"INFO"}, rpt("Unwrapping stopped"))
-            return {"CANCELED"}
+            return {"CANCELLED"}
         if event.type != "TIMER" or not _child.ended():
             return {"PASS_THROUGH"}
         try:

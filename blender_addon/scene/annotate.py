@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from ..core import color, contract, semantics
 from . import nodes
-from .annotatable import categories
-from .exchange import exchanged_materials, is_volume, shown_objects
+from .annotatable import categories, exchanged_materials, is_volume, shown_objects
 from .render import Crop, render_linear
 from .vehicle import SceneVehicle
 

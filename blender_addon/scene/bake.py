@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ..core import bake, color, contract, files, geometry
 from .coating import Coat, set_baked_layer
 from .images import image_linear
-from .mesh_edits import require_own_faces
+from .mesh_edits import Surface, require_own_faces
 from .paint import blender_pixels, image_of_pixels
-from .surface import Surface
 from .vehicle_arrays import Piece
 
 CHECK_SIZE = 1024

@@ -15,8 +15,8 @@ from ..core import color, contract, files
 from . import nodes
 from .coating import PAINTED, Coat, take_off
 from .images import image_linear
+from .mesh_edits import Surface
 from .render import silenced
-from .surface import Surface
 
 
 def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: str, path: Path) -> None:

@@ -1,12 +1,15 @@
-"""A contract camera as Blender's."""
+"""A contract camera as Blender's; looking through it in the artist's scene, whose own camera is left alone."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
 from ..core import contract
+from .overrides import override, restore
 
 SENSOR_MM = 36.0
 
@@ -49,3 +52,49 @@ def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
     pose[:3, :3] = camera.R.T @ to_blender
     pose[:3, 3] = camera.position
     holder.matrix_world = Matrix(pose.tolist())
+
+
+class Looking(Protocol):
+    """Where a scene keeps the view's camera and what it replaced; a property group.
+
+    Attributes:
+        camera: the view's; None before the first look.
+        camera_before: the artist's own; None if there was none.
+        overrides: see `overrides.py`.
+    """
+
+    camera: bpy.types.Object | None
+    camera_before: bpy.types.Object | None
+    overrides: str
+
+
+def look(scene: bpy.types.Scene, kept: Looking, camera: contract.Camera) -> None:
+    """Make a view's camera the scene's, its picture as large as the data set's."""
+    if kept.camera is None:
+        kept.camera = new_holder()
+        kept.camera.hide_select = True
+    if kept.camera.name not in scene.objects:
+        scene.collection.objects.link(kept.camera)
+    if scene.camera != kept.camera:
+        kept.camera_before, scene.camera = scene.camera, kept.camera
+    aim(kept.camera, camera)
+    picture = {
+        "render.resolution_x": camera.width,
+        "render.resolution_y": camera.height,
+        "render.resolution_percentage": 100,
+        "render.pixel_aspect_x": 1.0,
+        "render.pixel_aspect_y": 1.0,
+    }
+    kept.overrides = override(scene, kept.overrides, picture)
+
+
+def leave(scene: bpy.types.Scene, kept: Looking) -> None:
+    """Give the scene its own camera and picture size back; the view's camera goes."""
+    restore(scene, kept.overrides)
+    view = kept.camera
+    if scene.camera == view:
+        scene.camera = kept.camera_before
+    kept.camera = kept.camera_before = None
+    kept.overrides = ""
+    if view is not None:
+        bpy.data.batch_remove([view, view.data])

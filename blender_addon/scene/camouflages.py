@@ -1,4 +1,4 @@
-"""Re-rendering a data set's views in camouflage: the judge of every camouflage, never the neural render."""
+"""A vehicle in camouflage: rendering a data set's views again, the judge of every camouflage, or carrying it away."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import color, contract, files, reading, schema
+from .frame import expose, rain_before
 from .images import read_image_blender
-from .metering import expose
-from .rain import rain_before
 from .render import Crop
 from .session import Session
+from .vehicle import SceneVehicle
 
 Progress = Callable[[int, int, str], None]
 MARGIN = 0.1  # of a frame's side, around the vehicle: farther out no light from the paint is seen
@@ -127,3 +128,25 @@ def _noted(note: Path) -> object:
         return reading.parse_json(reading.read_text(note, schema.MAX_JSON_BYTES), note.name)
     except contract.RaucaError:
         return None
+
+
+def apply_camouflage(scene: bpy.types.Scene, vehicle: contract.Vehicle, camouflage: Path) -> SceneVehicle:
+    """Add ``vehicle`` to ``scene``, painted with ``camouflage`` (.json).
+
+    Raises:
+        RaucaError: the camouflage is damaged or was made for another UV atlas; the scene is left as it was.
+    """
+    paintwork = read_paintwork(camouflage, vehicle.atlas_id)
+    placed = SceneVehicle(scene, vehicle)
+    placed.paint.set_map(paintwork.uv_map_srgb)
+    placed.paint.pack()
+    placed.object.name = f"{vehicle.name} {paintwork.name}"
+    return placed
+
+
+def save_blend(vehicle: contract.Vehicle, camouflage: Path, out: Path) -> None:
+    """Write a .blend that holds nothing but the vehicle in camouflage, images packed."""
+    scene = bpy.data.scenes.new("rauca")
+    placed = apply_camouflage(scene, vehicle, camouflage)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    bpy.data.libraries.write(str(out), {scene, placed.object}, fake_user=True, compress=True)

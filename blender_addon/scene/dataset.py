@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..core import contract
 from ..jobs.messages import News
-from .frame import Sight, render_frame
+from .frame import render_frame
 from .session import Session
 
 Tell = Callable[[News], None]
@@ -54,7 +54,7 @@ def render_chunk(
                 weather = None  # until it is set: an exception on the way leaves the scene between two
                 session.set_weather(task.weather)
                 weather = task.weather
-            render_frame(session, folder, task, Sight(annotation))
+            render_frame(session, folder, task, annotation)
         except contract.RaucaError:
             raise
         except Exception as error:

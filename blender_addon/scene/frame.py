@@ -1,6 +1,11 @@
 """One frame of a data set: its light, what the weather adds before the lens, what is known of it, the folder.
 
-A frame's bytes depend on the plan alone, never on the frames rendered before it or by whom.
+A frame's bytes depend on the plan alone, never on the frames rendered before it or by whom. The rain's drops are the
+same whatever the paint.
+
+The camera opens up in a street's shade: the weather's exposure suits open ground. Light is linear, so a frame is
+exposed anew by one multiplication after the render, of image, A and B alike. What is metered does not hold the vehicle:
+every paint gets the same exposure.
 """
 
 from __future__ import annotations
@@ -11,19 +16,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract
+from ..core import color, contract, seeding, semantics
 from .annotate import Annotation
 from .light_maps import light_maps
-from .metering import expose, exposure_stops
-from .rain import rain_before
 from .session import Session
 
-
-@dataclass(eq=False)
-class Sight:
-    """What a camera sees without weather."""
-
-    annotation: Annotation
+TARGET = 0.07  # median radiance, display white 1, of streets in the open: asphalt and walls under a sun at 45 degrees
+COMPENSATED = 0.75  # of what is missing in stops: shade stays darker than sun
+MOST_STOPS = 2.5
+LEAST_SHARE = 0.05  # of the frame must be metered
+DARK_ALTITUDE_DEG = -6.0  # the sun at which nothing is compensated: nights are to stay dark
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclass(eq=False)
@@ -42,69 +45,65 @@ class Light:
         A, B = (None if light is None else expose(light, stops) for light in (self.A, self.B))
         return Light(expose(self.image, stops), A, B)
 
+    def behind(self, rain: contract.rain.Streaks | None) -> Light:
+        """The same light behind rain: composited on A and B alike, so that it stays affine in the paint."""
+        if rain is None:
+            return self
+        A = None if self.A is None else contract.rain.over_gain(self.A, rain)
+        B = None if self.B is None else contract.rain.over(self.B, rain)
+        return Light(contract.rain.over(self.image, rain), A, B)
 
-def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, sight: Sight) -> None:
+
+def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, annotation: Annotation) -> None:
     """Render a planned frame into its folder, atomically.
 
     The session has entered the location and set the weather. Frames of the same camera with the same light and less
     fog come first (:func:`contract.in_rendering_order`), so that the session's memory holds what they share.
     """
-    light = render_light(session, task, sight)
-    stops = meter(light, task, sight)
-    light = add_weather_effects(session, task, sight, light.exposed(stops))
-    frame, passes = describe(session, task, sight, stops), collect_passes(sight, light)
-    passes.check_linear = render_check(session, task, sight, frame)
+    light = render_light(session, task, annotation)
+    stops = metered_stops(light.image, annotation.semantic, annotation.instances, task.weather.sun_altitude_angle)
+    rain = rain_before(session, task.location, task.view, task.weather, annotation.distance)
+    light = light.exposed(stops).behind(rain)
+    frame = describe(session, task, annotation, stops)
+    passes = contract.FramePasses(
+        image_linear=light.image,
+        vehicle=annotation.vehicle.astype(np.float32) / 255,
+        paint=annotation.paint.astype(np.float32) / 255,
+        distance=annotation.distance.astype(np.float32),
+        A=light.A,
+        B=light.B,
+        semantic=annotation.semantic,
+        instances=annotation.instances,
+        check_linear=render_check(session, task, frame, rain),
+    )
     contract.save_frame(contract.frame_folder(folder, task.id), frame, passes)
 
 
-def render_light(session: Session, task: contract.PlannedFrame, sight: Sight) -> Light:
+def render_light(session: Session, task: contract.PlannedFrame, annotation: Annotation) -> Light:
     """The frame's radiance by path tracing: both light maps, or the reference paint alone."""
     plan = session.plan
     reference = color.srgb_to_linear(np.array(plan.reference_srgb) / 255)
     if plan.light:
-        paint = sight.annotation.paint / np.float32(255)
-        A, B, image = light_maps(session, task.location, task.view, task.weather, paint, reference, sight.annotation)
+        paint = annotation.paint / np.float32(255)
+        A, B, image = light_maps(session, task.location, task.view, task.weather, paint, reference, annotation)
         return Light(image, A, B)
     session.vehicle.paint.set_color(tuple(reference.tolist()))
     return Light(session.render(task.location, task.view, task.weather))
 
 
-def meter(light: Light, task: contract.PlannedFrame, sight: Sight) -> float:
-    """The frame's own exposure, in stops beyond the weather's."""
-    ids = sight.annotation
-    return exposure_stops(light.image, ids.semantic, ids.instances, task.weather.sun_altitude_angle)
-
-
 def render_check(
-    session: Session, task: contract.PlannedFrame, sight: Sight, frame: contract.Frame
+    session: Session, task: contract.PlannedFrame, frame: contract.Frame, rain: contract.rain.Streaks | None
 ) -> NDArray[np.float32] | None:
     """The frame in uniform paint for real, nothing composed or predicted: what the light maps are held against."""
     if frame.check_srgb is None:
         return None
     red, green, blue = color.srgb_to_linear(np.array(frame.check_srgb) / 255).tolist()
     session.vehicle.paint.set_color((red, green, blue))
-    rendered = Light(session.render(task.location, task.view, task.weather)).exposed(frame.exposure_stops)
-    return add_weather_effects(session, task, sight, rendered).image
+    rendered = Light(session.render(task.location, task.view, task.weather))
+    return rendered.exposed(frame.exposure_stops).behind(rain).image
 
 
-def add_weather_effects(session: Session, task: contract.PlannedFrame, sight: Sight, light: Light) -> Light:
-    """What is composited over the rendered light, on A and B alike so that it stays affine in the paint."""
-    rain = rain_before(session, task.location, task.view, task.weather, sight.annotation.distance)
-    return with_rain(light, rain)
-
-
-def with_rain(light: Light, rain: contract.rain.Streaks | None) -> Light:
-    """The same light behind rain."""
-    if rain is None:
-        return light
-    return Light(
-        contract.rain.over(light.image, rain),
-        None if light.A is None else contract.rain.over_gain(light.A, rain),
-        None if light.B is None else contract.rain.over(light.B, rain),
-    )
-
-
-def describe(session: Session, task: contract.PlannedFrame, sight: Sight, stops: float) -> contract.Frame:
+def describe(session: Session, task: contract.PlannedFrame, annotation: Annotation, stops: float) -> contract.Frame:
     """What ``frame.json`` says."""
     viewpoint, plan = session.viewpoint(task.location, task.view), session.plan
     checked = color.check_color(plan.seed, plan.recolor_share, task.id) if plan.light else None
@@ -118,25 +117,51 @@ def describe(session: Session, task: contract.PlannedFrame, sight: Sight, stops:
         azimuth_deg=viewpoint.azimuth_deg,
         elevation_deg=viewpoint.elevation_deg,
         distance_m=viewpoint.distance_m,
-        box_xyxy=sight.annotation.box_xyxy(),
-        visible=sight.annotation.visible,
+        box_xyxy=annotation.box_xyxy(),
+        visible=annotation.visible,
         seed=session.seed(task.location, task.view, task.weather),
-        instances=sight.annotation.others,
+        instances=annotation.others,
         check_srgb=checked,
         exposure_stops=stops,
     )
 
 
-def collect_passes(sight: Sight, light: Light) -> contract.FramePasses:
-    """The images that the frame's folder holds."""
-    annotation = sight.annotation
-    return contract.FramePasses(
-        image_linear=light.image,
-        vehicle=annotation.vehicle.astype(np.float32) / 255,
-        paint=annotation.paint.astype(np.float32) / 255,
-        distance=annotation.distance.astype(np.float32),
-        A=light.A,
-        B=light.B,
-        semantic=annotation.semantic,
-        instances=annotation.instances,
-    )
+def rain_before(
+    session: Session, location: int, view: int, weather: contract.Weather, distance: NDArray[np.floating]
+) -> contract.rain.Streaks | None:
+    """What falls between the camera and the scene; None in dry weather.
+
+    Args:
+        distance: (H, W) metres along the view ray as the frame stores them (half precision), infinity for sky.
+    """
+    if weather.precipitation == 0.0:
+        return None
+    seed = seeding.named_seed(session.plan.seed, "rain", location, view, weather.name)
+    return contract.rain.streaks(weather, session.viewpoint(location, view).camera, distance.astype(np.float16), seed)
+
+
+def metered_stops(
+    image_linear: NDArray[np.float32],
+    semantic: NDArray[np.uint8],
+    instances: NDArray[np.uint8],
+    sun_altitude_deg: float,
+) -> float:
+    """Powers of two by which a frame is brightened, from 0 to :data:`MOST_STOPS`.
+
+    Args:
+        image_linear: (H, W, 3) as the weather exposes it.
+        semantic, instances: (H, W) ids; sky and the data set's vehicle are not metered.
+        sun_altitude_deg: of the weather; below the horizon compensation fades.
+    """
+    metered = (semantic != semantics.CLASS_IDS["sky"]) & (instances != semantics.TARGET_INSTANCE)
+    if metered.mean() < LEAST_SHARE:
+        return 0.0
+    median = float(np.median(image_linear[metered] @ LUMINANCE))
+    missing = COMPENSATED * np.log2(TARGET / max(median, 1e-6))
+    by_day = np.clip(1.0 - sun_altitude_deg / DARK_ALTITUDE_DEG, 0.0, 1.0)
+    return round(float(by_day * np.clip(missing, 0.0, MOST_STOPS)), 3)
+
+
+def expose(light: NDArray[np.float32], stops: float) -> NDArray[np.float32]:
+    """Light after a change of exposure."""
+    return (light * np.float32(2.0**stops)).astype(np.float32)

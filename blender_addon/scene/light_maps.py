@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from ..core import contract
 from . import composed_fog
 from .annotate import Annotation
-from .light_memory import PaintLight, clear
 from .render import Crop
-from .session import Session
+from .session import PaintLight, Session, clear
 
 WHITE = 0.8  # an albedo paint can have; A is scaled back to a base color of one
 SOLID = 0.999  # coverage from which a pixel is no edge

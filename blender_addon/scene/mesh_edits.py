@@ -1,9 +1,11 @@
-"""Writing into the artist's meshes: which may be written to, marks on faces, a UV layer, the selection."""
+"""The artist's meshes: the faces of a vehicle among them, which may be written to, marks, a UV layer, the selection."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
 
 import bmesh
 import bpy
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core import contract
 from .paint import UV_LAYER
-from .vehicle_arrays import PAINT_MARK, Piece
+from .vehicle_arrays import PAINT_MARK, Piece, Soup, read_objects
 
 
 @contextlib.contextmanager
@@ -138,3 +140,53 @@ def marked_count(thing: bpy.types.Object) -> int:
     faces = bmesh.from_edit_mesh(thing.data).faces
     mark = faces.layers.bool.get(PAINT_MARK)
     return sum(face[mark] for face in faces) if mark is not None else 0
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A vehicle and the triangles of its objects, in the same order.
+
+    Attributes:
+        vehicle: the contract's vehicle.
+        soup: the objects' triangles, in world space.
+        paint: (F,) True on paint.
+    """
+
+    vehicle: contract.Vehicle
+    soup: Soup
+    paint: NDArray[np.bool_]
+
+    @staticmethod
+    def of(vehicle: contract.Vehicle, objects: list[bpy.types.Object]) -> Surface:
+        """Read ``objects``, which make up ``vehicle``.
+
+        Raises:
+            RaucaError: their faces are not the vehicle's.
+        """
+        soup = read_objects(objects)
+        if len(soup.triangles) != len(vehicle.triangles):
+            raise contract.RaucaError(
+                f"{vehicle.name}: its objects have {len(soup.triangles)} triangles, the vehicle "
+                f"{len(vehicle.triangles)}; choose the vehicle again in step 1"
+            )
+        return Surface(vehicle, soup, vehicle.paint_faces())
+
+    def painted_pieces(self) -> list[tuple[Piece, slice]]:
+        """The pieces with paint on them, and the run of triangles that each is."""
+        starts = np.cumsum([0] + [len(piece.polygon) for piece in self.soup.pieces])
+        spans = [slice(int(i), int(j)) for i, j in pairwise(starts)]
+        return [(p, span) for p, span in zip(self.soup.pieces, spans, strict=True) if self.paint[span].any()]
+
+    def materials(self, span: slice) -> list[bpy.types.Material | None]:
+        """The scene's materials on the paint of a run of triangles."""
+        return [self.soup.blocks[self.soup.names[i]] for i in np.unique(self.soup.material[span][self.paint[span]])]
+
+    def vehicle_to_world(self) -> NDArray[np.float64]:
+        """Where the objects stand: the rigid (4, 4) transform that takes the vehicle to them, by least squares."""
+        here, there = self.vehicle.positions.astype(np.float64), self.soup.positions
+        one, other = here.mean(axis=0), there.mean(axis=0)
+        u, _, v = np.linalg.svd((there - other).T @ (here - one))
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turn, other - turn @ one
+        return pose

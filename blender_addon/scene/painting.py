@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from ..core import color, contract
 from .camouflages import Paintwork
 from .coating import PAINTED, Coat, coat_of, put_on, require_coatable, take_off
-from .mesh_edits import require_own_faces, write_layer
+from .mesh_edits import Surface, require_own_faces, write_layer
 from .paint import UV_LAYER, float_image
-from .surface import Surface
 from .vehicle_arrays import PAINT_MARK, Piece
 
 NAME_KEY, ATLAS_KEY = "rauca_camouflage", "rauca_atlas"  # custom properties of the coat's node group

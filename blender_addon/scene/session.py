@@ -1,10 +1,11 @@
-"""Everything a render needs, in one scene: place, vehicle, weather."""
+"""Everything a render needs, in one scene: place, vehicle, weather; and renders that later frames ask for again."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import bpy
 import numpy as np
@@ -13,13 +14,104 @@ from numpy.typing import NDArray
 from ..core import contract, seeding
 from . import camera, composed_fog, render
 from .annotate import Annotation, geometry_only
-from .lamps import VehicleLamps
-from .light_memory import LightMemory
-from .place import build_place
+from .composed_fog import is_composed
 from .ring import Viewpoint, viewpoint
 from .vehicle import SceneVehicle
 from .visibility import PaintVisibility
-from .weather import SceneWeather
+from .weather import SceneWeather, VehicleLamps
+
+MOST_BYTES = 256 << 20  # about a hundred views of 320 x 320
+
+
+class Place(Protocol):
+    """The surroundings of a data set, inside a scene.
+
+    Attributes:
+        lamps: light objects that the weather switches on at night.
+        notes: what was left out or assumed, for people.
+    """
+
+    lamps: list[bpy.types.Object]
+    notes: list[str]
+
+    def pose(self, location: int) -> NDArray[np.float64]:
+        """(4, 4) rigid vehicle-to-world transform of a location; wheels on the ground, front along its +x."""
+
+    def enter(self, location: int) -> None:
+        """Show what surrounds a location; called before anything there is rendered."""
+
+    def light_windows(self, level: float) -> None:
+        """Turn up what shines after dark without being a lamp, 0 (by day) to 1."""
+
+
+def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None, own: str = "car") -> Place:
+    """Add the plan's surroundings to the scene.
+
+    Args:
+        blend: the user's file when the plan was made with one.
+        own: class of the data set's vehicle, of which nothing else may be.
+
+    Raises:
+        RaucaError: the file is missing, is not the one the plan was made with, or marks no location.
+    """
+    if plan.scenery.kind == "town":
+        from .town import Town
+
+        return Town(scene, plan.seed, own)
+    if blend is None:
+        raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
+    if contract.Scenery.of_file(blend) != plan.scenery:
+        raise contract.RaucaError(f"{blend}: not the scene this data set was made in ({plan.scenery.name})")
+    from .user_scene import UserScene
+
+    return UserScene(scene, blend, plan.locations, own)
+
+
+class PaintLight(NamedTuple):
+    """Radiance of a view, (H, W, 3) linear each: what paint of albedo one adds, and what is there with black paint."""
+
+    gain: NDArray[np.float32]
+    black: NDArray[np.float32]
+
+
+class LightMemory:
+    """Renders of one location and one light, with and without fog: frames come in that order.
+
+    Another location or light empties it, so that memory stays flat. It only saves time: what is asked for again and
+    gone is rendered again, to the same bytes, as seeds depend on the light and not on the weather's name.
+    """
+
+    def __init__(self, plan: contract.Plan) -> None:
+        self._kept: dict[tuple[float, ...], PaintLight] = {}
+        self._present: tuple[float, ...] = ()
+        self._wanted = _wanted_again(plan.weathers, plan.quality) if plan.light else set()
+
+    def get(self, location: int, view: int, weather: contract.Weather) -> PaintLight | None:
+        """The light kept for a camera and a weather, if any."""
+        return self._kept.get((location, view, *weather.light_key()))
+
+    def keep(self, location: int, view: int, weather: contract.Weather, light: PaintLight) -> None:
+        """Keep it if another weather of the plan will want it."""
+        if weather.light_key() not in self._wanted:
+            return
+        present = (location, *clear(weather).light_key())
+        if present != self._present:
+            self._kept.clear()
+            self._present = present
+        if (len(self._kept) + 1) * (light.gain.nbytes + light.black.nbytes) <= MOST_BYTES:
+            self._kept[(location, view, *weather.light_key())] = light
+
+
+def clear(weather: contract.Weather) -> contract.Weather:
+    """The same light without fog."""
+    return replace(weather, fog_density=0.0)
+
+
+def _wanted_again(weathers: Sequence[contract.Weather], quality: contract.Quality) -> set[tuple[float, ...]]:
+    """Lights that two weathers share, or that fog is composed on."""
+    keys = [weather.light_key() for weather in weathers]
+    shared = {key for key in keys if keys.count(key) > 1}
+    return shared | {clear(weather).light_key() for weather in weathers if is_composed(quality, weather)}
 
 
 class Session:

@@ -2,6 +2,9 @@
 
 Cycles shows the sky, sun, clouds and fog that the data set's frames have. EEVEE knows no sun in a sky and no exposure
 of the film, so it gets a sun lamp and a sky exposed beforehand: an approximation.
+
+Rain is a picture laid over the viewport, drawn by the code that draws it into the data set's frames; what stands before
+the drops is not known here, so they fall before everything.
 """
 
 from __future__ import annotations
@@ -14,11 +17,12 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
-from ..core import contract
-from . import clouds, fog, nodes, weather, wetness
-from .lamps import StreetLamps
-from .lent import Setting, give_back, lend
-from .town import night
+from ..core import contract, seeding
+from . import nodes, wetness
+from .overrides import Setting, override, restore
+from .sky import DAY_CARD, GREY_CARD, draw_sky, film_exposure, new_world, sun_diameter_deg, sun_share
+from .town.materials import NIGHT_GROUP, set_lit
+from .weather import MARCH_RATE, StreetLamps, fill_with_fog, new_fog_box
 
 EEVEE_FOG_END_M = 400.0
 LOWEST_SUN = math.sin(math.radians(4.0))  # a grazing sun lamp would need endless strength
@@ -31,7 +35,7 @@ class Shown(Protocol):
         on: True while a weather is shown.
         world, fog, sun: what was added; None before.
         world_before: the artist's own; None if there was none.
-        loans: see `lent.py`.
+        overrides: see `overrides.py`.
     """
 
     on: bool
@@ -39,7 +43,7 @@ class Shown(Protocol):
     world_before: bpy.types.World | None
     fog: bpy.types.Object | None
     sun: bpy.types.Object | None
-    loans: str
+    overrides: str
 
 
 def show(
@@ -61,46 +65,46 @@ def show(
     world, box, sun = _added(scene, shown)
     if scene.world != world:
         shown.world_before, scene.world = scene.world, world
-    weather.draw_sky(world, turned)
-    _expose_for_eevee(world.node_tree, weather.film_exposure(turned))
-    fog.fill(box, turned)
+    draw_sky(world, turned)
+    _expose_for_eevee(world.node_tree, film_exposure(turned))
+    fill_with_fog(box, turned)
     box.location = ground
     box.hide_render = box.hide_viewport = turned.extinction == 0.0
     _aim_sun(sun, turned)
-    shown.loans = lend(scene, shown.loans, _settings(turned))
+    shown.overrides = override(scene, shown.overrides, _settings(turned))
     StreetLamps(lamps).shine(turned.lamps)
     # Both groups serve all scenes; without one, nothing here can get wet or be lit.
     if wetness.GROUP in bpy.data.node_groups:
         wetness.set_wetness(turned.film, turned.puddles, turned.ripples)
-    if night.GROUP in bpy.data.node_groups:
-        night.set_lit(turned.lamps)
+    if NIGHT_GROUP in bpy.data.node_groups:
+        set_lit(turned.lamps)
     shown.on = True
 
 
 def remove(scene: bpy.types.Scene, shown: Shown, lamps: list[bpy.types.Object]) -> None:
     """Take the weather out: the artist's world and settings are back, what was added is gone."""
-    give_back(scene, shown.loans)
+    restore(scene, shown.overrides)
     if scene.world == shown.world:
         scene.world = shown.world_before
     StreetLamps(lamps).shine(0.0)
     if wetness.GROUP in bpy.data.node_groups:
         wetness.set_wetness(0.0, 0.0)
-    if night.GROUP in bpy.data.node_groups:
-        night.set_lit(0.0)
+    if NIGHT_GROUP in bpy.data.node_groups:
+        set_lit(0.0)
     added = [shown.world, shown.fog, shown.sun]
     for thing in (shown.fog, shown.sun):
         if thing is not None:
             added += [thing.data, *getattr(thing.data, "materials", ())]
     shown.world = shown.world_before = shown.fog = shown.sun = None
-    shown.loans, shown.on = "", False
+    shown.overrides, shown.on = "", False
     bpy.data.batch_remove([block for block in added if block is not None])
 
 
 def _settings(asked: contract.Weather) -> dict[str, Setting]:
     """What Cycles and the display need to show a weather as the data set's frames have it."""
     return {
-        "cycles.film_exposure": weather.film_exposure(asked),
-        "cycles.volume_step_rate": fog.MARCH_RATE,
+        "cycles.film_exposure": film_exposure(asked),
+        "cycles.volume_step_rate": MARCH_RATE,
         "cycles.volume_biased": not asked.fog_is_uniform,
         "cycles.volume_bounces": 2,
         "eevee.volumetric_end": EEVEE_FOG_END_M,
@@ -114,9 +118,9 @@ def _settings(asked: contract.Weather) -> dict[str, Setting]:
 def _added(scene: bpy.types.Scene, shown: Shown) -> tuple[bpy.types.World, bpy.types.Object, bpy.types.Object]:
     """The world, the fog's box and EEVEE's sun; those that are missing are added: an artist may have deleted one."""
     if shown.world is None:
-        shown.world = weather.new_world()
+        shown.world = new_world()
     if shown.fog is None:
-        shown.fog = fog.new_box()
+        shown.fog = new_fog_box()
         shown.fog.display_type = "BOUNDS"  # else it would hide the scene in the solid view
         shown.fog.hide_select = True
     if shown.sun is None:
@@ -157,9 +161,33 @@ def _aim_sun(sun: bpy.types.Object, asked: contract.Weather) -> None:
     up, around = math.radians(altitude), math.radians(asked.sun_azimuth_angle)
     direction = Vector((math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)))
     sun.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
-    direct = min(1.0, max(0.0, altitude / 20.0)) * 0.8 * clouds.sun_share(cover)  # share of the light on the ground
-    sun.data.energy = direct * weather.DAY_CARD * math.pi / clouds.GREY_CARD / max(math.sin(up), LOWEST_SUN)
-    sun.data.angle = math.radians(clouds.sun_diameter_deg(cover))
+    direct = min(1.0, max(0.0, altitude / 20.0)) * 0.8 * sun_share(cover)  # share of the light on the ground
+    sun.data.energy = direct * DAY_CARD * math.pi / GREY_CARD / max(math.sin(up), LOWEST_SUN)
+    sun.data.angle = math.radians(sun_diameter_deg(cover))
     warm = min(1.0, max(0.0, 1.0 - altitude / 25.0))
     sun.data.color = (1.0, 1.0 - 0.25 * warm, 1.0 - 0.55 * warm)
     sun.hide_render = sun.hide_viewport = direct == 0.0
+
+
+HEIGHT = 360  # pixels; enlarged to the viewport's
+FOV_DEG = 60.0
+DISTANCE_M = 12.0  # of everything, for the haze that distant drops make
+LOOKING_DOWN_M = 0.3  # at that distance
+
+
+def rain_picture(weather: contract.Weather, aspect: float) -> NDArray[np.float32] | None:
+    """The rain before a view, (H, W, 4) linear, display-referred RGBA, not premultiplied; None in dry weather.
+
+    Args:
+        aspect: width over height of the view.
+    """
+    if weather.precipitation == 0.0:
+        return None
+    width = max(1, round(HEIGHT * aspect))
+    eye, target = np.array([0.0, 0.0, 1.5]), np.array([DISTANCE_M, 0.0, 1.5 - LOOKING_DOWN_M])
+    camera = contract.Camera.look_at(eye, target, FOV_DEG, width, HEIGHT)
+    distance = np.full((HEIGHT, width), DISTANCE_M, np.float32)
+    rain = contract.rain.streaks(weather, camera, distance, seeding.named_seed("viewport"))
+    picture = np.empty((HEIGHT, width, 4), np.float32)
+    picture[..., :3], picture[..., 3] = rain.radiance, rain.alpha
+    return picture

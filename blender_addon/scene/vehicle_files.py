@@ -1,4 +1,4 @@
-"""Opens a vehicle file in the running Blender, and leaves no trace of it."""
+"""Any vehicle file into the contract's vehicle; the running Blender opens it, and no trace of it is left."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ import bpy
 
 from ..core import contract, reading
 from .gltf_check import check_gltf
+from .images import read_image_blender
 from .render import silenced
 from .rendered import rendered_by
 from .vehicle_arrays import SHAPES
+from .vehicle_reading import read_vehicle
+from .vehicle_request import VehicleRequest
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
 # What importers raise on files that are not what their name says.
@@ -188,3 +191,24 @@ def all_blocks() -> list[bpy.types.ID]:
     """Every data block of the session."""
     collections = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
     return [block for name in collections for block in getattr(bpy.data, name)]
+
+
+def import_vehicle(path: Path, paint_mask: Path | None = None, paint_material: str | None = None) -> contract.Vehicle:
+    """Read a vehicle from an .obj, .glb, .gltf or .blend file, or from a rauca vehicle folder.
+
+    The session's own data is left as it was. What was assumed about axes, paint and UVs is told in ``notes``.
+
+    Args:
+        paint_mask: grey PNG in the vehicle's own UVs, white where the camouflage may go.
+        paint_material: name of the material to camouflage.
+
+    Raises:
+        RaucaError: a missing or damaged file, no faces, NaN vertices, implausible size, or no telling what is paint.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if paint_mask or paint_material:
+            raise contract.RaucaError(f"{path}: a vehicle folder brings its own paint; drop the paint option")
+        return contract.load_vehicle(path, read_image_blender)
+    with opened(path) as objects:
+        return read_vehicle(objects, VehicleRequest.of_file(path, paint_mask, paint_material))

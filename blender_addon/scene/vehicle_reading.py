@@ -1,7 +1,8 @@
-"""Blender objects, of a file or of the open scene, into the contract's vehicle: mesh, paint, UV atlas, orientation."""
+"""Blender objects, of a file or of the open scene, into the contract's vehicle: mesh, paint, UV atlas, place."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import bpy
@@ -10,12 +11,11 @@ from numpy.typing import NDArray
 
 from ..core import contract, geometry
 from . import vehicle_paint
-from .orient import orient
-from .shipped import untouched_shipped
 from .smart_project import smart_project
 from .uv_faults import uv_verdict
-from .vehicle_arrays import Soup, read_objects
-from .vehicle_request import VehicleRequest
+from .vehicle import NAME_KEY, untouched_shipped
+from .vehicle_arrays import SHAPES, Soup, read_objects
+from .vehicle_request import TURNS, VehicleRequest, orient
 
 DEFAULT_ATLAS = 1024
 
@@ -192,3 +192,63 @@ def _under_mask(uvs: NDArray[np.float32], mask: NDArray[np.uint8]) -> NDArray[np
     found[faces[mask.ravel()[texels] >= 128]] = True
     column, row = (np.clip(v * size, 0, size - 1).astype(int) for v in (clean.mean(1)[:, 0], 1 - clean.mean(1)[:, 1]))
     return found | (mask[row, column] >= 128)
+
+
+HALF_HEIGHT_M = 0.75  # of the middle of no vehicle in particular
+
+
+@dataclass(frozen=True, eq=False)
+class Anchor:
+    """What the cameras stand around.
+
+    Attributes:
+        vehicle_to_world: (4, 4) rigid transform; front along +x, wheels on z = 0.
+        center: (3,) the middle of the vehicle's box, in its frame, metres.
+        found: False when there is no vehicle in the scene and the world's origin stands in for it.
+    """
+
+    vehicle_to_world: NDArray[np.float64]
+    center: NDArray[np.float64]
+    found: bool = True
+
+
+NOWHERE = Anchor(np.eye(4), np.array([0.0, 0.0, HALF_HEIGHT_M]), found=False)
+
+
+def find_anchor(objects: Sequence[bpy.types.Object], request: VehicleRequest) -> Anchor:
+    """The anchor of a vehicle made of ``objects``, which renders show, as :func:`read_vehicle` places it."""
+    shaped = [thing for thing in objects if thing.type in SHAPES]
+    if not shaped:
+        return NOWHERE
+    meshes = [thing for thing in shaped if thing.type == "MESH"]
+    if len(meshes) == 1 and NAME_KEY in meshes[0] and not request.own_paint and not meshes[0].modifiers:
+        local = _vertices(meshes[0])
+        matrix = np.array(meshes[0].matrix_world)
+        if len(local) and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-4):
+            return Anchor(matrix, (local.min(axis=0) + local.max(axis=0)) / 2)
+    placed = [
+        _vertices(thing) @ np.array(thing.matrix_world)[:3, :3].T + thing.matrix_world.translation for thing in shaped
+    ]
+    points = np.concatenate(placed)
+    if not len(points):
+        return NOWHERE
+    low, high = points.min(axis=0), points.max(axis=0)
+    length, width, height = high - low
+    front = request.front
+    if front == "AUTO":
+        front = "-Y" if width > length else "+X"
+    pose = np.eye(4)
+    pose[:3, :3] = TURNS[front].T
+    pose[:3, 3] = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2])
+    return Anchor(pose, np.array([0.0, 0.0, height / 2]))
+
+
+def _vertices(thing: bpy.types.Object) -> NDArray[np.float64]:
+    """Vertices of an object's evaluated mesh, (N, 3) in its own frame; the corners of its box for other shapes."""
+    evaluated = thing.evaluated_get(bpy.context.view_layer.depsgraph)
+    if thing.type != "MESH" or thing.mode == "EDIT":
+        return np.array(evaluated.bound_box, float).reshape(-1, 3)
+    vertices = evaluated.data.vertices
+    flat = np.empty(3 * len(vertices), np.float32)
+    vertices.foreach_get("co", flat)
+    return flat.reshape(-1, 3).astype(np.float64)

@@ -118,19 +118,19 @@ def test_a_container_of_fog_hides_nothing(session, bpy_module):
 def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, tmp_path):
     from dataclasses import replace
 
-    from blender_addon.scene.frame import Sight, render_frame
+    from blender_addon.scene.frame import render_frame
     from rauca_core.contract import PlannedFrame, load_frame, load_passes
     from rauca_core.contract.color import TEST, linear_to_srgb, recolor
     from rauca_core.runtime.images import read_image
 
     session.plan = replace(session.plan, recolor_share=1.0)
     task = PlannedFrame(*session.plan.frame_ids()[0])
-    sight = Sight(session.annotations(0, [0])[0])
-    render_frame(session, tmp_path, task, sight)
+    seen = session.annotations(0, [0])[0]
+    render_frame(session, tmp_path, task, seen)
     folder = tmp_path / "frames" / task.id
     frame, maps = load_frame(folder), load_passes(folder)
     assert frame.check_srgb in TEST
-    painted = sight.annotation.paint == 255
+    painted = seen.paint == 255
     predicted = linear_to_srgb(recolor(maps["A"], maps["B"], frame.check_srgb))[painted]
     real = read_image(folder / "check.png")[painted] / 255
     assert -10 * np.log10(np.mean((predicted - real) ** 2)) > 34

@@ -112,7 +112,7 @@ def test_lights_that_nobody_asks_for_again_are_not_kept(foggy):
 
 
 def test_memory_holds_one_light_at_a_time(bpy_module):
-    from blender_addon.scene.light_memory import LightMemory, PaintLight
+    from blender_addon.scene.session import LightMemory, PaintLight
 
     from .conftest import small_plan
 

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.scene.metering import MOST_STOPS, TARGET, expose, exposure_stops
+from blender_addon.scene.frame import MOST_STOPS, TARGET, expose, metered_stops
 from rauca_core.contract.semantics import CLASS_IDS, TARGET_INSTANCE
 
 SIZE = 20
@@ -24,25 +24,25 @@ def street(radiance: float, paint: float = 0.5, sky: float = 5.0) -> tuple[np.nd
 
 
 def test_shade_is_opened_up_in_part_and_sun_is_left():
-    assert exposure_stops(*street(TARGET), 45.0) == 0.0
-    assert exposure_stops(*street(4 * TARGET), 45.0) == 0.0
+    assert metered_stops(*street(TARGET), 45.0) == 0.0
+    assert metered_stops(*street(4 * TARGET), 45.0) == 0.0
     shaded = street(TARGET / 4)
-    stops = exposure_stops(*shaded, 45.0)
+    stops = metered_stops(*shaded, 45.0)
     assert stops == pytest.approx(1.5, abs=0.01)
     assert TARGET / 4 < np.median(expose(shaded[0], stops)[shaded[2] == 0][-20:]) < TARGET
-    assert exposure_stops(*street(1e-9), 45.0) == MOST_STOPS
+    assert metered_stops(*street(1e-9), 45.0) == MOST_STOPS
 
 
 def test_neither_paint_nor_sky_is_metered():
-    assert len({exposure_stops(*street(0.02, paint, sky), 45.0) for paint in (0.0, 0.9) for sky in (0.1, 50.0)}) == 1
+    assert len({metered_stops(*street(0.02, paint, sky), 45.0) for paint in (0.0, 0.9) for sky in (0.1, 50.0)}) == 1
 
 
 def test_nights_stay_dark_and_dusk_is_between():
-    stops = [exposure_stops(*street(0.005), altitude) for altitude in (10, 0, -3, -6, -30)]
+    stops = [metered_stops(*street(0.005), altitude) for altitude in (10, 0, -3, -6, -30)]
     assert stops[0] == stops[1] > stops[2] > stops[3] == stops[4] == 0.0
 
 
 def test_a_vehicle_that_fills_the_frame_has_the_weathers_exposure():
     image, semantic, instances = street(0.001)
     instances[:] = TARGET_INSTANCE
-    assert exposure_stops(image, semantic, instances, 45.0) == 0.0
+    assert metered_stops(image, semantic, instances, 45.0) == 0.0

@@ -109,7 +109,7 @@ def _tree_of(thing):
 
 
 def test_districts_take_turns_in_an_order_of_the_seed(bpy_module):
-    from blender_addon.scene.town.layout import layout
+    from blender_addon.scene.town.site import layout
 
     for seed in range(5):
         assert len({layout(seed, i).district.name for i in range(LOCATIONS)}) == LOCATIONS

@@ -36,7 +36,7 @@ def a_plan(**changes: object) -> Plan:
 
 
 def lines(shots, chosen: int = 0):
-    from blender_addon.scene.ring_lines import ring_lines
+    from blender_addon.scene.ring import ring_lines
 
     return ring_lines(shots, 1, chosen, POSE, CENTER)
 
@@ -185,10 +185,9 @@ def test_the_anchor_is_the_jobs_vehicle(addon):
 
 @pytest.mark.parametrize("front", ["AUTO", "+X", "-X", "+Y", "-Y"])
 def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
-    from blender_addon.scene.anchor import find_anchor
-    from blender_addon.scene.orient import orient
     from blender_addon.scene.vehicle_arrays import read_objects
-    from blender_addon.scene.vehicle_request import VehicleRequest
+    from blender_addon.scene.vehicle_reading import find_anchor
+    from blender_addon.scene.vehicle_request import VehicleRequest, orient
 
     cube = addon.data.objects["Cube"]
     cube.scale, cube.location, cube.rotation_euler = (0.9, 2.1, 0.7), (5.0, 1.0, 0.7), (0.0, 0.0, 0.1)

@@ -79,8 +79,8 @@ def test_a_texture_below_stays_the_vehicles_own(rauca, tmp_path):
 
 
 def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
+    from benchmarks.bake_round_trip import daylight, look_around
     from blender_addon.operators.on_vehicle import painted_surface
-    from blender_addon.scene.bake_check import daylight, look_around
     from blender_addon.scene.camera import place
     from blender_addon.scene.render import prepare, render_linear
     from rauca_core.contract import Quality
@@ -124,7 +124,7 @@ def test_toggle_and_undo(rauca, tmp_path):
 
 
 def test_the_vehicle_it_was_made_for_is_added(rauca, tmp_path):
-    from blender_addon.scene.shipped import load_shipped
+    from blender_addon.scene.vehicle import load_shipped
 
     a_camouflage(tmp_path, atlas_id=load_shipped("sedan").atlas_id, vehicle="sedan")
     bpy.ops.ed.undo_push(message="before")

@@ -149,7 +149,7 @@ def parts_with_everything() -> None:
 @pytest.mark.parametrize("marked", [False, True])
 def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_path, marked):
     from blender_addon.scene.mesh_edits import mark_faces
-    from blender_addon.scene.vehicle_import import import_vehicle
+    from blender_addon.scene.vehicle_files import import_vehicle
 
     parts_with_everything()
     if marked:
@@ -193,7 +193,7 @@ def hide_from(what, thing, parts) -> None:
     ],
 )  # fmt: skip
 def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, tmp_path, what, faces):
-    from blender_addon.scene.vehicle_import import import_vehicle
+    from blender_addon.scene.vehicle_files import import_vehicle
 
     body, wheels = a_box("Body"), a_box("Wheels", "tyre", size=(3.0, 2.2, 0.5))
     parts = bpy.data.collections.new("Parts")

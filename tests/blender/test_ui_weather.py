@@ -292,7 +292,7 @@ def test_the_panels_words(addon, weather, tmp_path):
 
 
 def test_rain_in_the_viewport_is_the_frames_rain(bpy_module):
-    from blender_addon.scene.rain_picture import rain_picture
+    from blender_addon.scene.shown_weather import rain_picture
     from rauca_core.contract import rain
 
     assert rain_picture(Weather("dry", 40.0), 1.5) is None

@@ -160,7 +160,7 @@ def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(bpy_module, yard, bo
 
 
 def test_another_file_than_the_plans_is_refused(bpy_module, yard, box_vehicle):
-    from blender_addon.scene.place import build_place
+    from blender_addon.scene.session import build_place
 
     plan = _plan(box_vehicle, yard())
     other = yard(marks=("rauca a",), name="other.blend")

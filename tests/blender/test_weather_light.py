@@ -179,7 +179,7 @@ def test_wet_paint_is_glossier_and_keeps_its_color(bpy_module):
 
 
 def test_at_night_lamps_alone_light_the_street(yard):
-    from blender_addon.scene.weather import exposure_stops
+    from blender_addon.scene.sky import exposure_stops
 
     yard.lamp((0.0, 0.0, 6.0))
     under, beside = FROM_ABOVE, Camera.look_at(np.array([50.0, 0, 10]), np.array([50.0, 0.01, 0]), 60, 16, 16)
@@ -200,7 +200,7 @@ def test_at_night_lamps_alone_light_the_street(yard):
 def test_headlamps_throw_light_ahead(yard, box_vehicle):
     from dataclasses import replace
 
-    from blender_addon.scene.lamps import VehicleLamps, headlamp_positions
+    from blender_addon.scene.weather import VehicleLamps, headlamp_positions
     from rauca_core.contract import Material
 
     assert headlamp_positions(box_vehicle).shape == (0, 3)
@@ -225,8 +225,8 @@ def test_headlamps_throw_light_ahead(yard, box_vehicle):
 
 
 def test_light_maps_with_rain_predict_a_color_rendered_in_rain(session):
+    from blender_addon.scene.frame import rain_before
     from blender_addon.scene.light_maps import light_maps
-    from blender_addon.scene.rain import rain_before
 
     weather = Weather("rain", 40, 60, 20, cloudiness=95, precipitation=70, precipitation_deposits=70, wetness=90)
     session.set_weather(weather)

@@ -10,7 +10,7 @@ import numpy as np
 
 from blender_addon.background.thumbnail import thumbnail
 from blender_addon.scene.images import read_image_blender
-from blender_addon.scene.vehicle_import import import_vehicle
+from blender_addon.scene.vehicle_files import import_vehicle
 from rauca_core.contract.files import png_bytes
 from tests.blender.test_vehicle_import import obj_text, write_glb
 

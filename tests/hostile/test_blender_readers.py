@@ -13,7 +13,7 @@ from rauca_core.contract import RaucaError
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.scene.vehicle_import import import_vehicle  # noqa: E402
+from blender_addon.scene.vehicle_files import import_vehicle  # noqa: E402
 
 from .blender_targets import MTL, TARGETS  # noqa: E402
 from .nasty import jpeg, png  # noqa: E402

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ..massing import MeshParts, turned
 from . import buildings
 from .districts import District
-from .layout import SIDE_ROAD_HALF_M, Path
-from .site import Site, ribbon
+from .site import SIDE_ROAD_HALF_M, Path, Site, ribbon
 from .streets import SIDE_ROAD_M
 
 BESIDE_M = 16.0  # along the street, on each side of the vehicle, where cameras stand

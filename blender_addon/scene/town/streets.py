@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from .layout import HALF_LENGTH_M, SIDE_ROAD_HALF_M, Path
-from .site import PAVED_M, Site, ribbon
+from .site import HALF_LENGTH_M, PAVED_M, SIDE_ROAD_HALF_M, Path, Site, ribbon
 
 KERB_M = 0.15
 APRON_M = 62.0  # the district's own ground reaches this far from the middle line

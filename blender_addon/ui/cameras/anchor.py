@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ...scene.anchor import NOWHERE, Anchor, find_anchor
 from ...scene.rendered import rendered
+from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 
 _known: dict[str, tuple[tuple[object, ...], Anchor]] = {}
 

@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ...scene.ring_lines import RingLines, ring_lines
+from ...scene.ring import RingLines, ring_lines
 from ..viewport import DrawnOver
 from .anchor import Anchor, anchor
 from .properties import RaucaCameras

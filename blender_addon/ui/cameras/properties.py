@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...core import contract
-from ...scene import looking
+from ...scene.camera import look
 from ...scene.ring import Viewpoint, viewpoint
 from ..fields import angle
 from .anchor import anchor
@@ -70,7 +70,7 @@ class RaucaCameras(bpy.types.PropertyGroup):
     )
     camera: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
     camera_before: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    loans: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    overrides: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
 
     def ring(self, context: bpy.types.Context | None = None) -> contract.Ring:
         """The ring as the job renders it."""
@@ -110,7 +110,7 @@ class RaucaCameras(bpy.types.PropertyGroup):
     def follow(self, context: bpy.types.Context) -> None:
         """Bring the camera that is looked through up to date; nothing is added to a scene without one."""
         if self.looking:
-            looking.look(self.id_data, self, self.viewpoint(context).camera)
+            look(self.id_data, self, self.viewpoint(context).camera)
 
 
 def _spread(low: float, high: float, count: int) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ import bpy
 
 from ...core import contract
 from ...scene.mesh_edits import marked_count, object_mode
-from ...scene.shipped import shipped_names
+from ...scene.vehicle import shipped_names
 from ...scene.vehicle_reading import Reading, read_vehicle
 from ...scene.vehicle_request import VehicleRequest
 from ...translations import OWN_SENSE

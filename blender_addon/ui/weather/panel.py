@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
-from ...scene.town import night
+from ...scene.town.materials import NIGHT_GROUP
 from ...scene.wetness import GROUP as WETTABLE
 from ..panel import StepPanel, paragraph
 from ..state import State
@@ -114,7 +114,7 @@ def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bp
         else:
             text = iface("Nothing here can get wet: Rauca's vehicles and streets do, materials of your own stay dry.")
         paragraph(context, box, text, icon="INFO")
-    if weather.lamps > 0.0 and night.GROUP not in bpy.data.node_groups:
+    if weather.lamps > 0.0 and NIGHT_GROUP not in bpy.data.node_groups:
         paragraph(context, box, iface("Night without lamps: set up a street to see it lit."), icon="INFO")
 
 

@@ -73,7 +73,7 @@ class RaucaShownWeather(bpy.types.PropertyGroup):
     world_before: bpy.props.PointerProperty(type=bpy.types.World)  # type: ignore[valid-type]
     fog: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
     sun: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    loans: bpy.props.StringProperty()  # type: ignore[valid-type]
+    overrides: bpy.props.StringProperty()  # type: ignore[valid-type]
 
 
 class RaucaWeather(bpy.types.PropertyGroup):

@@ -8,7 +8,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...core import contract
-from ...scene.rain_picture import rain_picture
+from ...scene.shown_weather import rain_picture
 from ..viewport import DrawnOver
 
 WIDTH_STEP_PX = 64  # a viewport that is dragged wider gets a new picture only so often

@@ -1,4 +1,4 @@
-"""Settings of the artist's scene that the add-on changes for a while, and gives back.
+"""Settings of the artist's scene that the add-on overrides for a while, and restores.
 
 What was changed is a line of JSON that lives in the file with the settings, so it survives saving, loading and undo:
 path of each setting -> [what it was, what it was set to].
@@ -18,13 +18,13 @@ from ..core import contract, reading
 Setting = bool | int | float | str
 
 
-def lend(scene: bpy.types.Scene, loans: str, values: Mapping[str, Setting]) -> str:
-    """Set what ``values`` name, for example ``{"cycles.film_exposure": 2.0}``; returns the loans to keep.
+def override(scene: bpy.types.Scene, overrides: str, values: Mapping[str, Setting]) -> str:
+    """Set what ``values`` name, for example ``{"cycles.film_exposure": 2.0}``; returns the overrides to keep.
 
     A path that this Blender does not have is passed over: engines and versions differ in their settings. A setting
-    that the artist changed since it was lent counts as his own from then on.
+    that the artist changed since it was overridden counts as his own from then on.
     """
-    known = _known(loans)
+    known = _known(overrides)
     for path, value in values.items():
         owner, name = _find(scene, path)
         if owner is None:
@@ -36,26 +36,26 @@ def lend(scene: bpy.types.Scene, loans: str, values: Mapping[str, Setting]) -> s
     return json.dumps(known)
 
 
-def give_back(scene: bpy.types.Scene, loans: str) -> None:
-    """Set everything back, but for what the artist has changed in the meantime, or what no loan can have been."""
-    for path, (before, ours) in _known(loans).items():
+def restore(scene: bpy.types.Scene, overrides: str) -> None:
+    """Set everything back, but for what the artist has changed in the meantime, or what no override can have been."""
+    for path, (before, ours) in _known(overrides).items():
         owner, name = _find(scene, path)
         if owner is not None and _same(getattr(owner, name), ours):
             with contextlib.suppress(TypeError, ValueError, OverflowError):  # a value that Blender never had
                 setattr(owner, name, before)
 
 
-def _known(loans: str) -> dict[str, list[Setting]]:
-    """Path -> what it was, and what it was lent as; nothing where a .blend holds no such text."""
+def _known(overrides: str) -> dict[str, list[Setting]]:
+    """Path -> what it was, and what it was set to; nothing where a .blend holds no such text."""
     try:
-        found = reading.parse_json(loans, "loans") if loans else {}
+        found = reading.parse_json(overrides, "overrides") if overrides else {}
     except contract.RaucaError:
         return {}
     pairs = found.items() if isinstance(found, dict) else ()
-    return {path: pair for path, pair in pairs if _is_loan(pair)}
+    return {path: pair for path, pair in pairs if _is_override(pair)}
 
 
-def _is_loan(pair: object) -> bool:
+def _is_override(pair: object) -> bool:
     return isinstance(pair, list) and len(pair) == 2 and type(pair[0]) is type(pair[1]) and isinstance(pair[0], Setting)
 
 

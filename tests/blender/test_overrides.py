@@ -1,4 +1,4 @@
-"""Settings lent and given back; the note of the loans is a line of text in a .blend that anybody may have written."""
+"""Settings overridden and restored; what was overridden is a line of text in a .blend that anybody may have written."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.scene.lent import give_back, lend  # noqa: E402
+from blender_addon.scene.overrides import override, restore  # noqa: E402
 
-LENT = {"cycles.film_exposure": 2.0, "render.resolution_x": 64, "view_settings.view_transform": "Raw"}
+VALUES = {"cycles.film_exposure": 2.0, "render.resolution_x": 64, "view_settings.view_transform": "Raw"}
 
 
 @pytest.fixture
@@ -23,27 +23,27 @@ def settings(scene):
     return scene.cycles.film_exposure, scene.render.resolution_x, scene.view_settings.view_transform
 
 
-def test_all_is_given_back_but_what_the_artist_changed(scene):
+def test_all_is_restored_but_what_the_artist_changed(scene):
     before = settings(scene)
-    loans = lend(scene, lend(scene, "", LENT), {"cycles.film_exposure": 3.0, "render.no_such_setting": 1})
+    overrides = override(scene, override(scene, "", VALUES), {"cycles.film_exposure": 3.0, "render.no_such_setting": 1})
     assert settings(scene) == (3.0, 64, "Raw")
-    give_back(scene, loans)
+    restore(scene, overrides)
     assert settings(scene) == before
 
-    loans = lend(scene, "", LENT)
+    overrides = override(scene, "", VALUES)
     scene.render.resolution_x = 77
-    give_back(scene, loans)
+    restore(scene, overrides)
     assert settings(scene) == (before[0], 77, before[2])
 
 
-def test_a_damaged_loan_is_lent_anew(scene):
+def test_a_damaged_override_is_made_anew(scene):
     before = settings(scene)
-    give_back(scene, lend(scene, json.dumps({"render.resolution_x": ["wide", before[1]]}), LENT))
+    restore(scene, override(scene, json.dumps({"render.resolution_x": ["wide", before[1]]}), VALUES))
     assert settings(scene) == before
 
 
 @pytest.mark.parametrize(
-    "loans",
+    "overrides",
     [
         "{",
         "[" * 100_000,
@@ -55,7 +55,7 @@ def test_a_damaged_loan_is_lent_anew(scene):
         json.dumps({"__class__": [1, 2], "bl_rna.name": ["x", "Scene"], "copy": [1, 2]}),
     ],
 )
-def test_what_is_no_note_of_loans_changes_nothing(scene, loans):
+def test_what_is_no_note_of_overrides_changes_nothing(scene, overrides):
     before = settings(scene)
-    give_back(scene, loans)
+    restore(scene, overrides)
     assert (settings(scene), scene.name) == (before, "Scene")
