@@ -17,7 +17,7 @@ from .frames import FramePicker
 from .page import SUFFIXES, Bullets, Facts, Grid, Heading, Page, Part, Picture, Section, write_page
 from .pictures import maps_of
 from .published import PaperTable, paper_tables
-from .sections import anchors_of, grid_of, limitations, provenance, published_aside
+from .sections import anchors_of, limitations, provenance, published_aside
 from .study_tables import detector_columns, sourced, unique, weathers_title
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
@@ -171,7 +171,7 @@ def _pictures(found: Findings) -> Section:
     """A row per camouflage: its UV map, and the frames that the report's rule picks, with what a detector found."""
     picker, entries = FramePicker(found.study.entries), found.study.entries
     detector = (found.white_box or found.detectors)[0]
-    grid, jpegs = grid_of(picker, detector), {record.name: jpeg for record, jpeg in maps_of(entries)}
+    grid, jpegs = picker.grid(detector), {record.name: jpeg for record, jpeg in maps_of(entries)}
     rows = {
         found.titles_of_paints[paint]: [
             Picture(jpegs[paint], f"UV map of {paint}") if paint in jpegs else None,

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from ..contract import RaucaError
 from ..contract.files import file_digest
@@ -16,15 +13,15 @@ from ..study.average_precision import IOU_THRESHOLD, Sample
 from ..study.bootstrap import box_overlaps
 from ..study.detection_cache import Found
 from ..study.recorded import Recorded
-from ..study.results import MEAN, FrameRow, Results
+from ..study.results import MEAN, Results
 from ..study.study import Entry
-from .pictures import TILE, frame_picture
+from .page import Grid, Picture
+from .pictures import frame_picture
 from .table import is_normal, is_random
 
 PLACES = {"best": 0.0, "lower quartile": 0.25, "median": 0.5, "upper quartile": 0.75, "worst": 1.0}
 FEW = ("best", "median", "worst")
 PICTURE_THRESHOLD = 0.25
-_MARGIN = 26  # pixels for the paint's name above each row of the sheet
 
 
 def strongest_paint(results: Results) -> str:
@@ -55,25 +52,6 @@ def placed_frames(scores: NDArray[np.float64], places: Sequence[str]) -> list[in
     return [int(order[round(PLACES[place] * (len(order) - 1))]) for place in places]
 
 
-@dataclass(frozen=True)
-class PictureGrid:
-    """JPEG tiles: ``rows[paint][column]``, and a title of two lines per column."""
-
-    titles: list[str]
-    rows: dict[str, list[bytes]]
-
-    def sheet(self) -> Image.Image:
-        """The grid as one picture, each row under its paint's name."""
-        height = TILE + _MARGIN
-        sheet = Image.new("RGB", (TILE * len(self.titles), height * len(self.rows)), "white")
-        pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(17)
-        for index, (paint, tiles) in enumerate(self.rows.items()):
-            pen.text((6, index * height + 3), paint, fill="#222222", font=font)
-            for column, tile in enumerate(tiles):
-                sheet.paste(Image.open(io.BytesIO(tile)), (column * TILE, index * height + _MARGIN))
-        return sheet
-
-
 class FramePicker:
     """The frames that a page shows of some entries, and pictures of them through any of the detectors.
 
@@ -85,8 +63,7 @@ class FramePicker:
         self._entries = entries
         self._paint = strongest_paint(entries[0].results)
         self._places = tuple(PLACES) if len(entries) == 1 else FEW
-        self._recorded = [Recorded(entry) for entry in entries]
-        self._chosen = [self._choose(entry, recorded) for entry, recorded in zip(entries, self._recorded, strict=True)]
+        self._frames = [frame for entry in entries for frame in self._choose(entry)]
 
     @property
     def rule(self) -> str:
@@ -107,38 +84,40 @@ class FramePicker:
         )
 
     @property
-    def columns(self) -> int:
-        """How many frames are shown."""
-        return len(self._entries) * len(self._places)
-
-    @property
     def paints(self) -> list[str]:
         """Paints that every entry has."""
         first, *others = (entry.results.paints for entry in self._entries)
         return [paint for paint in first if all(paint in other for other in others)]
 
-    def grid(self, detector: str) -> PictureGrid:
-        """What ``detector`` saw in the chosen frames, for every paint."""
-        titles = [
-            self._title(entry, place, entry.results.frames[index])
-            for entry, chosen in zip(self._entries, self._chosen, strict=True)
-            for place, index in zip(self._places, chosen, strict=True)
-        ]
+    @property
+    def pictures(self) -> int:
+        """How many a grid has."""
+        return len(self._frames) * len(self.paints)
+
+    def grid(self, detector: str, when: str = "") -> Grid:
+        """What a detector saw in the chosen frames, a row per paint; ``when`` is added to pictures' descriptions."""
+        titles = [self._title(entry, place, index) for entry, _, place, index in self._frames]
         rows = {
             paint: [
-                _tile(entry, recorded.found(detector, paint, index), paint, index)
-                for entry, recorded, chosen in zip(self._entries, self._recorded, self._chosen, strict=True)
-                for index in chosen
+                Picture(
+                    _tile(entry, recorded.found(detector, paint, index), paint, index),
+                    f"{paint}, {title}, seen by {detector}{when}".replace("\n", ", "),
+                )
+                for title, (entry, recorded, _, index) in zip(titles, self._frames, strict=True)
             ]
             for paint in self.paints
         }
-        return PictureGrid(titles, rows)
+        return Grid(titles, rows)
 
-    def _choose(self, entry: Entry, recorded: Recorded) -> list[int]:
-        paint = self._paint if self._paint in entry.results.paints else strongest_paint(entry.results)
-        return placed_frames(frame_scores(entry.results, recorded, paint), self._places)
+    def _choose(self, entry: Entry) -> list[tuple[Entry, Recorded, str, int]]:
+        paint, recorded = self._paint, Recorded(entry)
+        if paint not in entry.results.paints:
+            paint = strongest_paint(entry.results)
+        chosen = placed_frames(frame_scores(entry.results, recorded, paint), self._places)
+        return [(entry, recorded, place, index) for place, index in zip(self._places, chosen, strict=True)]
 
-    def _title(self, entry: Entry, place: str, row: FrameRow) -> str:
+    def _title(self, entry: Entry, place: str, index: int) -> str:
+        row = entry.results.frames[index]
         weathers = f"{entry.weathers}, " if len(self._entries) > 1 else ""
         return f"{weathers}{place}\n{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
 

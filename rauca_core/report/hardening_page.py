@@ -11,7 +11,7 @@ from ..study.results import Estimate
 from ..study.study import Entry, Study
 from .frames import FramePicker
 from .page import SUFFIXES, Bullets, Grid, Page, Section, write_page
-from .sections import anchors_of, grid_of, provenance
+from .sections import anchors_of, provenance
 from .study_tables import sourced
 from .table import Cell, Column, Row, Table, listing, printed
 
@@ -104,7 +104,7 @@ def _reading(gains: Gains) -> str:
 def _pictures(entry: Entry, notes: HardeningNotes) -> Section:
     """The same views before and after, paint by paint."""
     picker = FramePicker([entry])
-    before, after = grid_of(picker, notes.before, ", before hardening"), grid_of(picker, notes.after, ", after it")
+    before, after = picker.grid(notes.before, ", before hardening"), picker.grid(notes.after, ", after it")
     grids = {"before": before, "after": after}
     rows = {f"{paint}, {when}": grid.rows[paint] for paint in picker.paints for when, grid in grids.items()}
     title = f"What the detector sees: {entry.vehicle}, {entry.weathers}"

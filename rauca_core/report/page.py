@@ -56,9 +56,17 @@ class Facts:
 
 @dataclass(frozen=True)
 class Picture:
-    """A JPEG, or a drawing as SVG that takes part in the page's colors; ``alt`` says what it shows."""
+    """A JPEG; ``alt`` says what it shows."""
 
-    data: bytes | str
+    jpeg: bytes
+    alt: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """An ``<svg>`` element, which takes part in the page's colors."""
+
+    svg: str
     alt: str
 
 
@@ -66,7 +74,7 @@ class Picture:
 class Figure:
     """A picture over its caption; ``kind`` is ``ring``, ``history`` or nothing, ``numbers`` the table behind it."""
 
-    picture: Picture
+    picture: Picture | Drawing
     caption: str
     kind: str = ""
     numbers: Table | None = None
@@ -174,10 +182,9 @@ def _environment() -> Environment:
     return found
 
 
-def _drawing(picture: Picture) -> Markup:
-    """An ``<svg>`` element put into the page, so that it takes part in its colors."""
-    label = f'<svg role="img" aria-label="{escape(picture.alt, quote=True)}"'
-    return Markup(themed(str(picture.data)).replace("<svg", label, 1))
+def _drawing(drawing: Drawing) -> Markup:
+    label = f'<svg role="img" aria-label="{escape(drawing.alt, quote=True)}"'
+    return Markup(themed(drawing.svg).replace("<svg", label, 1))
 
 
 def _small_interval(cell: Cell, column: Column) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -21,6 +22,8 @@ from ..study.study import Entry
 TILE = 300  # pixels across a picture of the grid
 MAP = 512  # and a UV map
 TRUTH, CORRECT, WRONG, OTHER = "#ffffff", "#4cc2ff", "#ff6a3d", "#ffd84d"  # told apart with any color vision
+_FONT = ImageFont.load_default(17)
+_MARGIN = 26  # pixels for the paint's name above each row of a sheet
 _CASING = "#00000090"  # keeps the thin true box visible on white cars
 
 
@@ -38,47 +41,23 @@ def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: 
     pen = ImageDraw.Draw(picture, "RGBA")
     _thin(pen, _in_window(np.array(truth), window))
     overlaps = box_overlaps(found.boxes, np.array(truth))
-    labels = _Labels(pen)
-    for i in range(len(found.scores)):  # best first: it takes the best place for its label
+    for i in reversed(range(len(found.scores))):  # the best comes last: nothing covers its label
         box = _in_window(found.boxes[i], window)
         if found.scores[i] >= threshold and (box[2:] > 0).all() and (box[:2] < TILE).all():
             right = overlaps[i] >= IOU_THRESHOLD
             color = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
-            labels.add(box, f"{found.names[i]} {found.scores[i]:.2f}", color)
-    labels.draw()
+            _label(pen, box, f"{found.names[i]} {found.scores[i]:.2f}", color)
     return _jpeg(picture)
 
 
-class _Labels:
-    """Detections of a picture: boxes first, then their labels, which keep clear of each other where there is room."""
-
-    def __init__(self, pen: ImageDraw.ImageDraw) -> None:
-        self._pen = pen
-        self._font = ImageFont.load_default(17)
-        self._placed: list[tuple[int, int, int, int, str, str]] = []
-
-    def add(self, box: NDArray[np.float64], text: str, color: str) -> None:
-        """Outline the box; its label goes above it, below it, or to the next free height."""
-        left, top, right, bottom = box.tolist()
-        self._pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=color, width=2)
-        _, _, width, height = (int(v) for v in self._font.getbbox(text))
-        width, height = width + 6, height + 4
-        x = int(min(max(left, 0), TILE - width))
-        wanted = [top - height, bottom, top, *range(0, TILE - height, height)]
-        heights = [int(min(max(y, 0), TILE - height)) for y in wanted]
-        y = next((y for y in heights if self._free(x, y, width, height)), heights[0])
-        self._placed.append((x, y, x + width, y + height, text, color))
-
-    def draw(self) -> None:
-        for left, top, right, bottom, text, color in reversed(self._placed):
-            self._pen.rectangle((left, top, right, bottom), fill=color)
-            self._pen.text((left + 3, top + 1), text, fill="#101418", font=self._font)
-
-    def _free(self, x: int, y: int, width: int, height: int) -> bool:
-        return all(
-            x >= right or x + width <= left or y >= bottom or y + height <= top
-            for left, top, right, bottom, _, _ in self._placed
-        )
+def _label(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, color: str) -> None:
+    """Outline a box, with its label above it or, where that is outside the picture, at its upper edge."""
+    left, top, right, bottom = box.tolist()
+    pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=color, width=2)
+    _, _, width, height = (int(v) + 4 for v in _FONT.getbbox(text))
+    x, y = min(max(left, 0), TILE - width), min(max(top - height, 0), TILE - height)
+    pen.rectangle((x, y, x + width, y + height), fill=color)
+    pen.text((x + 2, y + 1), text, fill="#101418", font=_FONT)
 
 
 def _window(truth: NDArray[np.float64], width: int, height: int) -> tuple[float, float, float]:
@@ -102,11 +81,8 @@ def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8] | None) -> bytes:
     inside = np.asarray(Image.fromarray(paint_mask).resize((MAP, MAP), Image.Resampling.BILINEAR)) > 127
     pixels = np.asarray(picture).astype(np.float32)
     pixels[~inside] = 0.2 * pixels[~inside] + 0.8 * 245
-    edge = np.zeros_like(inside)
-    edge[1:-1, 1:-1] = inside[1:-1, 1:-1] & ~(
-        inside[:-2, 1:-1] & inside[2:, 1:-1] & inside[1:-1, :-2] & inside[1:-1, 2:]
-    )
-    pixels[edge] = (20, 24, 30)
+    core = cv2.erode(inside.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
+    pixels[inside & ~core] = (20, 24, 30)
     return _jpeg(Image.fromarray(pixels.astype(np.uint8)))
 
 
@@ -127,6 +103,18 @@ def _map(path: Path, entry: Entry) -> tuple[Camouflage, bytes]:
     views = Dataset(entry.views)
     camouflage.check_fits(views.plan.atlas_id, str(path))
     return camouflage, map_picture(uv_map, read_image(views.vehicle_folder / "paint_mask.png"))
+
+
+def sheet_of(rows: Mapping[str, Sequence[bytes]]) -> Image.Image:
+    """Tiles as one picture, each row under its paint's name."""
+    height, columns = TILE + _MARGIN, max(map(len, rows.values()))
+    sheet = Image.new("RGB", (TILE * columns, height * len(rows)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for index, (paint, tiles) in enumerate(rows.items()):
+        pen.text((6, index * height + 3), paint, fill="#222222", font=_FONT)
+        for column, tile in enumerate(tiles):
+            sheet.paste(Image.open(io.BytesIO(tile)), (column * TILE, index * height + _MARGIN))
+    return sheet
 
 
 def _thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:

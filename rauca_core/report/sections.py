@@ -8,8 +8,7 @@ from pathlib import Path
 
 from ..study.families import family_of, in_table_order, is_own
 from ..study.study import Entry, Study
-from .frames import FramePicker
-from .page import Aside, Bullets, Commands, Facts, Figure, Figures, Grid, Heading, Note, Part, Picture, Section
+from .page import Aside, Bullets, Commands, Facts, Figure, Figures, Heading, Note, Part, Picture, Section
 from .pictures import maps_of
 from .published import PaperTable, odd_averages
 from .study_tables import defence_title, results_file, unique, vehicles_of, weathers_title, white_box_of
@@ -29,20 +28,6 @@ def published_aside(paper: PaperTable) -> Aside:
     if odd := odd_averages(paper.table):
         notes.append(f"Printed averages that are not the mean of their row: {'; '.join(odd)}.")
     return Aside(f"{paper.table.title}: published figures", " ".join(notes), paper.table)
-
-
-def grid_of(picker: FramePicker, detector: str, when: str = "") -> Grid:
-    """What a detector saw in the chosen frames, a row per paint; ``when`` is added to the pictures' descriptions."""
-    grid = picker.grid(detector)
-    titles = [title.replace("\n", ", ") for title in grid.titles]
-    rows = {
-        paint: [
-            Picture(tile, f"{paint}, {title}, seen by {detector}{when}")
-            for title, tile in zip(titles, tiles, strict=True)
-        ]
-        for paint, tiles in grid.rows.items()
-    }
-    return Grid(grid.titles, rows)
 
 
 def maps(entries: Sequence[Entry]) -> list[Section]:

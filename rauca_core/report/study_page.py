@@ -14,10 +14,10 @@ from ..study.results import MEAN, Results
 from ..study.study import Entry, Study
 from .figures import Style, curve_svg, history_svg, is_ring, paint_styles
 from .frames import FramePicker, strongest_paint
-from .page import SUFFIXES, Figure, Figures, Heading, Page, Part, Picture, Section, write_page
-from .pictures import maps_of
+from .page import SUFFIXES, Drawing, Figure, Figures, Heading, Page, Part, Section, write_page
+from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .sections import anchors_of, grid_of, limitations, maps, provenance, published_aside
+from .sections import anchors_of, limitations, maps, provenance, published_aside
 from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
 from .table import Table, is_normal, is_random, printed
 
@@ -173,7 +173,7 @@ def _curves(drawn: Mapping[str, Sequence[Table]], styles: Mapping[str, Style]) -
 
 
 def _curve(curve: Table, styles: Mapping[str, Style]) -> Figure:
-    drawn = Picture(curve_svg(curve, styles), f"AP@0.5 of every paint: {curve.caption}")
+    drawn = Drawing(curve_svg(curve, styles), f"AP@0.5 of every paint: {curve.caption}")
     return Figure(drawn, curve.caption, "ring" if is_ring(curve) else "", curve)
 
 
@@ -184,8 +184,8 @@ def _pictures(study: Study) -> list[Section]:
         return []
     picker = FramePicker(entries)
     asked = _shown_detectors(entries)
-    chosen = asked[: max(1, MAX_PICTURES // (picker.columns * len(picker.paints)))]
-    parts: list[Part] = [part for name in chosen for part in (Heading(name), grid_of(picker, name))]
+    chosen = asked[: max(1, MAX_PICTURES // picker.pictures)]
+    parts: list[Part] = [part for name in chosen for part in (Heading(name), picker.grid(name))]
     left = asked[len(chosen) :]
     note = picker.reading + (f" Left out for the page's size: {', '.join(left)}." if left else "")
     return [Section("What detectors see", parts, note)]
@@ -204,7 +204,7 @@ def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
 def _training(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> list[Section]:
     if not histories:
         return []
-    drawn = Picture(history_svg(histories), "loss against optimization step")
+    drawn = Drawing(history_svg(histories), "loss against optimization step")
     return [Section("Optimization", [Figure(drawn, "Each term of the loss against the optimization step.", "history")])]
 
 
@@ -222,7 +222,9 @@ def save_showcase(study: Study, folder: Path) -> list[Path]:
     if entry is None:
         raise RaucaError(f"{folder}: no pictures; the {vehicle} was evaluated with defences only, add the defence none")
     folder.mkdir(parents=True, exist_ok=True)
-    FramePicker([entry]).grid(_shown_detectors([entry])[0]).sheet().save(folder / "grid.jpg", quality=88)
+    seen = FramePicker([entry]).grid(_shown_detectors([entry])[0]).rows
+    tiles = {paint: [picture.jpeg for picture in row if picture] for paint, row in seen.items()}
+    sheet_of(tiles).save(folder / "grid.jpg", quality=88)
     files = {"table.md": _markdown(entry).encode()}
     files |= {f"map-{camouflage.name}.jpg": jpeg for camouflage, jpeg in maps_of([entry])}
     styles = paint_styles(entry.results.paints)

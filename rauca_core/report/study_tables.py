@@ -101,46 +101,36 @@ def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Col
 def tables_of(study: Study, base: Path) -> list[Table]:
     """Every table that the study has numbers for; sources are told relative to the folder ``base``."""
     vehicles = vehicles_of(study)
-    tables = [_by_detector(study, vehicle, base, alone=len(vehicles) == 1) for vehicle in vehicles]
-    defended = unique(entry.vehicle for entry in study.entries if entry.defence != NO_DEFENCE)
-    tables += [_by_defence(study, vehicle, base, alone=len(vehicles) == 1) for vehicle in defended]
-    tables += [_by_vehicle(study, base)] if len(vehicles) > 1 else []
+    alone = len(vehicles) == 1
+    tables = [_by_detector(study, vehicle, alone, base) for vehicle in vehicles]
+    tables += [_by_defence(study, vehicle, alone, base) for vehicle in vehicles]
+    tables += [] if alone else [_by_vehicle(study, base)]
     return [table for table in tables if table.blocks]
 
 
-def _by_detector(study: Study, vehicle: str, base: Path, alone: bool) -> Table:
-    entries = study.of(vehicle=vehicle, defence=NO_DEFENCE)
-    category = entries[0].category if entries else ""
-    return _table(
-        "detectors" if alone else f"detectors-{vehicle}",
-        "Average precision" if alone else f"Average precision: {vehicle}",
-        f"{category.capitalize()} AP@0.5 of the {vehicle}, by detector.",
-        [(weathers_title(entry.weathers), entry) for entry in entries],
-        base,
-    )
+def _by_detector(study: Study, vehicle: str, alone: bool, base: Path) -> Table:
+    blocks = [(weathers_title(entry.weathers), entry) for entry in study.of(vehicle=vehicle, defence=NO_DEFENCE)]
+    return _table("detectors", "Average precision", "by detector", vehicle, alone, blocks, base)
 
 
-def _by_defence(study: Study, vehicle: str, base: Path, alone: bool) -> Table:
+def _by_defence(study: Study, vehicle: str, alone: bool, base: Path) -> Table:
     """The undefended views of the same weathers come first, to compare with."""
-    defended = [e for e in study.of(vehicle=vehicle) if e.defence != NO_DEFENCE]
-    several = len({entry.weathers for entry in defended}) > 1
+    defended = unique(e.weathers for e in study.of(vehicle=vehicle) if e.defence != NO_DEFENCE)
     blocks = []
-    for weathers in unique(entry.weathers for entry in defended):
+    for weathers in defended:
+        where = f", {weathers_title(weathers).lower()}" if len(defended) > 1 else ""
         entries = study.of(vehicle=vehicle, weathers=weathers)
-        for entry in sorted(entries, key=lambda e: e.defence != NO_DEFENCE):
-            where = f", {weathers_title(weathers).lower()}" if several else ""
-            blocks.append((defence_title(entry.defence) + where, entry))
-    views = "" if several else f" in {weathers_title(defended[0].weathers).lower()}"
-    return _table(
-        "defences" if alone else f"defences-{vehicle}",
-        "Defences" if alone else f"Defences: {vehicle}",
-        f"{defended[0].category.capitalize()} AP@0.5 of the {vehicle}{views}, each image defended before detection.",
-        blocks,
-        base,
-    )
+        ordered = sorted(entries, key=lambda entry: entry.defence != NO_DEFENCE)
+        blocks += [(defence_title(entry.defence) + where, entry) for entry in ordered]
+    views = f"in {weathers_title(defended[0]).lower()}, " if len(defended) == 1 else ""
+    what = f"{views}each image defended before detection"
+    return _table("defences", "Defences", what, vehicle, alone, blocks, base)
 
 
-def _table(key: str, title: str, caption: str, blocks: Sequence[tuple[str, Entry]], base: Path) -> Table:
+def _table(
+    key: str, title: str, what: str, vehicle: str, alone: bool, blocks: Sequence[tuple[str, Entry]], base: Path
+) -> Table:
+    """AP of paints and detectors of one vehicle, a block per (title, entry); ``alone``: the study has no other."""
     names = in_table_order(unique(name for _, entry in blocks for name in entry.results.detectors))
     attacked = [name for _, entry in blocks for names in white_box_of(entry).values() for name in names]
     published = [name for name in names if not is_own(name)]
@@ -149,7 +139,10 @@ def _table(key: str, title: str, caption: str, blocks: Sequence[tuple[str, Entry
     else:
         averages = [Column("all", AVERAGE), Column(PUBLISHED, AVERAGE)]
     drawn = [Block(heading, _rows(entry, names, published, len(averages) > 1, base)) for heading, entry in blocks]
-    return Table(key, title, caption, (*detector_columns(names, attacked), *averages), tuple(drawn))
+    category = blocks[0][1].category.capitalize() if blocks else ""
+    caption = f"{category} AP@0.5 of the {vehicle}, {what}."
+    of = ("", "") if alone else (f"-{vehicle}", f": {vehicle}")
+    return Table(key + of[0], title + of[1], caption, (*detector_columns(names, attacked), *averages), tuple(drawn))
 
 
 def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool, base: Path) -> tuple[Row, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..attack.naturalness import Naturalness
@@ -18,8 +18,8 @@ from ..study.results import Estimate
 from ..study.study import Entry, Study
 from .figures import GREY, PALETTE, Style, curve_svg
 from .frames import FramePicker
-from .page import SUFFIXES, Figure, Figures, Page, Picture, Section, write_page
-from .sections import anchors_of, grid_of, maps, provenance
+from .page import SUFFIXES, Drawing, Figure, Figures, Page, Section, write_page
+from .sections import anchors_of, maps, provenance
 from .study_tables import sourced, weathers_title
 from .table import Block, Cell, Column, Row, Table, listing
 
@@ -108,8 +108,7 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
     sweeps = [
         sweep
         for entry, found in zip(curve.entries, scores, strict=True)
-        for sweep in (_by_distance(curve, entry, found, base), _by_size(curve, entry, found, base))
-        if len(sweep.columns) > 1
+        for sweep in _sweeps(curve, entry, found, base)
     ]
     picker, attacked = FramePicker(curve.entries[:1]), curve.attacked[0]
     beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
@@ -117,7 +116,7 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         *(_sweep(sweep, results.clusters) for sweep in sweeps),
         Section(numbers.title, [numbers], READING),
         *maps(curve.entries[:1]),
-        Section(f"What {attacked} sees", [grid_of(picker, attacked)], picker.reading),
+        Section(f"What {attacked} sees", [picker.grid(attacked)], picker.reading),
         provenance(study, base, beside, {}),
     ]
     lead = (
@@ -157,42 +156,33 @@ def _black_box(curve: Curve) -> list[str]:
 
 def _sweep(table: Table, clusters: str) -> Section:
     title = ": ".join(filter(None, (f"Against the {table.title}", table.blocks[0].title)))
-    figure = Figure(Picture(curve_svg(table, STYLES), title), f"Bands: 95 % intervals by bootstrap over {clusters}.")
+    figure = Figure(Drawing(curve_svg(table, STYLES), title), f"Bands: 95 % intervals by bootstrap over {clusters}.")
     return Section(title, [Figures("plots", [figure], STYLES), table])
 
 
-def _by_distance(curve: Curve, entry: Entry, scores: Scores, base: Path) -> Table:
-    """Points that differ in their bound, nearest first, the free one too."""
-    found = [(p.distance.mean, p.label) for p in curve.points if p.distance is not None and p.feature_cm is None]
-    places = [(label, f"{distance:.1f}") for distance, label in sorted(found, key=lambda pair: pair[0])]
-    axis = "mean CIELAB distance from the reference"
-    return _sweep_table("distance", axis, places, (curve, entry, scores, base))
-
-
-def _by_size(curve: Curve, entry: Entry, scores: Scores, base: Path) -> Table:
-    found = [(p.feature_cm or 0.0, p.label) for p in curve.points if p.bound is None]
-    places = [(label, f"{size:g}") for size, label in sorted(found, key=lambda pair: pair[0])]
-    axis = "smallest patch asked for, cm (0: free)"
-    return _sweep_table("patch", axis, places, (curve, entry, scores, base))
-
-
-def _sweep_table(
-    key: str, axis: str, places: Sequence[tuple[str, str]], of: tuple[Curve, Entry, Scores, Path]
-) -> Table:
-    """AP along (label, value) of some points, and that of the vehicle's own paint to compare with."""
-    curve, entry, scores, base = of
+def _sweeps(curve: Curve, entry: Entry, scores: Scores, base: Path) -> list[Table]:
+    """AP along the distance of points that differ in their bound, and along their patches; the free one is in both."""
+    near = [(p.distance.mean, p.label) for p in curve.points if p.distance is not None and p.feature_cm is None]
+    fine = [(p.feature_cm or 0.0, p.label) for p in curve.points if p.bound is None]
+    axes = (
+        ("distance", "mean CIELAB distance from the reference", [(label, f"{d:.1f}") for d, label in sorted(near)]),
+        ("patch", "smallest patch asked for, cm (0: free)", [(label, f"{size:g}") for size, label in sorted(fine)]),
+    )
+    where = weathers_title(entry.weathers) if len(curve.entries) > 1 else ""
 
     def cell(paint: str, kind: str) -> Cell:
         return sourced(scores[paint][kind], entry, base, "table", paint)
 
-    rows = [Row(kind, tuple(cell(label, kind) for label, _ in places)) for kind in (WHITE, BLACK)]
-    for kind in (WHITE, BLACK):  # a line: its interval would only cover the others'
-        plain = cell(NORMAL, kind)
-        rows.append(Row(f"normal paint, {kind}", (Cell(plain.value, source=plain.source),) * len(places)))
-    where = weathers_title(entry.weathers) if len(curve.entries) > 1 else ""
-    columns = tuple(Column(value) for _, value in places)
-    blocks = (Block(where, tuple(rows)),)
-    return Table(f"{key}-{entry.weathers}", axis, f"AP@0.5 by {axis}.", columns, blocks, ranked=False)
+    def table(key: str, axis: str, places: Sequence[tuple[str, str]]) -> Table:
+        rows = [Row(kind, tuple(cell(label, kind) for label, _ in places)) for kind in (WHITE, BLACK)]
+        for kind in (WHITE, BLACK):  # a line to compare with: its interval would only cover the others'
+            plain = replace(cell(NORMAL, kind), low=None, high=None)
+            rows.append(Row(f"normal paint, {kind}", (plain,) * len(places)))
+        columns = tuple(Column(value) for _, value in places)
+        blocks = (Block(where, tuple(rows)),)
+        return Table(f"{key}-{entry.weathers}", axis, f"AP@0.5 by {axis}.", columns, blocks, ranked=False)
+
+    return [table(*axis) for axis in axes if len(axis[2]) > 1]
 
 
 def _numbers(curve: Curve, scores: Sequence[Scores], base: Path) -> Table:

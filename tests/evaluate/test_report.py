@@ -222,7 +222,7 @@ def test_frames_are_chosen_by_their_rule(study: Study) -> None:
         assert ((found >= 0) & (found <= 1)).all()
     assert frame_scores(entry.results, recorded, "normal").mean() > found.mean()
     picker = FramePicker([entry])
-    assert picker.columns == len(PLACES)
+    assert picker.pictures == len(PLACES) * len(picker.paints)
     title = picker.grid(next(iter(entry.results.detectors))).titles[0]
     best = entry.results.frames[int(np.argmin(found))]
     assert title == f"best\n{best.weather}, {best.azimuth_deg:.0f}°, {best.distance_m:g} m"

@@ -337,9 +337,9 @@ def test_the_papers_tables_are_as_printed() -> None:
     source = SHARED / "paper" / "rauca_e2e.tex"
     if not source.is_file():
         pytest.skip(f"{source}: the paper's source is not here")
-    printed = re.findall(r"\\begin\{table\*?\}.*?\\end\{table\*?\}", source.read_text(), re.DOTALL)
+    source_tables = re.findall(r"\\begin\{table\*?\}.*?\\end\{table\*?\}", source.read_text(), re.DOTALL)
     for paper in paper_tables():
-        text = printed[paper.number - 1].split("\\midrule", 1)[1]
+        text = source_tables[paper.number - 1].split("\\midrule", 1)[1]
         found = {}
         for line in text.split("\\bottomrule")[0].replace("\\midrule", "").split("\\\\"):
             name, *cells = (cell.strip() for cell in line.split("&"))
