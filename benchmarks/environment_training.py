@@ -18,21 +18,13 @@ from pipelines.console import progress_bar
 from rauca_core.contract import Camera, Progress, Vehicle
 from rauca_core.contract.color import TEST
 from rauca_core.contract.seeding import named_seed
-from rauca_core.environment import (
-    LightSplitter,
-    PublishedEfe,
-    TrainingSettings,
-    load_extractor,
-    make_training_settings,
-)
-from rauca_core.environment.convergence import smoothed
+from rauca_core.environment import LightSplitter, PublishedEfe, load_extractor
 from rauca_core.environment.frames import LightFrames
-from rauca_core.environment.learner import Learner, SplitterLearner
 from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import measure, total
-from rauca_core.environment.published_training import BaseLearner, FinalLearner
-from rauca_core.environment.training import EpochReport, Job, Outcome, train
-from rauca_core.runtime.distributed import SINGLE_PROCESS
+from rauca_core.training.extractor import EpochReport, Job, Outcome, train
+from rauca_core.training.extractor_learners import BaseLearner, FinalLearner, Learner, SplitterLearner
+from rauca_core.training.extractor_settings import TrainingSettings, make_training_settings, smoothed
 
 from .harness import Row, Settings
 
@@ -102,8 +94,8 @@ def _train(
 ) -> Trained:
     best: dict[str, torch.Tensor] = {}
 
-    def keep(epoch: int, errors: object) -> None:
-        best.update({name: value.clone() for name, value in learner.net.state_dict().items()})
+    def keep(epoch: int, net: torch.nn.Module, errors: object) -> None:
+        best.update({name: value.clone() for name, value in net.state_dict().items()})
 
     started = time.process_time()
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as folder, progress_bar(title, resumes=False) as move:
@@ -112,7 +104,7 @@ def _train(
             move(Progress(report.epoch, report.epochs, f"error {report.error:.4f}"))
 
         job = Job(learner, frames, train_on, test_on, settings, Path(folder), keep)
-        outcome = train(job, SINGLE_PROCESS, on_epoch=show)
+        outcome = train(job, on_epoch=show)
     learner.net.load_state_dict(best)
     return Trained(learner.net.eval(), outcome, time.process_time() - started)
 

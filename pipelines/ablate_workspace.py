@@ -43,7 +43,6 @@ from rauca_core.contract import (
 )
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import atomic_folder, file_digest, open_to_append, write_bytes
-from rauca_core.environment.published_fit import fit_published
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.checkpoint_files import POINTER
 from rauca_core.runtime.images import read_image
@@ -51,6 +50,7 @@ from rauca_core.study.ablations.sizes import Sizes
 from rauca_core.study.ablations.training_sets import chosen_frames, training_set
 from rauca_core.study.contestants import Contestant, VehicleChoice, check_vehicle, keep_copy
 from rauca_core.study.renders import discard_damaged
+from rauca_core.training.extractor_fit import fit_published
 
 PRESETS = {"seen": "enhanced", "unseen": "unseen"}
 

@@ -113,7 +113,7 @@ def efe_evaluate(
 ) -> None:
     """Measure our extractor, beside color transfer and none, against exact maps in 32 colors."""
     from rauca_core.environment import load_extractor
-    from rauca_core.environment.evaluation import compare
+    from rauca_core.environment.metrics import compare
 
     net, _ = load_extractor(weights)
     with progress_bar("evaluating", resumes=False) as move:
@@ -160,8 +160,8 @@ def _train(
     resume: bool,
 ) -> None:
     """``card`` names the command, and brings remarks."""
-    from rauca_core.environment import make_training_settings
-    from rauca_core.environment.fit import Fit
+    from rauca_core.training.extractor_fit import Fit
+    from rauca_core.training.extractor_settings import make_training_settings
 
     from .train_efe import command_line, train_efe
 

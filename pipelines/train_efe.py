@@ -13,8 +13,8 @@ from pathlib import Path
 
 from pipelines.console import console, progress_bar
 from rauca_core.contract import Progress
-from rauca_core.environment.fit import Fit, fit
-from rauca_core.environment.training import EpochReport
+from rauca_core.training.extractor import EpochReport
+from rauca_core.training.extractor_fit import Fit, fit
 
 
 def train_efe(wanted: Fit, resume: bool) -> Path:

@@ -54,7 +54,8 @@ class FrameStore:
         reference_srgb: 8-bit, the paint that the frames were rendered in.
     """
 
-    def __init__(self, dataset: Dataset, settings: OptimizerSettings) -> None:
+    def __init__(self, dataset: Dataset, settings: OptimizerSettings, device: torch.device | str = "cpu") -> None:
+        """``device``: of the extractor, where ``settings.light`` asks for one; frames stay in the computer's memory."""
         self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
         self.frames = [f for f in dataset.frames() if f.box_xyxy is not None]
         if not self.frames:
@@ -72,7 +73,7 @@ class FrameStore:
         self._budget = budget
         self.pyramid = self.layout.atlas
         self.reference_srgb = dataset.plan.reference_srgb
-        self.light = light_source(settings.light, dataset, self.vehicle, settings.extractor)
+        self.light = light_source(settings.light, dataset, self.vehicle, settings.extractor, device)
 
     def __len__(self) -> int:
         return len(self.frames)

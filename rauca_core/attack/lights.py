@@ -19,10 +19,9 @@ from torch import Tensor
 from ..contract import Dataset, Frame, RaucaError, Vehicle
 from ..contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from ..environment import Light, estimate, load_exact, load_extractor
-from ..environment.affine_transfer import transfer_light
 from ..environment.frames import read_picture
-from ..environment.published import PublishedEfe
-from ..environment.published_weights import load_published
+from ..environment.methods import transfer_light
+from ..environment.published import PublishedEfe, load_published
 from ..environment.shading import PlainShading, plain_shading
 
 LightName = Literal["exact", "ours", "published", "transfer", "none"]
@@ -54,13 +53,20 @@ class LightSource:
     of: Callable[[Frame], Lit]
 
 
-def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor: Path | None = None) -> LightSource:
+def light_source(
+    name: LightName,
+    dataset: Dataset,
+    vehicle: Vehicle,
+    extractor: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> LightSource:
     """The source of that name.
 
     Args:
         name: ``exact`` maps; ``ours``, the extractor's estimate; ``published``, that of the paper's; ``transfer`` of
             color without training; ``none``, Neural Renderer's own shading.
         extractor: weights of ours, the shipped ones if None; or of the published one, which must be given.
+        device: of the extractors; the maps come back to the computer's memory.
 
     Raises:
         RaucaError: no usable weights.
@@ -96,11 +102,11 @@ def light_source(name: LightName, dataset: Dataset, vehicle: Vehicle, extractor:
         return Lit(published_light(teacher, image, whole.float() / 255, plain), image)
 
     if name == "ours":
-        net, _ = load_extractor(extractor)
+        net = load_extractor(extractor)[0].to(device)
     if name == "published":
         if extractor is None:
             raise RaucaError("light: published needs weights of its own; `rauca ablate environment` trains them")
-        teacher = load_published(extractor)
+        teacher = load_published(extractor).to(device)
     sources = {"exact": exact, "ours": ours, "published": published, "transfer": transfer, "none": none}
     return LightSource(name not in ("none", "published"), sources[name])
 
@@ -115,9 +121,9 @@ def published_light(net: PublishedEfe, image: NDArray[np.uint8], vehicle: Tensor
         image: (H, W, 3) sRGB, in the reference paint.
         vehicle: (1, H, W) coverage.
     """
-    seen = torch.from_numpy(image / np.float32(255)).permute(2, 0, 1)
+    device, seen = next(net.parameters()).device, torch.from_numpy(image / np.float32(255)).permute(2, 0, 1)
     with torch.no_grad():
-        A, B = (m[0] for m in net((seen * vehicle)[None]))
+        A, B = (m[0].cpu() for m in net((seen * vehicle)[None].to(device)))
     inside = vehicle > 0
     paint = A * plain.paint * inside
     rest = (A * plain.rest + B) * inside + seen * (1 - vehicle)

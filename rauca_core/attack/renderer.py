@@ -72,7 +72,7 @@ class Renderer:
         settings = make_settings(
             map_size=texture_size, samples=samples, light=light, memory_mb=memory_mb, tap_folder=tap_folder
         )
-        self._store = FrameStore(dataset, settings)
+        self._store = FrameStore(dataset, settings, device)
         self._places = {frame.id: index for index, frame in enumerate(self._store.frames)}
         self.texture_size, self.device = texture_size, torch.device(device)
 

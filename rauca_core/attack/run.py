@@ -53,7 +53,7 @@ class Run:
                 f"batch: {settings.batch} frames for {processes.size} processes; give one to each at least"
             )
         self.settings, self.ensemble, self.processes = settings, ensemble, processes
-        self.store = FrameStore(dataset, settings)
+        self.store = FrameStore(dataset, settings, processes.device)
         self.texture: Texture = make_texture(self.store, settings, processes.device)
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.store, settings)

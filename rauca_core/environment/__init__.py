@@ -9,7 +9,6 @@ from .estimate import estimate, estimate_image
 from .exact import Light, load_exact
 from .extractor import LightSplitter
 from .published import PublishedEfe
-from .settings import TrainingSettings, make_training_settings
 from .weights import ModelCard, load_extractor, save_extractor
 
 __all__ = [
@@ -17,11 +16,9 @@ __all__ = [
     "LightSplitter",
     "ModelCard",
     "PublishedEfe",
-    "TrainingSettings",
     "estimate",
     "estimate_image",
     "load_exact",
     "load_extractor",
-    "make_training_settings",
     "save_extractor",
 ]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ..contract import Progress
 from ..contract.color import Color, srgb_to_linear
+from .extractor import LightSplitter
 from .frames import LightFrame, LightFrames
 from .losses import EPSILON
-from .methods import AffineRender, Render, exact_render
+from .methods import AffineRender, Render, exact_render, plain_render, splitter_render, transfer_render
 
 LEAST_MSE = 1e-10  # 100 dB: what float32 can tell apart
 
@@ -95,3 +99,50 @@ def measure(
         error = Error.between(render(paints), truth(paints), paint)
         found[frame.weather] = found.get(frame.weather, Error()) + error
     return found
+
+
+ALL = "all"
+
+
+def compare(
+    folders: Sequence[Path], net: LightSplitter, colors: Sequence[Color], progress: Callable[[Progress], None]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Errors in solid colors.
+
+    Returns:
+        Per weather and for ``all``, per method (none, transfer, ours): ``psnr_db, mse, mae, bce``, and ``ms`` per
+        image: from the image to its light maps, before any color.
+    """
+    frames = LightFrames(folders)
+    methods: dict[str, Callable[[int, LightFrame], Render]] = {
+        "none": lambda i, frame: plain_render(frame, frames.render_plain(i)),
+        "transfer": lambda i, frame: transfer_render(frame),
+        "ours": lambda i, frame: splitter_render(net, frame),
+    }
+    errors: dict[tuple[str, str], Error] = {}
+    seconds: dict[tuple[str, str], list[float]] = {}
+    paints = albedos(colors)
+    for index in range(len(frames)):
+        frame = frames.get(index)
+        truth = exact_render(frame)(paints)
+        for name, method in methods.items():
+            started = time.process_time()
+            render = method(index, frame)
+            spent = time.process_time() - started
+            key = frame.weather, name
+            errors[key] = errors.get(key, Error()) + Error.between(render(paints), truth, frame.paint)
+            seconds.setdefault(key, []).append(spent)
+        progress(Progress(index + 1, len(frames), frame.weather))
+    weathers = sorted({weather for weather, _ in errors})
+    return {
+        weather: {name: _row(errors, seconds, weathers if weather == ALL else [weather], name) for name in methods}
+        for weather in [*weathers, ALL]
+    }
+
+
+def _row(
+    errors: dict[tuple[str, str], Error], seconds: dict[tuple[str, str], list[float]], weathers: list[str], name: str
+) -> dict[str, float]:
+    spent = [s for weather in weathers for s in seconds[weather, name]]
+    found = total(errors[weather, name] for weather in weathers)
+    return {**found.to_json(), "ms": round(1e3 * sum(spent) / len(spent), 3)}

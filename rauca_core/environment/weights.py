@@ -59,7 +59,7 @@ def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
 
-def save_extractor(path: Path, net: LightSplitter, card: ModelCard) -> None:
+def save_extractor(path: Path, net: nn.Module, card: ModelCard) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
     tensors: dict[str, Tensor] = {k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}
     save_carded(path, card_path(path), FORMAT, tensors, asdict(card))

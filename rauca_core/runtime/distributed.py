@@ -73,19 +73,23 @@ SINGLE_PROCESS = Processes(0, 1, torch.device("cpu"))
 
 
 @contextlib.contextmanager
-def joined_processes() -> Iterator[Processes]:
-    """Join the processes that ``torchrun`` started, by gloo on CPUs and NCCL on GPUs; leaves them at the end."""
+def joined_processes(device: torch.device | str | None = None) -> Iterator[Processes]:
+    """Join the processes that ``torchrun`` started, by gloo on CPUs and NCCL on GPUs; leaves them at the end.
+
+    Args:
+        device: to work on; None takes GPUs if there are any. Of ``cuda`` without a number each process takes its own.
+    """
     size = int(os.environ.get("WORLD_SIZE", "1"))
-    gpu = torch.cuda.is_available()
-    local = int(os.environ.get("LOCAL_RANK", "0"))
-    device = torch.device("cuda", local % max(torch.cuda.device_count(), 1)) if gpu else torch.device("cpu")
+    chosen = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if chosen.type == "cuda" and chosen.index is None:
+        chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")) % max(torch.cuda.device_count(), 1))
     if size == 1:
-        yield Processes(0, 1, device)
+        yield Processes(0, 1, chosen)
         return
-    if gpu:
-        torch.cuda.set_device(device)
-    dist.init_process_group("nccl" if gpu else "gloo")
+    if chosen.type == "cuda":
+        torch.cuda.set_device(chosen)
+    dist.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
-        yield Processes(dist.get_rank(), size, device)
+        yield Processes(dist.get_rank(), size, chosen)
     finally:
         dist.destroy_process_group()

@@ -28,11 +28,11 @@ from ..contract import (
 )
 from ..contract.files import file_digest
 from ..contract.schema import Fields
-from ..environment.published_fit import FINISHED, WEIGHTS, fit_published
 from ..runtime.blender import run_blender
 from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import threads
 from ..runtime.images import is_whole, read_image
+from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
 from .artifact import Artifact, read_recipe
 from .defences import make_defence
 from .defended import defended_images
@@ -112,7 +112,7 @@ def make_paint(job: Job) -> None:
     options = job.artifact.options
     settings = make_settings(**{**options["settings"], "threads": job.machine.threads})
     if len(job.inputs) > 1:
-        settings = settings.model_copy(update={"extractor": job.inputs[1] / WEIGHTS})
+        settings = settings.model_copy(update={"extractor": job.inputs[1] / PUBLISHED_WEIGHTS})
     named = zip(job.artifact.settings["detectors"], options["detectors"], strict=True)
     detectors = [job.machine.detector(fingerprint, typed) for fingerprint, typed in named]
     views = ""

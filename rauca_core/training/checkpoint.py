@@ -39,17 +39,19 @@ class AveragedCopy:
 
     Args:
         decay: weight of the past at every step, in [0, 1); early on it is less, as nothing is worth remembering yet.
+        ahead: how many steps more than were taken count as taken, early on.
 
     Attributes:
         network: the copy, in evaluation mode.
     """
 
-    def __init__(self, network: nn.Module, decay: float) -> None:
-        self._followed, self._decay = network, decay
+    def __init__(self, network: nn.Module, decay: float, ahead: int = 0) -> None:
+        self._followed, self._decay, self._ahead = network, decay, ahead
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
 
     @torch.no_grad()
     def update(self, steps: int) -> None:
+        steps += self._ahead
         past = min(self._decay, steps / (9 + steps))
         followed = self._followed.state_dict().values()
         for mean, now in zip(self.network.state_dict().values(), followed, strict=True):

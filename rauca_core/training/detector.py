@@ -125,8 +125,11 @@ class _DetectorTask:
     def names(self, batch: _Shown) -> str:
         return ", ".join(sorted({self.job.samples.frames.get(i).name for i in batch.frames}))
 
-    def test(self) -> Findings:
+    def test(self, step: int) -> Findings:
         return self.job.test(self.average.network)
+
+    def finished(self) -> bool:
+        return False
 
     def to_json(self, tested: Findings) -> dict[str, Any]:
         return tested.to_json()

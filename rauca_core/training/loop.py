@@ -59,8 +59,12 @@ class Task(Trained, Protocol[Batch, Tested]):
         """Of what is in a batch, for the error when its loss is not finite."""
         ...
 
-    def test(self) -> Tested:
-        """Measure the averaged weights."""
+    def test(self, step: int) -> Tested:
+        """Measure the averaged weights, after ``step`` steps."""
+        ...
+
+    def finished(self) -> bool:
+        """Asked after a test: whether to stop before the last step."""
         ...
 
     def to_json(self, tested: Tested) -> dict[str, Any]:
@@ -70,7 +74,7 @@ class Task(Trained, Protocol[Batch, Tested]):
 
 @dataclass(frozen=True)
 class RoundReport(Generic[Tested]):
-    """A round of steps and the test behind it, as told to callbacks; ``loss`` is the mean over its steps."""
+    """A round of steps and the test behind it, as told to callbacks; ``loss`` is their mean, NaN before the first."""
 
     step: int
     steps: int
@@ -90,6 +94,8 @@ class Run:
         clip: largest norm of the gradient.
         threads: of torch; None leaves torch's own choice.
         identity: what a resumed run must share, as JSON.
+        constant: keep the learning rate as it is.
+        test_first: test before the first step, too.
     """
 
     out: Path
@@ -99,6 +105,8 @@ class Run:
     clip: float = math.inf
     threads: int | None = None
     identity: dict[str, Any] = field(default_factory=dict)
+    constant: bool = False
+    test_first: bool = False
 
 
 def run_task(
@@ -153,28 +161,39 @@ class _Loop(Generic[Batch, Tested]):
                 self.losses = []
             elif self._round_ends():  # killed in the test behind it
                 tested = self._test()
-        while self.done < run.steps:
+        elif self.processes.is_main:
+            (run.out / LEDGER).unlink(missing_ok=True)  # of a run whose checkpoints somebody removed
+        if not resume and run.test_first:
+            self._save()
+            tested = self._test()
+        while self.done < run.steps and not (self._round_ends() and self.task.finished()):
             self.losses.append(self._step(self.done))
             self.done += 1
             self.on_step(self.done, run.steps, self.losses[-1])
             stopped = self.processes.any(bool(stop))
-            if self.processes.is_main and (self._round_ends() or stopped):
-                save_run(run.out / CHECKPOINTS, run.identity, self.done, self.losses, self.task)
+            if self._round_ends() or stopped:
+                self._save()
             if stopped:
                 raise StoppedError(f"{run.out}: stopped after step {self.done}")
             if self._round_ends():
                 tested = self._test()
-        return self.task.test() if tested is None else tested
+        return self.task.test(self.done) if tested is None else tested
+
+    def _save(self) -> None:
+        if self.processes.is_main:
+            folder, identity = self.settings.out / CHECKPOINTS, self.settings.identity
+            save_run(folder, identity, self.done, self.losses, self.task)
 
     def _round_ends(self) -> bool:
         return self.done % self.settings.every == 0 or self.done == self.settings.steps
 
     def _test(self) -> Tested:
         """Test, and write the round's line."""
-        tested = self.task.test()
-        report = RoundReport(self.done, self.settings.steps, sum(self.losses) / len(self.losses), tested)
+        tested = self.task.test(self.done)
+        loss = sum(self.losses) / len(self.losses) if self.losses else math.nan
+        report = RoundReport(self.done, self.settings.steps, loss, tested)
         if self.processes.is_main:
-            line = {"step": report.step, "loss": report.loss, **self.task.to_json(tested)}
+            line = {"step": report.step, "loss": loss if self.losses else None, **self.task.to_json(tested)}
             append_line(self.settings.out / LEDGER, json.dumps(line))
         self.on_round(report)
         self.losses = []
@@ -182,8 +201,9 @@ class _Loop(Generic[Batch, Tested]):
 
     def _step(self, step: int) -> float:
         task, run = self.task, self.settings
+        lr = run.lr if run.constant else run.lr * _rise_and_fall(step, run.steps)
         for group in task.optimizer.param_groups:
-            group["lr"] = run.lr * _rise_and_fall(step, run.steps) * group.get("share", 1.0)
+            group["lr"] = lr * group.get("share", 1.0)
         batch = task.batch(step)
         loss = task.loss(batch, step)
         task.optimizer.zero_grad()

@@ -13,10 +13,10 @@ from rauca_core.attack.lights import published_light
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
-from rauca_core.environment.published import PublishedEfe
-from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
+from rauca_core.environment.published import PublishedCard, PublishedEfe, load_published, save_published
 from rauca_core.render import MipmappedTexture, linear_to_srgb
 from rauca_core.runtime.images import read_image
+from tests.pretend_device import DEVICE, PretendDevice
 
 SMALL: dict[str, Any] = {"map_size": 32, "samples": 4}
 
@@ -76,6 +76,16 @@ def test_the_published_extractor_needs_weights_of_its_own(dataset: Dataset, weig
     weights.write_bytes(weights.read_bytes()[:-1] + b"x")
     with pytest.raises(RaucaError, match="is not the file that its card describes"):
         load_published(weights)
+
+
+@pytest.mark.parametrize("light", ["ours", "published"])
+def test_an_extractor_infers_on_the_device_that_is_named(dataset: Dataset, light: str, weights: Path) -> None:
+    chosen = make_settings(light=light, extractor=weights if light == "published" else None, **SMALL)
+    here = FrameStore(dataset, chosen).ready(0)
+    with PretendDevice():
+        there = FrameStore(dataset, chosen, DEVICE).ready(0)
+    assert there.A.device.type == there.B.device.type == "cpu"  # where frames wait for their steps
+    torch.testing.assert_close((there.A, there.B), (here.A, here.B), atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("light", ["exact", "ours", "published", "transfer", "none"])

@@ -47,9 +47,9 @@ from rauca_core.contract import Vehicle
 from rauca_core.environment import PublishedEfe, load_exact
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render
-from rauca_core.environment.training import Outcome
 from rauca_core.render import Pyramid, rasterize
 from rauca_core.render.raster.pattern import pattern
+from rauca_core.training.extractor import Outcome
 
 TINY = QUICK.but(uv_size=64, widths=(4, 6), seen=("clear",), unseen=("fog",), shown=(CLEAR, "fog"))
 

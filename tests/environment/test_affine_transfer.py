@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from rauca_core.environment.affine_transfer import transfer_light
+from rauca_core.environment.methods import transfer_light
 
 SIZE = 20
 

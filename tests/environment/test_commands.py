@@ -12,11 +12,12 @@ import torch
 from pipelines.cli import app
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.contract.files import png_bytes
-from rauca_core.environment import LightSplitter, ModelCard, estimate, load_exact, make_training_settings
-from rauca_core.environment.fit import WEIGHTS, Fit, fit
+from rauca_core.environment import LightSplitter, ModelCard, estimate, load_exact
 from rauca_core.environment.preview import preview
 from rauca_core.environment.weights import load_extractor, save_extractor
 from rauca_core.runtime.images import read_image
+from rauca_core.training.extractor_fit import WEIGHTS, Fit, fit
+from rauca_core.training.extractor_settings import make_training_settings
 
 GREY = (140, 140, 140)
 

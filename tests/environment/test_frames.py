@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from rauca_core.contract import RaucaError
-from rauca_core.environment.batches import augment, collate, crop, draw_albedos, join
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import linear_to_srgb
+from rauca_core.training.light_batches import augment, collate, crop, draw_albedos, join
 
 
 def test_a_frame_holds_the_data_set(dataset):

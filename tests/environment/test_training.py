@@ -14,16 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from rauca_core.contract import RaucaError
-from rauca_core.environment import LightSplitter, PublishedEfe, make_training_settings
-from rauca_core.environment.averaging import WeightAverage
+from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrames
-from rauca_core.environment.learner import SplitterLearner
-from rauca_core.environment.published_training import BaseLearner, FinalLearner
-from rauca_core.environment.training import Job, Outcome, train
-from rauca_core.environment.training_state import load_state
-from rauca_core.runtime.distributed import joined_processes
+from rauca_core.runtime.distributed import Processes, joined_processes
+from rauca_core.training.checkpoint import AveragedCopy
+from rauca_core.training.extractor import Job, Outcome, train
+from rauca_core.training.extractor_learners import BaseLearner, FinalLearner, SplitterLearner
+from rauca_core.training.extractor_settings import make_training_settings
+from tests.pretend_device import DEVICE, PretendDevice
 
 COLORS = ((255, 0, 0), (0, 0, 0), (255, 255, 255))
 TINY = {"epochs": 3, "batch": 2, "lr": 5e-3, "threads": 1, "stop_early": False}
@@ -57,7 +58,7 @@ def test_every_loop_learns(dataset, tmp_path, method):
     outcome = run(work, on_epoch=seen.append)
     assert outcome.errors[outcome.best_epoch] < 0.85 * outcome.errors[0]
     assert [report.epoch for report in seen] == list(range(9))
-    assert len((tmp_path / "run" / "epochs.jsonl").read_text().splitlines()) == 9
+    assert len((tmp_path / "run" / "rounds.jsonl").read_text().splitlines()) == 9
     assert list((tmp_path / "run" / "tensorboard").iterdir())
 
 
@@ -98,7 +99,7 @@ def child(dataset, out, **environment) -> subprocess.Popen:
 def test_a_killed_run_ends_in_the_same_bits(dataset, tmp_path):
     process = child(dataset, tmp_path / "killed")
     pointer = tmp_path / "killed" / "checkpoints" / "checkpoint.json"
-    while process.poll() is None and not (pointer.is_file() and json.loads(pointer.read_text())["epoch"] >= 1):
+    while process.poll() is None and not (pointer.is_file() and json.loads(pointer.read_text())["step"] >= 3):
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -119,16 +120,30 @@ def test_two_processes_end_where_one_does(dataset, tmp_path):
     errors = run(alone).errors
     identity = json.loads((tmp_path / "pair" / "checkpoints" / "checkpoint.json").read_text())["identity"]
     assert identity["processes"] == 2
-    state = load_state(tmp_path / "pair" / "checkpoints", identity)
-    assert state.errors == pytest.approx(errors, abs=1e-4)
-    together = torch.cat([state.tensors[f"net.{n}"].flatten() for n, _ in alone.learner.net.named_parameters()])
+    lines = (tmp_path / "pair" / "rounds.jsonl").read_text().splitlines()
+    assert [json.loads(line)["mae"] for line in lines] == pytest.approx(errors, abs=1e-4)
+    (tensors,) = (tmp_path / "pair" / "checkpoints").glob("*.safetensors")
+    state = load_file(tensors)
+    together = torch.cat([state[f"net.{n}"].flatten() for n, _ in alone.learner.net.named_parameters()])
     assert (together - weights(alone)).abs().max() < 1e-3
+
+
+@pytest.mark.parametrize("method", ["ours", "published-base", "published-final"])
+def test_on_a_device_a_training_ends_as_on_the_cpu(dataset, tmp_path, method):
+    here = job(dataset.folder, tmp_path / "here", method=method, epochs=1)
+    errors = train(here).errors
+    with PretendDevice():
+        there = job(dataset.folder, tmp_path / "there", method=method, epochs=1)
+        assert train(there, Processes(0, 1, DEVICE)).errors == pytest.approx(errors, abs=1e-4)
+        assert {p.device for p in there.learner.net.parameters()} == {DEVICE}
+        far = weights(there).cpu()
+    assert (far - weights(here)).abs().max() < 1e-3
 
 
 def test_the_best_weights_are_kept(dataset, tmp_path):
     kept = []
     work = job(dataset.folder, tmp_path / "run", epochs=4)
-    outcome = run(Job(**{**vars(work), "keep": lambda epoch, errors: kept.append((epoch, set(errors)))}))
+    outcome = run(Job(**{**vars(work), "keep": lambda epoch, net, errors: kept.append((epoch, set(errors)))}))
     assert kept[-1] == (outcome.best_epoch, {"clear", "fog"})
     assert outcome.errors[outcome.best_epoch] == min(outcome.errors)
 
@@ -136,20 +151,16 @@ def test_the_best_weights_are_kept(dataset, tmp_path):
 def test_what_is_tested_is_the_weights_mean():
     net = torch.nn.Linear(2, 1, bias=False)
     torch.nn.init.zeros_(net.weight)
-    mean = WeightAverage(net, 0.9)
+    mean, nothing = AveragedCopy(net, 0.9), AveragedCopy(net, 0.0)
     for step in range(1, 4):
         torch.nn.init.constant_(net.weight, float(step))
         mean.update(step)
-    with mean.shown():
-        assert 1.5 < float(net.weight[0, 0].detach()) < 3
-        kept = mean.tensors()["average.weight"].clone()
-    assert float(net.weight[0, 0].detach()) == 3
-    again = WeightAverage(net, 0.9)
-    again.restore({"average.weight": kept})
-    assert torch.equal(again.tensors()["average.weight"], kept)
-    nothing = WeightAverage(net, 0.0)
-    with nothing.shown():
-        assert float(net.weight[0, 0].detach()) == 3
+        nothing.update(step)
+    assert 1.5 < float(mean.network.weight[0, 0]) < 3
+    again = AveragedCopy(net, 0.9)
+    again.restore(mean.tensors())
+    assert torch.equal(again.network.weight, mean.network.weight)
+    assert torch.equal(nothing.network.weight, net.weight)
 
 
 def test_near_and_far_are_mixed(dataset, tmp_path):

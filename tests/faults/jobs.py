@@ -90,12 +90,13 @@ def _pictured(out: Path) -> int:
 
 def _trained(out: Path) -> Content:
     card = json.loads((out / "light-splitter.json").read_text())
-    errors = {line["epoch"]: line["mae"] for line in _lines(out / "epochs.jsonl")}
+    errors = {line["epoch"]: line["mae"] for line in _lines(out / "rounds.jsonl")}
     return files(out, "*.safetensors", "checkpoints/*") | {"metrics": card["metrics"], "errors": errors}
 
 
 def _epochs(out: Path) -> int:
-    return int(json.loads((out / POINTER).read_text())["epoch"]) if (out / POINTER).is_file() else -1
+    ledger = out / "rounds.jsonl"
+    return len(ledger.read_text().splitlines()) if ledger.is_file() else -1
 
 
 def _evaluated(out: Path) -> Content:

@@ -11,12 +11,11 @@ import torch
 
 from rauca_core.attack.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from rauca_core.environment.extractor import LightSplitter
-from rauca_core.environment.published import PublishedEfe
-from rauca_core.environment.published_weights import PublishedCard, load_published, save_published
-from rauca_core.environment.training_state import TrainingState, load_state, save_state
+from rauca_core.environment.published import PublishedCard, PublishedEfe, load_published, save_published
 from rauca_core.environment.weights import ModelCard, load_extractor, save_extractor
 from rauca_core.render.sparse import SparseOperator
 from rauca_core.render.taps import Taps
+from rauca_core.training.checkpoint import AveragedCopy, restore_run, save_run
 
 from .mutate import mutate_json
 from .target import Target
@@ -29,8 +28,17 @@ def _checkpoint(folder: Path) -> None:
     save_checkpoint(folder, Checkpoint(3, {"seed": 1}, {name: torch.ones(2) for name in names}))
 
 
+class _Trained:
+    """The smallest thing that learns."""
+
+    def __init__(self) -> None:
+        self.network = torch.nn.Linear(2, 1)
+        self.optimizer = torch.optim.AdamW(self.network.parameters())
+        self.average = AveragedCopy(self.network, 0.9)
+
+
 def _training(folder: Path) -> None:
-    save_state(folder, TrainingState(1, [0.5, 0.25], {"seed": 1}, {"net.x": torch.ones(2)}))
+    save_run(folder, {"seed": 1}, 3, [0.5, 0.25], _Trained())
 
 
 def _extractor(folder: Path) -> None:
@@ -64,7 +72,9 @@ def _taps(folder: Path) -> None:
 TARGETS = (
     Target("checkpoint-json", "checkpoint.json", _checkpoint, load_checkpoint, mutate_json),
     Target("checkpoint-tensors", STEP, _checkpoint, load_checkpoint),
-    Target("training-json", "checkpoint.json", _training, lambda f: load_state(f, {"seed": 1}), mutate_json),
+    Target(
+        "training-json", "checkpoint.json", _training, lambda f: restore_run(f, {"seed": 1}, _Trained()), mutate_json
+    ),
     Target("extractor-card", "w.json", _extractor, lambda f: load_extractor(f / "w.safetensors"), mutate_json),
     Target("extractor-weights", "w.safetensors", _extractor, lambda f: load_extractor(_signed(f)), signs=True),
     Target("published-card", "w.json", _published, lambda f: load_published(f / "w.safetensors"), mutate_json),

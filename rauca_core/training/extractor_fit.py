@@ -1,4 +1,4 @@
-"""From data sets to weights with a model card: the training of our extractor as users start it."""
+"""From data sets to weights with a model card: the training of extractors as users start it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import nn
 
 from ..contract import RaucaError
+from ..contract.files import write_json
 from ..contract.seeding import named_seed
-from ..runtime.distributed import joined_processes
-from .extractor import LightSplitter
-from .frames import LightFrames
-from .learner import SplitterLearner
-from .metrics import Error, total
-from .settings import TrainingSettings
-from .training import EpochReport, Job, Outcome, train
-from .weights import ModelCard, card_path, load_extractor, read_card, save_extractor
+from ..environment.extractor import LightSplitter
+from ..environment.frames import LightFrames
+from ..environment.metrics import Error, total
+from ..environment.published import PublishedCard, PublishedEfe, load_published, save_published
+from ..environment.weights import ModelCard, card_path, load_extractor, read_card, save_extractor
+from ..runtime.checkpoint_files import POINTER
+from ..runtime.distributed import Processes, joined_processes
+from .extractor import EpochReport, Job, Outcome, train
+from .extractor_learners import FinalLearner, SplitterLearner
+from .extractor_settings import TrainingSettings, make_training_settings
+from .loop import CHECKPOINTS
 
 WEIGHTS = "light-splitter.safetensors"
+PUBLISHED_WEIGHTS = "published.safetensors"
+FINISHED = "finished.json"
+# A quarter of the published channels, a sixteenth of the work: on a CPU, hundreds of frames rather than tens.
+NARROW = (16, 32, 64, 128, 256)
 ALL = "all"  # weathers together, in a card's metrics
 
 
@@ -35,6 +44,7 @@ class Fit:
         start: weights to start from; None draws them by the seed.
         command: for the card.
         remarks: for the card.
+        device: to train on; a GPU if there is one when None.
     """
 
     datasets: Sequence[Path]
@@ -44,6 +54,7 @@ class Fit:
     start: Path | None = None
     command: str = ""
     remarks: str = ""
+    device: torch.device | str | None = None
 
 
 def fit(
@@ -65,7 +76,7 @@ def fit(
     weights = wanted.out / WEIGHTS
     described = _describe(frames, len(wanted.datasets))
 
-    def keep(epoch: int, errors: dict[str, Error]) -> None:
+    def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
         everything = {**errors, ALL: total(errors.values())}
         card = ModelCard(
             widths=net.widths,
@@ -78,9 +89,9 @@ def fit(
             metrics={weather: error.to_json() for weather, error in sorted(everything.items())},
             remarks=wanted.remarks,
         )
-        save_extractor(weights, net, card)
+        save_extractor(weights, best, card)
 
-    with joined_processes() as processes:
+    with joined_processes(wanted.device) as processes:
         job = Job(
             SplitterLearner(net, frames, wanted.settings), frames, chosen, held_out, wanted.settings, wanted.out,
             keep, {"start": origin, "datasets": len(wanted.datasets)},
@@ -123,3 +134,45 @@ def _describe(frames: LightFrames, training: int) -> list[dict[str, Any]]:
             }
         )
     return described
+
+
+def fit_published(
+    dataset: Path,
+    out: Path,
+    epochs: int,
+    widths: tuple[int, ...] = NARROW,
+    seed: int = 0,
+    threads: int | None = None,
+    on_epoch: Callable[[EpochReport], None] = lambda report: None,
+    device: torch.device | str = "cpu",
+) -> Path:
+    """Train the published extractor, go on, or find it finished in ``out``: its final loop, Adam 0.01, Eq. 5 with W.
+
+    Returns the weights that did best on held-out places.
+
+    Args:
+        dataset: with light maps and at least two locations.
+        epochs: at most; the paper's criterion of convergence may end it sooner.
+
+    Raises:
+        RaucaError: unusable data set or folder; a loss that is not finite.
+    """
+    weights = out / PUBLISHED_WEIGHTS
+    if (out / FINISHED).is_file():
+        load_published(weights)
+        return weights
+    settings = make_training_settings(method="published-final", batch=4, epochs=epochs, seed=seed, threads=threads)
+    frames = LightFrames([dataset])
+    chosen, held_out = frames.split(settings.split, settings.test_share, seed)
+    torch.manual_seed(named_seed(seed, "published weights"))
+    net = PublishedEfe(widths)
+    data = {"name": frames.datasets[0].plan.name, "frames": len(chosen), "size": frames.size}
+
+    def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
+        error = total(errors.values()).mae
+        save_published(weights, best, PublishedCard(widths, data, settings.model_dump(mode="json"), error))
+
+    job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
+    outcome = train(job, Processes(0, 1, torch.device(device)), (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
+    write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
+    return weights

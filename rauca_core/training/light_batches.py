@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..environment.frames import LightFrame
 from ..render import linear_to_srgb
-from .frames import LightFrame
 
 EXPOSURES = (0.5, 2.0)  # factor on the light of a whole frame
 TINT = 0.2  # largest change of that factor from channel to channel, in logarithms

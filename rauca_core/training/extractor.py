@@ -1,0 +1,249 @@
+"""Training an environment feature extractor: what a step is shown, the test of an epoch, and when to stop."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ..contract import RaucaError
+from ..contract.color import TEST
+from ..contract.dataset import MAX_LEDGER_BYTES
+from ..contract.schema import whole_lines
+from ..contract.seeding import named_rng
+from ..environment.frames import LightFrames
+from ..environment.metrics import Error, measure, total
+from ..runtime.board import Board
+from ..runtime.distributed import SINGLE_PROCESS, Processes
+from .checkpoint import AveragedCopy
+from .extractor_learners import Item, Learner
+from .extractor_settings import TrainingSettings, converged_epoch
+from .loop import LEDGER, RoundReport, Run, run_task
+
+
+@dataclass(frozen=True)
+class EpochReport:
+    """One epoch, as told to callbacks.
+
+    Attributes:
+        epoch: counted from 1; 0 is the test before the first step.
+        epochs: at most.
+        loss: mean over the steps, NaN at epoch 0.
+        error: mean absolute test error, sRGB values.
+        best: the least so far.
+        seconds: of the training steps, without the test.
+    """
+
+    epoch: int
+    epochs: int
+    loss: float
+    error: float
+    best: float
+    seconds: float
+
+
+@dataclass
+class Outcome:
+    """What a training came to.
+
+    Attributes:
+        errors: mean absolute test error S_0, S_1, ... of all epochs.
+        best_epoch: whose weights :func:`train` gave to ``keep``; 0 if no epoch was better than the start.
+        converged: the epoch that met the paper's criterion, or None.
+        seconds: per epoch trained in this process, without tests.
+    """
+
+    errors: list[float]
+    best_epoch: int
+    converged: int | None
+    seconds: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A training to run.
+
+    Attributes:
+        learner: what learns, from ``frames``.
+        train, test: indices of frames.
+        settings: of the training.
+        out: folder for checkpoints, ``rounds.jsonl`` and tensorboard.
+        keep: called in the leading process when the averaged weights are the best so far, with the epoch, the network
+            that holds them, and the test errors per weather; before the epoch's line in the ledger, so that a kill in
+            between repeats it.
+        identity: what else a resumed run must share, as JSON.
+    """
+
+    learner: Learner
+    frames: LightFrames
+    train: Sequence[int]
+    test: Sequence[int]
+    settings: TrainingSettings
+    out: Path
+    keep: Callable[[int, nn.Module, dict[str, Error]], None] = lambda epoch, net, errors: None
+    identity: dict[str, Any] = field(default_factory=dict)
+
+
+def train(
+    job: Job,
+    processes: Processes = SINGLE_PROCESS,
+    resume: bool = False,
+    on_epoch: Callable[[EpochReport], None] = lambda report: None,
+    on_step: Callable[[int, int], None] = lambda done, steps: None,
+) -> Outcome:
+    """Run or resume a training on the processes' device, see :func:`loop.run_task`.
+
+    Several processes share every batch and end as one process would, but for the order of sums.
+
+    Args:
+        on_step: called with the steps done and the steps of the epoch.
+    """
+    if not job.train or not job.test:
+        raise RaucaError(f"{job.out}: no frames to {'train' if not job.train else 'test'} on; make a larger data set")
+    settings, task = job.settings, _ExtractorTask(job, processes, resume)
+    identity = {
+        **settings.identity(),
+        **job.identity,
+        "data": job.frames.digest,
+        "held out": hashlib.sha256(json.dumps(list(map(int, job.test))).encode()).hexdigest()[:16],
+        "processes": processes.size,
+    }
+    run = Run(
+        job.out, settings.epochs * task.steps, task.steps, settings.lr, settings.clip or math.inf, settings.threads,
+        identity, settings.schedule == "constant", test_first=True,
+    )  # fmt: skip
+    boards: list[Board] = []
+
+    def tell(report: RoundReport[_Tested]) -> None:
+        if not processes.is_main:
+            return
+        tested = report.findings
+        boards.extend([] if boards else [Board(job.out / "tensorboard", tested.epoch)])
+        curves = {} if math.isnan(report.loss) else {"loss": report.loss}
+        curves |= {"test/mae": tested.error} | {f"psnr_db/{name}": e.psnr_db for name, e in tested.weathers.items()}
+        boards[0].scalars(curves, tested.epoch)
+        boards[0].flush()
+        best = min(task.errors.values())
+        on_epoch(EpochReport(tested.epoch, settings.epochs, report.loss, tested.error, best, tested.seconds))
+
+    try:
+        run_task(task, run, resume, tell, lambda n, _, __: on_step((n - 1) % task.steps + 1, task.steps), processes)
+    finally:
+        for board in boards:
+            board.close()
+    errors = [task.errors[epoch] for epoch in sorted(task.errors)]
+    best = min(range(len(errors)), key=errors.__getitem__)
+    return Outcome(errors, best, converged_epoch(errors, settings.eta), task.seconds)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """This process's items of a step's batch, and what they count for in the mean over the processes."""
+
+    epoch: int
+    items: list[Item]
+    weight: float
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """An epoch's test: the mean absolute error, and in the leading process all errors by weather."""
+
+    epoch: int
+    error: float
+    seconds: float
+    weathers: dict[str, Error]
+
+
+class _ExtractorTask:
+    """See :class:`loop.Task`.
+
+    Attributes:
+        steps: of an epoch.
+        errors: mean absolute test error of every epoch so far.
+        seconds: of every epoch's steps in this process.
+    """
+
+    def __init__(self, job: Job, processes: Processes, resume: bool) -> None:
+        self.job, self.processes, settings = job, processes, job.settings
+        self.network = job.learner.net.to(processes.device)
+        self._wrapped = processes.wrap(self.network)
+        # Without weight decay AdamW is Adam.
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay
+        )
+        self.average = AveragedCopy(self.network, settings.average, ahead=1)
+        self._items = job.learner.items(job.train)
+        self.steps = -(-len(self._items) // settings.batch)
+        self.errors: dict[int, float] = _tested(job.out / LEDGER) if resume else {}
+        self.seconds: list[float] = []
+        self._began: float | None = None
+
+    def batch(self, step: int) -> _Shown:
+        settings, (epoch, place) = self.job.settings, divmod(step, self.steps)
+        self._began = self._began or time.perf_counter()
+        order = named_rng(settings.seed, "order", epoch + 1).permutation(len(self._items))
+        chosen = [self._items[i] for i in order[place * settings.batch : (place + 1) * settings.batch]]
+        mine = self.processes.share(chosen)
+        # A process that is left without an item takes one that counts for nothing: all must join in the mean.
+        return _Shown(epoch + 1, mine or chosen[:1], len(mine) * self.processes.size / len(chosen))
+
+    def loss(self, batch: _Shown, step: int) -> Tensor:
+        self.network.train()
+        device, wanted = self.processes.device, self.job.settings.precision
+        ready = device.type == "cuda" and torch.cuda.is_bf16_supported()
+        with torch.autocast(device.type, torch.bfloat16, wanted == "bfloat16" or (wanted == "auto" and ready)):
+            loss = self.job.learner.loss(self._wrapped, batch.items, lambda item: self._draw(batch.epoch, item))
+        return loss * batch.weight
+
+    def _draw(self, epoch: int, item: Item) -> np.random.Generator:
+        return named_rng(self.job.settings.seed, "item", epoch, *item)
+
+    def names(self, batch: _Shown) -> str:
+        """The first frame whose loss alone is not finite, else the first of the batch."""
+        learner, frames = self.job.learner, self.job.frames
+        with torch.no_grad():
+            for item in batch.items:
+                if not torch.isfinite(learner.loss(self.network, [item], lambda item: self._draw(batch.epoch, item))):
+                    return frames.get(item.frame).name
+        return frames.get(batch.items[0].frame).name
+
+    def test(self, step: int) -> _Tested:
+        """Measure, and keep the best. The leading process does; all learn the error."""
+        job, found, epoch, network = self.job, dict[str, Error](), step // self.steps, self.average.network
+        seconds = 0.0 if self._began is None else time.perf_counter() - self._began
+        self.seconds += [] if self._began is None else [seconds]
+        self._began = None
+        if self.processes.is_main:
+            found = measure(job.frames, job.test, lambda i, f: job.learner.render_of(network, i, f), TEST)
+        (error,) = self.processes.broadcast([total(found.values()).mae])
+        self.errors[epoch] = error
+        if self.processes.is_main and error == min(self.errors.values()):
+            job.keep(epoch, network, found)
+        return _Tested(epoch, error, seconds, found)
+
+    def finished(self) -> bool:
+        errors = [self.errors[epoch] for epoch in sorted(self.errors)]
+        return self.job.settings.stop_early and converged_epoch(errors, self.job.settings.eta) is not None
+
+    def to_json(self, tested: _Tested) -> dict[str, Any]:
+        weathers = {name: error.to_json() for name, error in tested.weathers.items()}
+        return {"epoch": tested.epoch, "mae": tested.error, "seconds": tested.seconds, **weathers}
+
+
+def _tested(ledger: Path) -> dict[int, float]:
+    """The errors of the epochs of which a line is there."""
+    if not ledger.is_file():
+        return {}
+    return dict(
+        whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", lambda line: (line.integer("epoch"), line.number("mae")))
+    )
