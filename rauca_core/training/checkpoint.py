@@ -108,7 +108,8 @@ def restore_run(folder: Path, identity: dict[str, Any], trained: Trained) -> tup
     fields.format(*FORMAT)
     step, tensors = fields.integer("step"), read_tensors(folder, fields, OTHER_RUN)
     found = fields.raw("identity")
-    losses = fields.array("losses", (max(1, len(fields.items("losses"))),)).tolist()
+    number = len(fields.items("losses"))
+    losses = fields.array("losses", (number,)).tolist() if number else []
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
