@@ -108,8 +108,7 @@ def restore_run(folder: Path, identity: dict[str, Any], trained: Trained) -> tup
     fields.format(*FORMAT)
     step, tensors = fields.integer("step"), read_tensors(folder, fields, OTHER_RUN)
     found = fields.raw("identity")
-    number = len(fields.items("losses"))
-    losses = fields.array("losses", (number,)).tolist() if number else []
+    losses = fields.array("losses", (len(fields.items("losses")),)).tolist()
     fields.done()
     if changed := differences(found, identity):
         raise RaucaError(f"{folder}: holds a training with another {', '.join(changed)}; use the same, or {OTHER_RUN}")
