@@ -32,7 +32,7 @@ from rauca_core.runtime.images import read_image
 
 from .harness import Settings
 from .in_blender import run_child
-from .render.textures import uv_map
+from .render_reference import uv_map
 
 SOLID = 250 / 255  # coverage above which a pixel is inside the paint; below, on its edge
 SEEDS = (101, 202)

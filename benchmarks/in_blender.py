@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,22 +15,38 @@ from typing import NamedTuple
 from pipelines.console import progress_bar
 from pipelines.dataset_options import dataset_job, dataset_parser
 from pipelines.going_on import goes_on_by_itself
-from rauca_core.contract import Dataset, Progress, RaucaError, Weather, find_preset, parse_progress
+from rauca_core.contract import (
+    Dataset,
+    Progress,
+    RaucaError,
+    Vehicle,
+    VehicleSource,
+    Weather,
+    find_preset,
+    load_vehicle,
+    parse_progress,
+)
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
 from rauca_core.contract.presets import PRESET_FORMAT
 from rauca_core.runtime.blender import require_bpy, run_blender
+from rauca_core.runtime.images import read_image
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def run_child(module: str, arguments: Sequence[object], progress: Callable[[Progress], None]) -> None:
+def run_child(
+    module: str, arguments: Sequence[object], progress: Callable[[Progress], None], instead: str = ""
+) -> None:
     """Run a module of this checkout that imports bpy, ``python -m MODULE ARGUMENTS``, and pass its progress on.
+
+    Args:
+        instead: what would do where Blender is missing.
 
     Raises:
         RaucaError: Blender is missing, or the module ended with another code than 0; what it wrote last tells why.
     """
-    require_bpy("leave Blender out where the command has an option for it")
+    require_bpy(instead)
     process = subprocess.Popen(
         [sys.executable, "-m", module, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -93,3 +110,35 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
 def _unfinished(dataset: Dataset) -> bool:
     """Occluded frames are never there, and asking for them again is cheap."""
     return len(dataset.frames()) < len(dataset.plan.frame_ids())
+
+
+def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_material: str | None = None) -> Vehicle:
+    """A shipped vehicle, a vehicle folder, or an .obj, .glb or .blend that Blender imports in a process of its own.
+
+    Raises:
+        RaucaError: no such vehicle, nothing paintable, paint chosen for one that brings its own, or Blender is missing.
+    """
+    for folder in (assets_folder() / "vehicles" / name_or_path, Path(name_or_path)):
+        if (folder / "vehicle.json").is_file():
+            if paint_mask or paint_material:
+                raise RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
+            return load_vehicle(folder, read_image)
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        folder = Path(temporary) / "vehicle"
+        arguments = [name_or_path, paint_mask or "", paint_material or "", folder]
+        run_child("benchmarks.in_blender", arguments, lambda progress: None, "give a vehicle folder")
+        return load_vehicle(folder, read_image)
+
+
+def _import_vehicle(name: str, mask: str, material: str, out: str) -> None:
+    """In the child process: import a vehicle file and save it as a vehicle folder."""
+    from blender_addon.vehicles import find_vehicle
+
+    try:
+        find_vehicle(VehicleSource(name, Path(mask) if mask else None, material or None)).save(Path(out))
+    except RaucaError as error:
+        sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    _import_vehicle(*sys.argv[1:])

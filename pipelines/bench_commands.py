@@ -58,7 +58,8 @@ def bench_render_command(
     json: Json = Path("reports/render.json"),
 ) -> None:
     """The neural renderer's speed and error, beside other renderers, Embree and Cycles."""
-    load_benchmark("render.bench").bench_render(json, vehicle, paint_mask, paint_material, quick, blender, docs)
+    chosen = {"vehicle": vehicle, "paint_mask": paint_mask, "paint_material": paint_material, "blender": blender}
+    start("render", json, quick, docs=docs, **chosen)
 
 
 @bench_app.command("environment")

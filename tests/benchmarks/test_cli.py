@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import vehicle
-from benchmarks.render.bench import bench_render
+from benchmarks import render, vehicle
 from pipelines.bench_commands import load_benchmark
 from rauca_core.contract import RaucaError
 
@@ -40,15 +39,15 @@ def test_a_mistake_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [None, "sedan", "cube", "assets/vehicles/cube"])
 def test_a_vehicle_with_its_own_paint_takes_no_other(tmp_path: Path, name: str | None) -> None:
     with pytest.raises(RaucaError, match="brings its own paint; drop the paint option"):
-        bench_render(tmp_path / "render.json", name, paint_material="Paint", quick=True)
+        render.bench(tmp_path / "render.json", render.QUICK, vehicle=name, paint_material="Paint")
 
 
 def test_a_missing_package_is_not_a_missing_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.startswith("benchmarks.render")]:
+    for name in [name for name in sys.modules if name.startswith("benchmarks.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ModuleNotFoundError, match="matplotlib"):
-        load_benchmark("render.bench")
+        load_benchmark("render")
     with pytest.raises(RaucaError, match="part of a checkout"):
         load_benchmark("no_such")
 

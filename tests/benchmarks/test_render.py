@@ -12,26 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.page import BEGIN, END, fill_page
-from benchmarks.render.bench import run_bench
-from benchmarks.render.contenders import ALGORITHM_2, BILINEAR
-from benchmarks.render.embree import RayCaster
-from benchmarks.render.results import Results
-from benchmarks.render.settings import Settings
-from benchmarks.render.targets import judge
-from benchmarks.render.textures import TEXTURES, uv_map
-from benchmarks.render.vehicles import open_vehicle
-from benchmarks.render.views import RINGS, random_cameras, ring
+from benchmarks.harness import END, Results, Row, fill_page, mark
+from benchmarks.in_blender import open_vehicle
+from benchmarks.render import ALGORITHM_2, BILINEAR, FULL, bench
+from benchmarks.render_reference import RINGS, TEXTURES, RayCaster, random_cameras, ring, uv_map
 from rauca_core.contract import RaucaError, Vehicle
 from rauca_core.render import Pyramid
 
 pytest.importorskip("embreex", reason="Embree is not installed (rauca[bench])")
 
-TINY = Settings(
+TINY = FULL.but(
     sizes=(128,),
     uv_size=256,
-    paper_views=2,
-    close_views=1,
+    views={"paper": 2, "close": 1},
     reach_views=2,
     samples=(1, 2, 4, 8),
     repeats=1,
@@ -55,9 +48,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def results(sedan: Vehicle, folder: Path) -> Results:
+def results(folder: Path) -> Results:
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
-    return run_bench({"sedan": sedan}, TINY, folder / "render.json", docs=folder / "docs")
+    return bench(folder / "render.json", TINY, folder / "docs")
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +69,11 @@ def numbers(value: object) -> Iterator[float]:
         yield float(value)
 
 
-def test_keys_are_there_and_all_figures_are_finite(report: dict[str, Any]) -> None:
-    assert {"renderers", "speedup_vs_algorithm2", "raster_vs_embree", "blender", "raster", "levels"} <= set(report)
-    wanted = {"name", "psnr_db", "forward_ms", "backward_ms", "build_ms", "taps_per_pixel", "texels_touched"}
-    wanted |= {"vehicle", "ring", "size", "texture"}
-    assert all(wanted <= set(entry) for entry in report["renderers"])
+def find(results: Results, name: str, texture: str, ring_name: str = "paper") -> Row:
+    return results.one("renderers", name=name, texture=texture, ring=ring_name)
+
+
+def test_all_figures_are_finite(report: dict[str, Any]) -> None:
     found = list(numbers(report))
     assert len(found) > 100
     assert all(math.isfinite(number) for number in found)
@@ -97,43 +90,28 @@ def test_every_renderer_meets_every_ring_and_texture(report: dict[str, Any]) -> 
 @pytest.mark.parametrize("ring_name", RINGS)
 @pytest.mark.parametrize("texture", TEXTURES)
 def test_more_samples_and_better_samplers_err_less(results: Results, ring_name: str, texture: str) -> None:
-    error = [results.find(f"ours {n}x{n}", texture, ring_name).psnr_db for n in TINY.samples]
-    assert error == sorted(error)
-    assert error[-1] > error[0] + 10
-    for rival in (BILINEAR, ALGORITHM_2):
-        assert (
-            results.find("ours 4x4", texture, ring_name).psnr_db > results.find(rival, texture, ring_name).psnr_db + 5
-        )
+    db = {name: find(results, name, texture, ring_name)["psnr_db"] for name in results.distinct("renderers", "name")}
+    ours = [db[f"ours {n}x{n}"] for n in TINY.samples]
+    assert ours == sorted(ours)
+    assert ours[-1] > ours[0] + 10
+    assert db["ours 4x4"] > max(db[BILINEAR], db[ALGORITHM_2]) + 5
 
 
 def test_rings_of_views_reach_texels_that_one_bilinear_sample_misses(results: Results) -> None:
-    ours, bilinear = (results.find(name, "noise") for name in ("ours 4x4", BILINEAR))
-    assert 0.95 < ours.reached <= 1
-    assert bilinear.reached < 0.5 * ours.reached
-    assert bilinear.texels_touched < ours.texels_touched
+    ours, bilinear = (find(results, name, "noise")["reached"] for name in ("ours 4x4", BILINEAR))
+    assert 0.95 < ours <= 1
+    assert bilinear < 0.5 * ours
 
 
-def test_two_ways_to_see_give_one_reference(results: Results) -> None:
-    assert results.reference_check_db["sedan"] > 45
-
-
-def test_both_rasterizers_name_the_same_faces(results: Results) -> None:
-    assert all(row.same_face > 0.99 for row in results.raster)
-
-
-def test_blender_agrees(results: Results) -> None:
-    (row,) = results.blender
-    assert row.cameras == TINY.cameras
-    assert row.iou_mean["8"] > 0.95  # cars of a few hundred pixels
-    assert row.uv_median < 0.05
-    assert row.uv_p99 < 0.5
-    assert row.edge_db > 20
-
-
-def test_targets_cover_what_is_promised(results: Results) -> None:
-    targets = judge(results)
-    assert len(targets) == 18
-    assert all(isinstance(t.passed, bool) for t in targets)
+def test_embree_and_blender_agree_and_all_targets_are_told(results: Results) -> None:
+    assert all(row["same_face"] > 0.99 for row in results.rows["raster"])
+    (row,) = results.rows["blender"]
+    assert row["cameras"] == TINY.cameras
+    assert row["iou_mean"]["8"] > 0.95  # cars of a few hundred pixels
+    assert row["uv_median"] < 0.05
+    assert row["uv_p99"] < 0.5
+    assert row["edge_db"] > 20
+    assert len(results.targets) == 18
 
 
 def test_pictures_are_small(results: Results, folder: Path) -> None:
@@ -146,8 +124,8 @@ def test_pictures_are_small(results: Results, folder: Path) -> None:
 
 def test_a_page_keeps_its_words(tmp_path: Path) -> None:
     page = tmp_path / "renderer.md"
-    page.write_text(f"words\n{BEGIN}\nold\n{END}\nmore\n")
-    fill_page(page, "new")
+    page.write_text(f"words\n{mark('render')}\nold\n{END}\nmore\n")
+    fill_page(page, "new", "render")
     text = page.read_text()
     assert text.startswith("words\n")
     assert text.endswith(f"{END}\nmore\n")
@@ -155,7 +133,7 @@ def test_a_page_keeps_its_words(tmp_path: Path) -> None:
     assert "old" not in text
     page.write_text("no marks")
     with pytest.raises(RaucaError, match="marks for the figures are gone"):
-        fill_page(page, "new")
+        fill_page(page, "new", "render")
 
 
 def test_rings_see_what_they_say(sedan: Vehicle) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.render.vehicles import open_vehicle
+from benchmarks.in_blender import open_vehicle
 from rauca_core.contract import RaucaError
 from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.render.blender import Job, render_jobs
+from benchmarks.render_agreement import Job, render_jobs
 from rauca_core.contract import Camera, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.render import Pyramid, build_taps

@@ -2,64 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from rauca_core.contract import Camera, Progress, Vehicle
 from rauca_core.render import Pyramid, Taps, build_taps, rasterize
 
-from .accuracy import premultiplied, psnr_db
-from .blender import Image, Job, render_jobs
-from .settings import AGREEMENT_UV_SIZE, Settings
-from .views import random_cameras
+from .harness import Row, Settings
+from .in_blender import run_child
+from .render_reference import random_cameras
 
+UV_SIZE = 1024  # texels; at which the UV error is counted
 MASK_SUBSAMPLES = (4, 8, 12)
 COLOR_SUBSAMPLES = 4
 CELLS = 64  # of the colorful texture, along each axis of the map
 SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared
+Image = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class BlenderAgreement:
-    """One vehicle.
-
-    Attributes:
-        iou_mean, iou_worst: by subsamples per axis, intersection over union of the masks at half coverage, over views.
-        iou_cycles: mean of Cycles against itself, at a quarter of the samples: what its noise alone costs.
-        uv_median, uv_p99: distance of UVs at pixel centers, texels, over all pixels of all views.
-        inside_db, edge_db: PSNR of the premultiplied albedo, linear, at 4x4.
-        floor_inside_db, floor_edge_db: Cycles against another draw of its own, at twice the samples.
-    """
-
-    vehicle: str
-    cameras: int
-    size: int
-    mask_samples: int
-    color_samples: int
-    iou_mean: dict[str, float]
-    iou_worst: dict[str, float]
-    iou_cycles: float
-    uv_median: float
-    uv_p99: float
-    inside_db: float
-    edge_db: float
-    floor_inside_db: float
-    floor_edge_db: float
+def psnr_db(squared_errors: NDArray[np.floating]) -> float:
+    """Peak signal-to-noise ratio of values in [0, 1]; infinite for a perfect match."""
+    mean = float(np.mean(squared_errors, dtype=np.float64))
+    return float(-10 * np.log10(mean)) if mean > 0 else float("inf")
 
 
-def compare_with_blender(
-    name: str, vehicle: Vehicle, settings: Settings, progress: Callable[[Progress], None]
-) -> BlenderAgreement:
-    """Render all cameras in one Blender process and compare.
+def premultiplied(taps: Taps, texels: Tensor) -> Image:
+    """The paint layer (H, W, 3), linear: coverage times coverage-normalized texture, black elsewhere."""
+    paint = torch.from_numpy(taps.alpha)[:, None] * taps.rows(texels)
+    return taps.to_image(paint, torch.zeros(3, taps.height, taps.width)).permute(1, 2, 0).contiguous().numpy()
+
+
+class Job(NamedTuple):
+    """One render: ``coverage``, ``premultiplied`` or ``uv``, by the camera of that number."""
+
+    what: str
+    camera: int
+    samples: int
+
+
+def render_jobs(
+    vehicle: Vehicle,
+    cameras: Sequence[Camera],
+    uv_map_linear: Image,
+    jobs: Sequence[Job],
+    progress: Callable[[Progress], None] = lambda news: None,
+) -> list[Image]:
+    """Render ``jobs``, an image (H, W, 3) linear each; see `render_in_blender.py` for what they show.
+
+    Args:
+        cameras: square images, all of one size.
+        uv_map_linear: (size, size, 3).
 
     Raises:
         RaucaError: Blender is missing, or died.
     """
-    pyramid = Pyramid.of(vehicle, AGREEMENT_UV_SIZE)
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        source, target = Path(temporary) / "views.npz", Path(temporary) / "rendered.npz"
+        np.savez(
+            source,
+            positions=vehicle.positions,
+            triangles=vehicle.triangles,
+            uvs=vehicle.uvs,
+            paint=vehicle.paint_faces(),
+            mask=vehicle.paint_mask,
+            uv_map_linear=uv_map_linear,
+            K=np.stack([c.K for c in cameras]),
+            R=np.stack([c.R for c in cameras]),
+            t=np.stack([c.t for c in cameras]),
+            size=cameras[0].width,
+            jobs=json.dumps(jobs),
+        )
+        run_child("benchmarks.render_in_blender", [source, target], progress, "leave it out with --no-blender")
+        with np.load(target) as archive:
+            return [archive[str(i)] for i in range(len(jobs))]
+
+
+def compare_with_blender(name: str, vehicle: Vehicle, settings: Settings, progress: Callable[[Progress], None]) -> Row:
+    """Render all cameras in one Blender process and compare.
+
+    Returns:
+        ``iou_mean`` and ``iou_worst``, by subsamples per axis, of the masks at half coverage, over views;
+        ``iou_cycles``, mean of Cycles against itself at a quarter of the samples: what its noise alone costs;
+        ``uv_median`` and ``uv_p99``, distance of UVs at pixel centers, texels; ``inside_db`` and ``edge_db``, PSNR of
+        the premultiplied albedo, linear, at 4x4; ``floor_*_db``, Cycles against another draw of its own, at twice the
+        samples.
+
+    Raises:
+        RaucaError: Blender is missing, or died.
+    """
+    pyramid = Pyramid.of(vehicle, UV_SIZE)
     cameras = random_cameras(vehicle, settings.cameras, settings.camera_size)
     uv_map = colorful(pyramid)
     every, colored = range(len(cameras)), range(settings.color_views)
@@ -79,22 +118,15 @@ def compare_with_blender(
     ours = [premultiplied(_taps(vehicle, cameras[i], pyramid, COLOR_SUBSAMPLES), texels) for i in colored]
     inside, edge = _inside_and_edge(ours, colors, masks)
     floor_inside, floor_edge = _inside_and_edge(colors, fine, masks)
-    return BlenderAgreement(
-        vehicle=name,
-        cameras=len(cameras),
-        size=settings.camera_size,
-        mask_samples=most,
-        color_samples=some,
-        iou_mean={n: float(np.mean(row)) for n, row in ious.items()},
-        iou_worst={n: float(np.min(row)) for n, row in ious.items()},
-        iou_cycles=float(np.mean([_iou(a, b) for a, b in zip(rough, masks, strict=True)])),
-        uv_median=float(np.median(distances)),
-        uv_p99=float(np.percentile(distances, 99)),
-        inside_db=inside,
-        edge_db=edge,
-        floor_inside_db=floor_inside,
-        floor_edge_db=floor_edge,
-    )
+    return {
+        "vehicle": name, "cameras": len(cameras), "size": settings.camera_size, "mask_samples": most,
+        "color_samples": some,
+        "iou_mean": {n: float(np.mean(row)) for n, row in ious.items()},
+        "iou_worst": {n: float(np.min(row)) for n, row in ious.items()},
+        "iou_cycles": float(np.mean([_iou(a, b) for a, b in zip(rough, masks, strict=True)])),
+        "uv_median": float(np.median(distances)), "uv_p99": float(np.percentile(distances, 99)),
+        "inside_db": inside, "edge_db": edge, "floor_inside_db": floor_inside, "floor_edge_db": floor_edge,
+    }  # fmt: skip
 
 
 def colorful(pyramid: Pyramid, seed: int = 0) -> Image:
@@ -114,7 +146,7 @@ def uv_distances(vehicle: Vehicle, camera: Camera, theirs: Image) -> NDArray[np.
     height, width = hit.shape
     seen = theirs[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width][hit]
     both = seen[:, 2] > 0.5
-    return np.asarray(np.linalg.norm(ours - seen[:, :2], axis=1)[both] * AGREEMENT_UV_SIZE)
+    return np.asarray(np.linalg.norm(ours - seen[:, :2], axis=1)[both] * UV_SIZE)
 
 
 def _taps(vehicle: Vehicle, camera: Camera, pyramid: Pyramid, samples: int) -> Taps:

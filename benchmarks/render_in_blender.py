@@ -1,6 +1,6 @@
 """Runs in a process of its own, with Blender: a vehicle's paint in Cycles as pure emission, seen by many cameras.
 
-Usage: python cycles_view.py INPUT.npz OUTPUT.npz
+Usage: python -m benchmarks.render_in_blender INPUT.npz OUTPUT.npz
 
 Input: positions, triangles, uvs, paint, mask of the vehicle; uv_map_linear (H, W, 3); K, R, t of N cameras; size,
 pixels; jobs, JSON ``[[what, camera, samples], ...]``. What is rendered:
