@@ -169,7 +169,8 @@ def bench_stability_command(
     json: Json = Path("reports/stability.json"),
 ) -> None:
     """Every hard case in three precisions: what must come of it and what does. Exit code 1 if one fails."""
-    if not load_benchmark("stability.bench").bench_stability(json, quick, docs):
+    results = start("stability.bench", json, quick, docs=docs)
+    if not all(target.passed for target in results.targets):
         raise typer.Exit(1)
 
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 from hypothesis import settings
 
-from benchmarks.stability.box import painted_box
+from benchmarks.stability.drawn import painted_box
 from rauca_core.contract import Vehicle
 
 REPOSITORY = Path(__file__).resolve().parent.parent

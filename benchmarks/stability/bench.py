@@ -1,74 +1,62 @@
-"""The order of events of ``rauca bench stability``."""
+"""``rauca bench stability``: every hard case in three precisions, what must come of it and what does."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from benchmarks.page import fill_page
-from benchmarks.tables import Grid, markdown_tables, print_tables
-from pipelines.console import progress_bar
-from rauca_core.contract import Progress
-from rauca_core.contract.files import write_json
+from benchmarks.harness import Results, Settings
+from benchmarks.timing import counted
 from rauca_core.runtime.cpu import threads
 
-from .catalogue import catalogue
+from . import endure, light, losses, rasterizer, renderer
 from .checks import DTYPES, Check, Outcome, name_of, outcome
 
-STEPS, QUICK_STEPS = 100, 10
-WIDTH = 200
+FULL = Settings(steps=100)  # of each case of the optimizer
+QUICK = FULL.but(steps=10)
+
+FAST: tuple[Check, ...] = (*rasterizer.CHECKS, *renderer.CHECKS, *light.CHECKS, *losses.CHECKS)
 Found = Mapping[torch.dtype, Outcome]
 
 
-def bench_stability(out: Path, quick: bool = False, docs: Path | None = None) -> bool:
-    """Try every hard case in every precision and write ``out`` (JSON).
+def catalogue(steps: int) -> tuple[Check, ...]:
+    """All hard cases, by the part they are hard for; the optimizer's take ``steps`` steps each."""
+    return (*FAST, *endure.checks(steps))
+
+
+def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
+    """Try every hard case in every precision and write ``out`` (JSON); a case that fails is a missed target.
 
     Args:
         docs: folder whose `stability.md` gets the tables anew.
-
-    Returns:
-        True if all came out as they must.
     """
-    checks = catalogue(QUICK_STEPS if quick else STEPS)
-    found: list[Found] = []
-    with threads(1), progress_bar("hard cases", resumes=False) as move:
+    checks, found = catalogue(settings.steps), list[Found]()
+    with threads(1), counted("hard cases", len(checks)) as moved:
         for check in checks:
-            move(Progress(len(found), len(checks), check.name))
             found.append({dtype: outcome(check, dtype) for dtype in DTYPES})
-    grids = _tables(checks, found)
-    print_tables(grids, WIDTH)
-    write_json(out, {"cases": [_as_json(check, each) for check, each in zip(checks, found, strict=True)]})
-    if docs is not None:
-        fill_page(docs / "stability.md", markdown_tables(grids), "stability")
-    return all(o.holds is not False for each in found for o in each.values())
-
-
-def _as_json(check: Check, found: Found) -> dict[str, Any]:
-    told = {name_of(dtype): {"as_expected": o.holds, "happened": o.happened} for dtype, o in found.items()}
-    return {"part": check.part, "case": check.name, "expected": check.expected, **told}
-
-
-def _tables(checks: tuple[Check, ...], found: list[Found]) -> list[Grid]:
-    headers = ("case", "expected", *(name_of(dtype) for dtype in DTYPES))
-    parts = dict.fromkeys(check.part for check in checks)
-    grids: list[Grid] = []
-    for part in parts:
-        pairs = [(check, each) for check, each in zip(checks, found, strict=True) if check.part == part]
-        rows = [(check.name, check.expected, *(_cell(each[dtype]) for dtype in DTYPES)) for check, each in pairs]
-        grids.append((part.capitalize(), headers, rows))
-    return [_summary(checks, found), *grids]
-
-
-def _summary(checks: tuple[Check, ...], found: list[Found]) -> Grid:
-    rows = []
-    for dtype in DTYPES:
-        holds = [each[dtype].holds for each in found]
-        rows.append((name_of(dtype), *(str(holds.count(answer)) for answer in (True, False, None))))
-    title = f"{len(checks)} hard cases"
-    return title, ("precision", "as expected", "otherwise", "without meaning"), rows
+            moved(check.name)
+    results = Results("stability", settings)
+    for check, each in zip(checks, found, strict=True):
+        told = {name_of(dtype): {"as_expected": o.holds, "happened": o.happened} for dtype, o in each.items()}
+        cells = {f"{name_of(dtype)}_cell": _cell(o) for dtype, o in each.items()}
+        results.add("cases", part=check.part, case=check.name, expected=check.expected, **told, **cells)
+    answers = {dtype: [each[dtype].holds for each in found] for dtype in DTYPES}
+    rows = [
+        {"precision": name_of(dtype), "yes": holds.count(True), "no": holds.count(False), "none": holds.count(None)}
+        for dtype, holds in answers.items()
+    ]
+    columns = {"precision": "{precision}", "as expected": "{yes}", "otherwise": "{no}", "without meaning": "{none}"}
+    results.table(f"{len(checks)} hard cases", columns, rows)
+    columns = {"case": "{case}", "expected": "{expected}"}
+    columns |= {name_of(dtype): f"{{{name_of(dtype)}_cell}}" for dtype in DTYPES}
+    for part in results.distinct("cases", "part"):
+        results.table(part.capitalize(), columns, results.where("cases", part=part))
+    failed = sum(row["no"] for row in rows)
+    results.target("cases that come out otherwise than they must", 0, failed, most=True)
+    results.publish(out, docs, "stability.md", width=200)
+    return results
 
 
 def _cell(found: Outcome) -> str:

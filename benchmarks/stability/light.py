@@ -20,9 +20,8 @@ from rauca_core.environment.methods import transfer_light
 from rauca_core.environment.published import PublishedEfe, fuse_published
 from rauca_core.render.composite import linear_to_srgb, srgb_to_linear
 
-from .box import painted_box
 from .checks import Check, expect
-from .drawn import make_dataset
+from .drawn import make_dataset, painted_box
 
 SIZE = 37  # no multiple of anything
 GREY = torch.full((2, 3), 0.26)

@@ -13,8 +13,8 @@ from rauca_core.contract import Camera, RaucaError, color
 from rauca_core.render import MipmappedTexture, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
 from rauca_core.render.sampler import Sampler, look_up
 
-from .box import painted_box
 from .checks import Check, expect
+from .drawn import painted_box
 
 MAP = 64
 ASIDE = Camera.look_at(np.array([5.0, 3.5, 2.0]), np.array([0.0, 0.0, 0.7]), 50, 72, 64)

@@ -10,8 +10,7 @@ import torch
 from benchmarks.stability.cases import CASES, SIZE
 from benchmarks.stability.detectors import Answering
 from benchmarks.stability.drawn import WEATHERS, draw_frame
-from benchmarks.stability.endure import AZIMUTHS, STEPS, endure
-from benchmarks.stability.loop import judge
+from benchmarks.stability.endure import AZIMUTHS, STEPS, endure, judge
 from rauca_core.attack.losses import OBJECTIVES
 from rauca_core.contract import Vehicle
 

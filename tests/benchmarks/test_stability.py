@@ -10,11 +10,10 @@ import pytest
 import torch
 
 from benchmarks.stability import bench
+from benchmarks.stability.bench import FAST, QUICK, catalogue
 from benchmarks.stability.cases import CASES
-from benchmarks.stability.catalogue import FAST, catalogue
 from benchmarks.stability.checks import DTYPES, Check, expect, name_of, outcome
-from benchmarks.stability.endure import Endured
-from benchmarks.stability.loop import judge
+from benchmarks.stability.endure import Endured, judge
 
 torch.set_num_threads(1)
 
@@ -47,7 +46,7 @@ def test_every_part_and_every_case_of_the_optimizer_is_listed_once() -> None:
     ],
 )
 def test_a_run_that_goes_wrong_is_judged_so(spoilt: dict[str, float], said: str) -> None:
-    fine = Endured(5, True, True, 1.0, 1.0, 0, 1.0, 0.5, 0.1)
+    fine = Endured(5, True, True, 1.0, 1.0, 0, 0.1)
     assert "100% of the paint moves" in judge(CASES[0], fine)
     with pytest.raises(AssertionError, match=said):
         judge(CASES[0], replace(fine, **spoilt))
@@ -68,7 +67,8 @@ def test_the_table_tells_what_failed_what_broke_and_what_has_no_meaning(
         Check("losses", "two", "whole", breaks),
     )
     monkeypatch.setattr(bench, "catalogue", lambda steps: checks)
-    assert not bench.bench_stability(tmp_path / "out.json", quick=True, docs=tmp_path)
+    results = bench.bench(tmp_path / "out.json", QUICK, tmp_path)
+    assert [target.found for target in results.targets] == [3]
     cases = json.loads((tmp_path / "out.json").read_text())["cases"]
     assert cases[0]["float32"] == {"as_expected": True, "happened": "exact"}
     assert cases[0]["bfloat16"] == {"as_expected": False, "happened": "UnexpectedError: off by 3"}

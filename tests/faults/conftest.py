@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.stability.box import painted_box
-from benchmarks.stability.drawn import make_dataset
+from benchmarks.stability.drawn import make_dataset, painted_box
 from rauca_core.detect.network import DarknetNetwork
 from tests.detect.conftest import write_random_weights
 from tests.faults.jobs import Content, Inputs, Job

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.stability.box import painted_box
-from benchmarks.stability.drawn import make_dataset
+from benchmarks.stability.drawn import make_dataset, painted_box
 from rauca_core.attack import read_history
 from rauca_core.runtime.images import read_image
 from tests.published import published_weights
