@@ -68,7 +68,7 @@ def test_the_table_tells_what_failed_what_broke_and_what_has_no_meaning(
     )
     monkeypatch.setattr(bench, "catalogue", lambda steps: checks)
     results = bench.bench(tmp_path / "out.json", QUICK, tmp_path)
-    assert [target.found for target in results.targets] == [3]
+    assert [target.found for target in results.targets] == [4]
     cases = json.loads((tmp_path / "out.json").read_text())["cases"]
     assert cases[0]["float32"] == {"as_expected": True, "happened": "exact"}
     assert cases[0]["bfloat16"] == {"as_expected": False, "happened": "UnexpectedError: off by 3"}
