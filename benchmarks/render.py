@@ -18,7 +18,7 @@ from torch import Tensor
 from pipelines.console import progress_bar
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import MipmappedTexture, Pyramid, TapCache, Taps, TapSettings, build_taps, rasterize
-from rauca_core.render.sampling.sampler import Sampler
+from rauca_core.render.sampler import Sampler
 from rauca_core.runtime.cpu import keep_large_blocks, threads
 
 from .algorithm2 import Facets, fill, pixels_from_cells
