@@ -153,6 +153,7 @@ def optimize(
     reference_weight: ReferenceWeight = 0.0,
     max_delta_e: MaxDeltaE = None,
     seed: int = 0,
+    device: Annotated[str | None, typer.Option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
     name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
@@ -172,7 +173,7 @@ def optimize(
         hidden = read_vehicle_choice(Dataset(dataset).vehicle_folder).target
         settings = settings.model_copy(update={"target": hidden})
     detectors = detector or ["yolov3-tiny"]
-    path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress)
+    path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress, device)
     console.print(f"camouflage: {path}")
 
 

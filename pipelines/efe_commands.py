@@ -31,6 +31,7 @@ Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of conv
 Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
 Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
 Resume = Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")]
+Device = Annotated[str | None, typer.Option(help="to work on, such as cuda:1; a GPU if there is one")]
 Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card; the shipped ones by default")]
 
 
@@ -51,6 +52,7 @@ def efe_train(
     early_stop: Early = False,
     eta: Eta = 0.003,
     seed: int = 0,
+    device: Device = None,
     threads: Threads = None,
     start: Annotated[Path | None, typer.Option(help="weights to begin with; drawn by the seed by default")] = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
@@ -66,6 +68,7 @@ def efe_train(
         start,
         ("train", remarks),
         resume,
+        device,
     )
 
 
@@ -85,6 +88,7 @@ def efe_finetune(
     early_stop: Early = False,
     eta: Eta = 0.003,
     seed: int = 0,
+    device: Device = None,
     threads: Threads = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
     resume: Resume = False,
@@ -102,6 +106,7 @@ def efe_finetune(
         start,
         ("finetune", remarks),
         resume,
+        device,
     )
 
 
@@ -109,15 +114,17 @@ def efe_finetune(
 def efe_evaluate(
     datasets: Annotated[list[Path], typer.Argument(help="data sets with light maps")],
     weights: Weights = None,
+    device: Device = None,
     json: Annotated[Path | None, typer.Option(help="where to write the figures")] = None,
 ) -> None:
     """Measure our extractor, beside color transfer and none, against exact maps in 32 colors."""
     from rauca_core.environment import load_extractor
     from rauca_core.environment.metrics import compare
+    from rauca_core.runtime.distributed import joined_processes
 
     net, _ = load_extractor(weights)
-    with progress_bar("evaluating", resumes=False) as move:
-        found = compare(datasets, net, TEST, move)
+    with joined_processes(device) as process, progress_bar("evaluating", resumes=False) as move:
+        found = compare(datasets, net.to(process.device), TEST, move)
     table = Table("weather", "method", "PSNR, dB", "MSE", "MAE", "BCE", "ms", title="light on the paint, sRGB values")
     for weather, methods in found.items():
         for method, row in methods.items():
@@ -158,6 +165,7 @@ def _train(
     start: Path | None,
     card: tuple[str, str],
     resume: bool,
+    device: str | None,
 ) -> None:
     """``card`` names the command, and brings remarks."""
     from rauca_core.training.extractor_fit import Fit
@@ -166,5 +174,5 @@ def _train(
     from .train_efe import command_line, train_efe
 
     settings = make_training_settings(**chosen)
-    wanted = Fit(datasets, out, settings, tests or (), start, command_line(card[0]), card[1])
+    wanted = Fit(datasets, out, settings, tests or (), start, command_line(card[0]), card[1], device)
     console.print(f"weights: {train_efe(wanted, resume)}")

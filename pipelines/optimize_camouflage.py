@@ -29,6 +29,7 @@ def optimize_camouflage(
     out: Path,
     resume: bool,
     json_progress: bool = False,
+    device: str | None = None,
 ) -> Path:
     """Optimize with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
@@ -46,7 +47,7 @@ def optimize_camouflage(
             views = f"  views {done}/{total}" if done < total else ""
 
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
-        with joined_processes() as processes:
+        with joined_processes(device) as processes:
             return run_optimization(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
 
 

@@ -26,6 +26,7 @@ from ..detect import Detector, load_detector
 from ..render import Pyramid
 from ..runtime.checkpoint_files import POINTER, differences
 from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.devices import find_device
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
@@ -80,7 +81,7 @@ def optimize(
     settings.setdefault("target", _target_of(dataset))
     chosen = make_settings(**settings_of(method, **settings, steps=steps))
     loaded = [load_detector(d, chosen.detector_size, device) if isinstance(d, str) else d for d in detectors]
-    processes = Processes(0, 1, torch.device(device))
+    processes = Processes(0, 1, find_device(device))
     with contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca") as folder:
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, processes=processes)
         made = load_paint(path)

@@ -21,6 +21,7 @@ from torch import Tensor
 from ..contract import Camouflage, Dataset, Frame, RaucaError, save_camouflage
 from ..contract.seeding import named_seed
 from ..render import MipmappedTexture, srgb_to_linear
+from ..runtime.devices import find_device
 from .frames import FrameStore, boxes_of, render_batch
 from .lights import LightName
 from .settings import make_settings
@@ -74,7 +75,7 @@ class Renderer:
         )
         self._store = FrameStore(dataset, settings, device)
         self._places = {frame.id: index for index, frame in enumerate(self._store.frames)}
-        self.texture_size, self.device = texture_size, torch.device(device)
+        self.texture_size, self.device = texture_size, find_device(device)
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -19,6 +19,7 @@ from ..environment.metrics import Error, total
 from ..environment.published import PublishedCard, PublishedEfe, load_published, save_published
 from ..environment.weights import ModelCard, card_path, load_extractor, read_card, save_extractor
 from ..runtime.checkpoint_files import POINTER
+from ..runtime.devices import find_device
 from ..runtime.distributed import Processes, joined_processes
 from .extractor import EpochReport, Job, Outcome, train
 from .extractor_learners import FinalLearner, SplitterLearner
@@ -173,6 +174,6 @@ def fit_published(
         save_published(weights, best, PublishedCard(widths, data, settings.model_dump(mode="json"), error))
 
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
-    outcome = train(job, Processes(0, 1, torch.device(device)), (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
+    outcome = train(job, Processes(0, 1, find_device(device)), (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
     write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
     return weights

@@ -40,5 +40,7 @@ def test_what_is_unknown_is_refused(dataset: Dataset, small_detector: Any) -> No
         optimize(dataset, [small_detector], "best", **SMALL)
     with pytest.raises(RaucaError, match="speed"):
         optimize(dataset, [small_detector], speed=3)
+    with pytest.raises(RaucaError, match="device cuda:99"):
+        optimize(dataset, [small_detector], device="cuda:99", **SMALL)
     with pytest.raises(RaucaError, match="no-such-detector"):
         optimize(dataset, ["no-such-detector"], **SMALL)

@@ -80,6 +80,9 @@ def test_images_are_scaled_normalized_and_padded_as_described(tmp_path: Path) ->
     assert fitted[0, 2, 0, 0].item() == pytest.approx((255 - 123.7) / 58.4)  # red is the last of blue, green, red
     assert fitted[0, 0, 68, 159].item() == pytest.approx((127.5 - 103.5) / 57.0)
     assert (fitted[:, :, 69:] == 0).all()
+    last, _ = preparation.fit(images.contiguous(memory_format=torch.channels_last))  # as the attack's pictures come
+    assert last.is_contiguous()
+    assert torch.equal(last, fitted)
     with pytest.raises(RaucaError, match="too narrow"):
         preparation.fit(torch.rand(1, 3, 1, 2000))
 

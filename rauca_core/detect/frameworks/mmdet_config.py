@@ -45,7 +45,11 @@ class Preparation:
     fill: float
 
     def fit(self, images: Tensor) -> tuple[Tensor, tuple[int, int]]:
-        """(B, 3, H, W) sRGB in [0, 1] to the network's input, and the size of the image in it."""
+        """(B, 3, H, W) sRGB in [0, 1] to the network's input, contiguous, and the size of the image in it.
+
+        Images come with their channels last in memory, where mmcv's RoIAlign on a CPU takes them for contiguous: what
+        it pooled would be wrong without a word.
+        """
         height, width = self.size_of(images.shape[2], images.shape[3])
         if min(height, width) < 1:
             raise RaucaError(f"images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
@@ -54,7 +58,7 @@ class Preparation:
         mean, std = (torch.tensor(one, device=images.device, dtype=images.dtype) for one in (self.mean, self.std))
         images = (images - mean[:, None, None]) / std[:, None, None]
         right, bottom = -width % self.divisor, -height % self.divisor
-        return functional.pad(images, (0, right, 0, bottom), value=self.fill), (height, width)
+        return functional.pad(images, (0, right, 0, bottom), value=self.fill).contiguous(), (height, width)
 
     def size_of(self, height: int, width: int) -> tuple[int, int]:
         """(height, width) that an image is scaled to, rounded as MMDetection rounds."""
