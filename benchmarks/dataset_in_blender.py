@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from blender_addon.dataset_job import completed
+from blender_addon.jobs.dataset_job import completed
 from blender_addon.scene import camera, composed_fog
 from blender_addon.scene.annotate import Annotation
 from blender_addon.scene.light_maps import MARGIN_PX, light_maps

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from blender_addon.jobs.crew import Worker
-from blender_addon.jobs.messages import News
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
+from blender_addon.jobs.worker import News
 from pipelines.console import progress_bar
 from rauca_core.contract import (
     Plan,

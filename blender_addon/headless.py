@@ -18,7 +18,6 @@ import bpy
 
 from . import devices
 from .core import contract, files
-from .jobs.pace import spoken
 from .scene.images import read_image_blender
 from .vehicles import find_vehicle
 
@@ -67,7 +66,7 @@ def run(find_job: Callable[[], contract.Job], as_json: bool) -> int:
 
 
 def _do(job: contract.Job, report: Report) -> None:
-    from . import dataset_job
+    from .jobs import dataset_job
     from .scene.camouflages import save_blend
 
     if isinstance(job, contract.MakeDataset):
@@ -125,7 +124,7 @@ def _reporter(as_json: bool) -> Report:
         if as_json:
             print(progress.line(), flush=True)
         else:
-            left = "" if progress.left_s is None else f", about {spoken(progress.left_s)} left"
+            left = "" if progress.left_s is None else f", about {contract.format_duration(progress.left_s)} left"
             print(f"[{progress.done}/{progress.total}] {progress.last}{left}", flush=True)
 
     return report

@@ -6,9 +6,15 @@ from pathlib import Path
 from typing import cast
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
-from .background import watch
-from .ui.panel import paragraph
+from .core import contract
+from .jobs import watch
+from .jobs.background import Job
+from .jobs.endings import Ending
+from .steps.operator import BackgroundOperator
+from .steps.panel import paragraph
+from .steps.python_check import CheckTask, verdict
 
 CHECK = "check"
 
@@ -86,4 +92,53 @@ def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         paragraph(context, layout, settings.verdict, icon="CHECKMARK" if settings.ready else "ERROR")
 
 
-CLASSES = (RaucaDetector, RaucaPreferences)
+class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """See whether the chosen Python can optimize camouflages, and say what it lacks; takes some seconds"""
+
+    bl_idname = "rauca.check_python"
+    bl_label = "Check"
+    job = CHECK
+    running = "The check is running"
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        settings = preferences(context)
+        if settings is None or not settings.python.strip():
+            return rpt("Choose the Python in which rauca is installed")
+        return super().obstacle(context)
+
+    def begin(self, context: bpy.types.Context) -> None:
+        settings = preferences(context)
+        assert settings is not None  # poll
+        task = CheckTask(settings.program())
+        if not task.python.is_file():
+            _keep(task)
+            raise contract.RaucaError(settings.verdict)
+        watch.begin(CHECK, task, lambda job: _finish(job, task))
+
+    def outcome(self, context: bpy.types.Context, how: Ending) -> str:
+        settings = preferences(context)
+        assert settings is not None  # poll
+        if not settings.ready:
+            raise contract.RaucaError(settings.verdict)
+        return str(settings.verdict)
+
+
+def _finish(job: Job, task: CheckTask) -> None:
+    if job.phase != "stopped":
+        _keep(task)
+    watch.forget(CHECK)
+
+
+def _keep(task: CheckTask) -> None:
+    settings = preferences(bpy.context)
+    if settings is not None:
+        found = verdict(task.python, task.found)
+        settings.keep(found.ready, rpt(found.text).format(**found.values), tuple(found.detectors))
+
+
+CLASSES = (
+    RaucaDetector,
+    RaucaPreferences,
+    RAUCA_OT_check_python,
+)

@@ -10,73 +10,25 @@ from types import ModuleType
 import bpy
 
 from . import preferences, translations
-from .background import watch
-from .operators import (
-    add_vehicle,
-    apply_camouflage,
-    bake_camouflage,
-    check_python,
-    check_uvs,
-    evaluated_view,
-    export_glb,
-    generate_dataset,
-    leave_view,
-    look_through,
-    mark_paint,
-    measure_pace,
-    new_uv_layer,
-    next_weather,
-    optimize_camouflage,
-    remove_camouflage,
-    remove_street,
-    remove_weather,
-    set_up_street,
-    show_paint,
-    show_weather,
-    steer_job,
-    unwrap_paint,
-    without_denoiser,
-)
-from .ui import bake, cameras, camouflage, dataset, optimize, properties, vehicle, weather
+from .jobs import watch
+from .steps import bake, cameras, camouflage, dataset, job_panel, optimize, vehicle, weather
 
-MODULES: tuple[ModuleType, ...] = (
-    translations,
-    preferences,
-    add_vehicle,
-    mark_paint,
-    unwrap_paint,
-    check_uvs,
-    show_weather,
-    remove_weather,
-    next_weather,
-    set_up_street,
-    remove_street,
-    look_through,
-    leave_view,
-    measure_pace,
-    generate_dataset,
-    without_denoiser,
-    check_python,
-    optimize_camouflage,
-    steer_job,
-    apply_camouflage,
-    show_paint,
-    remove_camouflage,
-    evaluated_view,
-    new_uv_layer,
-    bake_camouflage,
-    export_glb,
-    # The panels appear in this order.
-    vehicle,
-    weather,
-    cameras,
-    dataset,
-    optimize,
-    camouflage,
-    bake,
-    properties,  # after the groups it points to
-    watch,  # last, so that jobs are stopped first
-)
+
+class RaucaProperties(bpy.types.PropertyGroup):
+    """``scene.rauca``: the add-on's settings, kept in the scene, one group a step."""
+
+    vehicle: bpy.props.PointerProperty(type=vehicle.RaucaVehicle)  # type: ignore[valid-type]
+    weather: bpy.props.PointerProperty(type=weather.RaucaWeather)  # type: ignore[valid-type]
+    cameras: bpy.props.PointerProperty(type=cameras.RaucaCameras)  # type: ignore[valid-type]
+    dataset: bpy.props.PointerProperty(type=dataset.RaucaDataset)  # type: ignore[valid-type]
+    optimize: bpy.props.PointerProperty(type=optimize.RaucaOptimize)  # type: ignore[valid-type]
+    camouflage: bpy.props.PointerProperty(type=camouflage.RaucaCamouflage)  # type: ignore[valid-type]
+    bake: bpy.props.PointerProperty(type=bake.RaucaBake)  # type: ignore[valid-type]
+
+
+# The panels appear in this order; jobs are stopped before anything is taken away from them.
+STEPS: tuple[ModuleType, ...] = (vehicle, weather, cameras, dataset, optimize, camouflage, bake)
+MODULES: tuple[ModuleType, ...] = (translations, preferences, job_panel, *STEPS, watch)
 
 
 def register() -> None:
@@ -84,10 +36,15 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
         getattr(module, "register", _nothing)()
+    bpy.utils.register_class(RaucaProperties)
+    bpy.types.Scene.rauca = bpy.props.PointerProperty(type=RaucaProperties)
 
 
 def unregister() -> None:
-    for module in reversed(MODULES):
+    watch.unregister()
+    del bpy.types.Scene.rauca
+    bpy.utils.unregister_class(RaucaProperties)
+    for module in reversed(MODULES[:-1]):
         getattr(module, "unregister", _nothing)()
         for cls in reversed(module.CLASSES):
             bpy.utils.unregister_class(cls)

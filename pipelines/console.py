@@ -11,8 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Task, TextColumn, TimeE
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from blender_addon.jobs.pace import spoken
-from rauca_core.contract import Progress, RaucaError, StoppedError
+from rauca_core.contract import Progress, RaucaError, StoppedError, format_duration
 
 # No markup: a path or a remedy may hold `[/b]` or `rauca[detectors]`, which rich would take for its own.
 _Plain = partial(Console, markup=False, emoji=False)
@@ -29,7 +28,7 @@ class TimeLeft(TimeRemainingColumn):
 
     def render(self, task: Task) -> Text:
         left_s = task.fields.get("left_s")
-        return super().render(task) if left_s is None else Text(spoken(left_s), style="progress.remaining")
+        return super().render(task) if left_s is None else Text(format_duration(left_s), style="progress.remaining")
 
 
 @contextlib.contextmanager
@@ -79,5 +78,5 @@ def progress_bar(title: str, every_step: bool = False, resumes: bool = True) -> 
 
 def step_line(progress: Progress) -> str:
     """One step for a log."""
-    left = "" if progress.left_s is None else f", about {spoken(progress.left_s)} left"
+    left = "" if progress.left_s is None else f", about {format_duration(progress.left_s)} left"
     return f"[{progress.done}/{progress.total}] {progress.last}{left}"

@@ -165,9 +165,9 @@ def test_the_add_on_needs_blender_and_two_rooms():
     assert others - BLENDER == {"numpy", "xatlas", "_cycles"}  # xatlas only where a checkout unwraps a mesh
 
 
-@pytest.mark.parametrize("part", ["jobs", "scene", "background", "headless"])
+@pytest.mark.parametrize("part", ["jobs", "scene", "headless"])
 def test_what_runs_without_a_window_needs_none(part):
-    shown = ("blender_addon.ui", "blender_addon.operators", "blender_addon.registration")
+    shown = ("blender_addon.steps", "blender_addon.registration")
     assert not [m for m in reached(f"blender_addon.{part}") if m.startswith(shown)]
 
 

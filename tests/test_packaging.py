@@ -23,7 +23,7 @@ NEEDED = (
     "rauca_core/assets/vehicles/sedan/vehicle.json",
     "rauca_core/assets/weathers/base.json",
     "blender_addon/blender_manifest.toml",
-    "blender_addon/ui/panel.py",
+    "blender_addon/steps/panel.py",
     "pipelines/cli.py",
     "pipelines/make_dataset.py",
 )

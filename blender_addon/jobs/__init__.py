@@ -1,4 +1,3 @@
-"""Rendering a data set in worker processes that may die at any moment.
+"""Long work in processes of its own: data sets, which a supervisor hands to workers, and the jobs of the sidebar."""
 
-No Blender here: a supervisor hands pieces of work to workers, each a Blender of its own, and keeps the ledger.
-"""
+from __future__ import annotations

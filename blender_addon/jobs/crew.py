@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from queue import SimpleQueue
 
 from ..core import contract
-from .messages import News, parse_news
-from .worker import STOP
+from .worker import STOP, News, parse_news
 
 TAIL_LINES = 40
 

@@ -1,4 +1,4 @@
-"""The supervisor: hands out frames, recycles workers, tries again what failed, and writes the ledger."""
+"""How long a job still takes, from the pace of its latest frames."""
 
 from __future__ import annotations
 
@@ -11,8 +11,28 @@ from queue import Empty, SimpleQueue
 
 from ..core import contract
 from .crew import Worker
-from .messages import News
-from .pace import Pace
+from .worker import News
+
+REMEMBERED = 64
+
+
+class Pace:
+    """Times of the latest frames; starts when made, so the first estimate includes what it took to get going."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._times: deque[float] = deque([clock()], maxlen=REMEMBERED)
+
+    def step(self) -> None:
+        """A frame was rendered."""
+        self._times.append(self._clock())
+
+    def left_s(self, frames: int) -> float | None:
+        """Seconds that ``frames`` more will take; None before the first."""
+        if len(self._times) < 2:
+            return None
+        return frames * (self._times[-1] - self._times[0]) / (len(self._times) - 1)
+
 
 ATTEMPTS = 2
 GRACE_S = 20.0  # for the frame in flight when interrupted; less than `rauca dataset make` grants Blender

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ..core import contract
-from ..jobs.messages import News
+from ..jobs.worker import News
 from .frame import render_frame
 from .session import Session
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import compat
 from ..core import contract
-from ..scratch import scratch_folder
+from ..folders import scratch_folder
 
 BRIGHTEST_BOUNCE = 10.0  # display whites a path may bring after its first bounce; brighter ones are fireflies
 

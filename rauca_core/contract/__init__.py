@@ -25,7 +25,7 @@ from .job import (
 )
 from .plan import MIN_VISIBLE, REFERENCE_SRGB, Plan, Quality, Ring, Scenery, claim_folder, read_plan
 from .presets import find_preset, load_weathers, preset_notes, save_weathers, weather_from_carla
-from .progress import OptimizeProgress, Progress, parse_optimize_progress, parse_progress
+from .progress import OptimizeProgress, Progress, format_duration, parse_optimize_progress, parse_progress
 from .semantics import Box, Instance
 from .vehicle import MAX_EXTENT_M, Material, Vehicle, load_vehicle
 from .weather import Weather
@@ -70,6 +70,7 @@ __all__ = [
     "chunks",
     "claim_folder",
     "find_preset",
+    "format_duration",
     "frame_folder",
     "frame_states",
     "in_rendering_order",

@@ -73,3 +73,11 @@ def parse_optimize_progress(line: str) -> OptimizeProgress | None:
         return OptimizeProgress(**{name: told[name] for name in OptimizeProgress.__dataclass_fields__})
     except (RaucaError, KeyError, TypeError):
         return None
+
+
+def format_duration(seconds: float) -> str:
+    """A duration for people: ``45 s``, ``12 min``, ``3 h 20 min``."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -16,11 +16,10 @@ from PIL import Image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.background.curve import COLOR, MARGIN, curve
-from blender_addon.background.endings import IN_THE_WINDOW, ending
-from blender_addon.background.job import Job, Told
-from blender_addon.background.optimize_task import earlier
-from blender_addon.background.thumbnail import SIDE, thumbnail
+from blender_addon.jobs.background import Job, Told
+from blender_addon.jobs.endings import IN_THE_WINDOW, ending
+from blender_addon.jobs.thumbnails import COLOR, MARGIN, SIDE, curve, thumbnail
+from blender_addon.steps.optimize_task import earlier
 from rauca_core.contract import Progress, RaucaError, parse_progress
 from rauca_core.contract.files import png_bytes
 

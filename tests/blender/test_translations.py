@@ -17,8 +17,8 @@ from blender_addon import registration  # noqa: E402
 from blender_addon.translations_de import WORDS  # noqa: E402
 
 ADD_ON = Path(blender_addon.__file__).parent
-SHOWN = [*ADD_ON.glob("ui/**/*.py"), *ADD_ON.glob("operators/*.py"), ADD_ON / "preferences.py"]
-SAID_BY_JOBS = [ADD_ON / "background" / "endings.py", ADD_ON / "background" / "python_check.py"]
+SHOWN = [*ADD_ON.glob("steps/**/*.py"), ADD_ON / "preferences.py"]
+SAID_BY_JOBS = [ADD_ON / "jobs" / "endings.py"]
 TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Ending", "Verdict"}  # calls whose plain texts are shown
 # Names and signs that are the same in every language.
 EXEMPT = {"{reason}", "CARLA", "CPU", "GPU", "+X", "-X", "+Y", "-Y"}

@@ -48,7 +48,7 @@ def held(glb: Path) -> dict:
 
 
 def test_bake_writes_packs_and_shows(bake, tmp_path):
-    from blender_addon.ui.bake import state
+    from blender_addon.steps.bake import state
 
     assert state(bpy.context).words == "Apply a camouflage first"
     assert not bpy.ops.rauca.bake.poll()
@@ -73,7 +73,7 @@ def test_bake_writes_packs_and_shows(bake, tmp_path):
 
 def test_the_round_trip_is_seen_alike_on_a_car(bake, tmp_path):
     from benchmarks.bake_round_trip import daylight, look_around, round_trip
-    from blender_addon.operators.on_vehicle import painted_surface
+    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
     from blender_addon.scene.vehicle import load_shipped
 
     texels = np.random.default_rng(1).random((16, 16, 3)).repeat(16, axis=0).repeat(16, axis=1) * 255
@@ -164,9 +164,9 @@ def test_a_full_disk_leaves_no_picture_behind(bake, tmp_path, small_disk):
 
 
 def test_what_is_undone_while_a_bake_is_put_in_place_is_told(bake, tmp_path):
-    from blender_addon.operators.bake_camouflage import Order, RAUCA_OT_bake
-    from blender_addon.operators.on_vehicle import painted_surface
     from blender_addon.scene.bake import prepare_bake, run_bake
+    from blender_addon.steps.bake.operators import Order, RAUCA_OT_bake
+    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 
     a_layer(painted_box(tmp_path), "other")
     task = prepare_bake(*painted_surface(bpy.context), "other", 64, False)
@@ -245,9 +245,9 @@ def test_glb_is_written_in_a_blender_of_another_language(bake, tmp_path, named_i
 
 
 def test_a_bake_beside_the_window_stops_when_asked(bake, tmp_path):
-    from blender_addon.operators.bake_camouflage import BakeRun
-    from blender_addon.operators.on_vehicle import painted_surface
     from blender_addon.scene.bake import prepare_bake
+    from blender_addon.steps.bake.operators import BakeRun
+    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 
     box = painted_box(tmp_path)
     a_layer(box, "other")

@@ -167,7 +167,7 @@ def test_the_view_survives_saving_and_undo(addon, cameras, tmp_path):
 def test_the_anchor_is_the_jobs_vehicle(addon):
     """A shipped vehicle, moved and turned: the cameras' frame and middle are those of the job's vehicle."""
     from blender_addon.scene.vehicle import SceneVehicle
-    from blender_addon.ui.cameras.anchor import anchor
+    from blender_addon.steps.cameras.properties import anchor
 
     assert not anchor(addon.context).found
     assert addon.ops.rauca.add_vehicle(vehicle="hatchback") == {"FINISHED"}
@@ -205,7 +205,7 @@ def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
 def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the_vehicle(addon, paint):
     """A shipped vehicle turned by 90 degrees, with a camera for a child; with paint of his own its mesh is read."""
     from blender_addon.scene.mesh_edits import mark_faces
-    from blender_addon.ui.cameras.anchor import anchor
+    from blender_addon.steps.cameras.properties import anchor
 
     addon.ops.rauca.add_vehicle(vehicle="sedan")
     chosen = addon.context.scene.rauca.vehicle
@@ -229,7 +229,7 @@ def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the
 
 
 def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_path):
-    from blender_addon.ui.cameras import timing
+    from blender_addon.steps.cameras import timing
 
     steps = addon.context.scene.rauca
     steps.dataset.locations = 3
@@ -269,7 +269,7 @@ def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_pa
 
 
 def test_a_damaged_pace_is_a_guess(tmp_path):
-    from blender_addon.estimate import Pace, measure, recall, remember
+    from blender_addon.steps.cameras.timing import Pace, measure, recall, remember
 
     assert recall(tmp_path) == Pace()
     remember(Pace(0.5, 40), tmp_path)

@@ -30,7 +30,7 @@ def rauca():
 
 
 def step(name: str):
-    from blender_addon.ui import camouflage
+    from blender_addon.steps import camouflage
 
     return camouflage.state(bpy.context) if name == "state" else None
 
@@ -80,9 +80,9 @@ def test_a_texture_below_stays_the_vehicles_own(rauca, tmp_path):
 
 def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
     from benchmarks.bake_round_trip import daylight, look_around
-    from blender_addon.operators.on_vehicle import painted_surface
     from blender_addon.scene.camera import place
     from blender_addon.scene.render import prepare, render_linear
+    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
     from rauca_core.contract import Quality
 
     a_box()
@@ -218,7 +218,9 @@ def an_evaluation(folder, box_frame: Camera) -> None:
 
 
 def test_boxes_of_the_evaluated_view(rauca, tmp_path):
-    from blender_addon.ui.camouflage import boxes, panel, sights
+    from blender_addon.steps.camouflage import detection_overlay as boxes
+    from blender_addon.steps.camouflage import panel
+    from blender_addon.steps.camouflage import shown_evaluation as sights
 
     camera = Camera.look_at(np.array([9.0, 4.0, 3.0]), np.array([0, 0, 0.7]), 40.0, 64, 64)
     an_evaluation(tmp_path, camera)
@@ -249,7 +251,7 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
 
 
 def test_no_evaluation_is_told_in_words(rauca, tmp_path):
-    from blender_addon.ui.camouflage import panel
+    from blender_addon.steps.camouflage import panel
 
     painted_box(tmp_path)
     assert not bpy.ops.rauca.evaluated_view.poll()

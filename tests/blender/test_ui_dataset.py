@@ -63,8 +63,8 @@ def steps(addon):
 
 
 def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, headless, tmp_path):
-    from blender_addon.background import pictures, watch
-    from blender_addon.ui.dataset import PICTURE, state
+    from blender_addon.jobs import pictures, watch
+    from blender_addon.steps.dataset import PICTURE, state
 
     steps().dataset.folder = str(tmp_path / "set")
     assert state(addon.context).words.startswith("Ready: 3 frames, about ")
@@ -95,8 +95,7 @@ def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, h
 
 
 def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):
-    from blender_addon.operators.generate_dataset import dataset_job
-    from blender_addon.ui.dataset import state
+    from blender_addon.steps.dataset import dataset_job, state
 
     settings = steps().dataset
     settings.folder = str(tmp_path / "set")
@@ -109,8 +108,8 @@ def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):
 
 def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon, steps, headless, tmp_path):
     import blender_addon
-    from blender_addon.background import watch
-    from blender_addon.ui.dataset import state
+    from blender_addon.jobs import watch
+    from blender_addon.steps.dataset import state
 
     def start():
         steps().dataset.folder = str(tmp_path / "set")
@@ -145,8 +144,8 @@ def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon,
 def test_a_disk_that_runs_full_is_told_and_what_is_finished_goes_on_elsewhere(
     addon, steps, headless, small_disk, tmp_path
 ):
-    from blender_addon.background import watch
-    from blender_addon.ui.dataset import state
+    from blender_addon.jobs import watch
+    from blender_addon.steps.dataset import state
 
     def start(folder):
         steps().dataset.folder = str(folder)
@@ -172,7 +171,7 @@ def test_a_disk_that_runs_full_is_told_and_what_is_finished_goes_on_elsewhere(
 
 
 def test_stopping_at_once_and_when_nothing_runs(addon, steps, tmp_path):
-    from blender_addon.background import watch
+    from blender_addon.jobs import watch
 
     for operator in ("pause_job", "continue_job", "stop_job"):
         with pytest.raises(RuntimeError, match=r"Nothing is (running|paused)"):
@@ -187,8 +186,8 @@ def test_stopping_at_once_and_when_nothing_runs(addon, steps, tmp_path):
 
 
 def test_a_job_teaches_the_pace_of_the_blenders_it_began_with(addon, steps, tmp_path, monkeypatch):
-    from blender_addon.background import watch
-    from blender_addon.ui.cameras import timing
+    from blender_addon.jobs import watch
+    from blender_addon.steps.cameras import timing
 
     learned, after = [], []
     monkeypatch.setattr(timing, "learn", lambda folder, workers: learned.append((folder, workers)))

@@ -48,8 +48,8 @@ def _lightness(name: str) -> tuple[bool, str]:
 
 
 def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path):
-    from blender_addon.background import pictures, watch
-    from blender_addon.ui.optimize import state
+    from blender_addon.jobs import pictures, watch
+    from blender_addon.steps.optimize import state
 
     assert state(addon.context).words == "Ready to optimize"
     assert addon.ops.rauca.optimize(wait=False) == {"FINISHED"}
@@ -81,7 +81,7 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
 
 
 def test_a_stopped_run_goes_on_and_another_one_is_refused(addon, ready, tmp_path):
-    from blender_addon.background import watch
+    from blender_addon.jobs import watch
 
     addon.ops.rauca.optimize(wait=False)
     until(lambda: watch.job("optimize").done >= 2)
@@ -131,8 +131,8 @@ def test_what_keeps_a_run_from_starting(addon, settings, tmp_path, box_vehicle):
 
 
 def test_a_data_set_in_the_making_is_waited_for(addon, settings, tmp_path):
-    from blender_addon.background import watch
-    from blender_addon.background.dataset_task import DatasetTask
+    from blender_addon.jobs import watch
+    from blender_addon.steps.dataset import DatasetTask
 
     settings.python = sys.executable
     settings.keep(True, "as if checked", ("yolov3-tiny",))
@@ -195,8 +195,8 @@ def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path):
 
 
 def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
-    from blender_addon.background import watch
-    from blender_addon.ui.optimize import state
+    from blender_addon.jobs import watch
+    from blender_addon.steps.optimize import state
 
     settings.python = sys.executable
     assert state(addon.context).words == "Check the chosen Python"
@@ -221,7 +221,7 @@ def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
     ],
 )
 def test_verdicts_on_raucas_own_state(bpy_module, found, words):
-    from blender_addon.background.python_check import verdict
+    from blender_addon.steps.python_check import verdict
 
     told = {"version": [3, 12, 1], "torch": "2", "device": "CPU", "rauca": "0.0.1", **found}
     judged = verdict(Path(sys.executable), told)

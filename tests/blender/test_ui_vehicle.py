@@ -70,7 +70,7 @@ def uv_layers(name) -> list[str]:
 
 
 def test_nothing_picked_says_what_to_do(vehicle):
-    from blender_addon.ui.vehicle import state
+    from blender_addon.steps.vehicle import state
 
     assert state(bpy.context).kind == "missing"
     with pytest.raises(RaucaError, match="No vehicle: in step 1, Vehicle, pick an object"):
@@ -86,7 +86,7 @@ def test_nothing_picked_says_what_to_do(vehicle):
 
 
 def test_every_shipped_vehicle_can_be_added_and_comes_out_as_itself(vehicle):
-    from blender_addon.ui.vehicle import state
+    from blender_addon.steps.vehicle import state
 
     bpy.context.scene.cursor.location = (5.0, -3.0, 0.5)
     for name in ("sedan", "van", "cube"):
@@ -118,7 +118,7 @@ def test_a_shipped_vehicle_that_was_edited_is_no_longer_the_shipped_one(vehicle)
 
 
 def test_a_deleted_object_is_no_vehicle(vehicle):
-    from blender_addon.ui.vehicle import state
+    from blender_addon.steps.vehicle import state
 
     box = a_box()
     bpy.context.scene.collection.objects.unlink(box)
@@ -262,7 +262,7 @@ def test_an_object_that_cannot_be_the_vehicle_is_refused_in_one_line(vehicle, ma
 
 
 def test_faces_are_marked_unmarked_selected_and_undone(vehicle):
-    from blender_addon.ui.vehicle import state
+    from blender_addon.steps.vehicle import state
 
     box = a_box()
     assert not bpy.ops.rauca.mark_paint.poll()
@@ -337,7 +337,7 @@ def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
 def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
     import sys
 
-    from blender_addon.operators import unwrap_paint
+    from blender_addon.steps.vehicle import unwrap as unwrap_paint
 
     told = []
     monkeypatch.setitem(sys.modules, "xatlas", None)
@@ -351,8 +351,8 @@ def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
 
 
 def test_the_child_process_unwraps_as_the_window_asks(vehicle):
-    from blender_addon.background.unwrap_child import UnwrapChild
     from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
+    from blender_addon.steps.vehicle.unwrap import UnwrapChild
 
     box = a_box()
     child = UnwrapChild(to_unwrap(vehicle.reading(bpy.context)))

@@ -41,7 +41,7 @@ def settings_of(scene) -> dict[str, object]:
 
 
 def test_every_shipped_list_is_on_offer_and_every_weather_has_a_picture(addon):
-    from blender_addon.ui.weather import lists
+    from blender_addon.steps.weather import gallery as lists
 
     names = {path.stem for path in (assets_folder() / "weathers").glob("*.json")}
     assert {name for name, *_ in lists.SHIPPED} == names
@@ -183,7 +183,7 @@ def test_the_gallery_picks_by_name(weather):
 
 
 def test_the_job_gets_the_list_or_the_sliders(addon, weather):
-    from blender_addon.ui.weather import lists
+    from blender_addon.steps.weather import gallery as lists
 
     weather.preset = "unseen"
     assert weather.chosen() == (lists.shipped("unseen"), ())
@@ -279,7 +279,7 @@ def test_a_saved_file_still_knows_what_was_there(addon, weather, tmp_path):
 
 
 def test_the_panels_words(addon, weather, tmp_path):
-    from blender_addon.ui.weather import state
+    from blender_addon.steps.weather import state
 
     assert state(addon.context).words == "3 weathers for the dataset"
     weather.used = "ONE"

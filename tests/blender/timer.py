@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 def until(reached: Callable[[], bool], seconds: float = 900.0) -> float:
     """Let the timer's function run until ``reached``; returns the longest it took of this thread's own time."""
-    from blender_addon.background import watch
+    from blender_addon.jobs import watch
 
     deadline, longest = time.monotonic() + seconds, 0.0
     while not reached():

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from blender_addon.background.thumbnail import thumbnail
+from blender_addon.jobs.thumbnails import thumbnail
 from blender_addon.scene.images import read_image_blender
 from blender_addon.scene.vehicle_files import import_vehicle
 from rauca_core.contract.files import png_bytes

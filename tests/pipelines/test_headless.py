@@ -116,7 +116,7 @@ def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
 
 
 def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_vehicle):
-    from blender_addon.dataset_job import _Run
+    from blender_addon.jobs.dataset_job import _Run
 
     box_vehicle.save(tmp_path / "vehicle")
     taller = replace(box_vehicle, positions=box_vehicle.positions * np.float32([1, 1, 1.5]))

@@ -299,9 +299,9 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
 
 
 def test_scratch_folders_of_killed_processes_are_swept(monkeypatch):
-    from blender_addon import scratch
+    from blender_addon import folders as scratch
 
-    code = "import time; from blender_addon.scratch import scratch_folder\n"
+    code = "import time; from blender_addon.folders import scratch_folder\n"
     code += "with scratch_folder(in_memory=True) as folder: print(folder, flush=True); time.sleep(99)"
     other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     folder = Path(other.stdout.readline().strip())

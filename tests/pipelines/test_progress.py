@@ -9,13 +9,12 @@ from typing import Any, NoReturn
 import pytest
 from typer.testing import CliRunner
 
-from blender_addon.jobs.messages import News, parse_news
-from blender_addon.jobs.pace import REMEMBERED, Pace, spoken
-from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
+from blender_addon.jobs.supervisor import REMEMBERED, Crew, Listener, Pace, Supervisor
+from blender_addon.jobs.worker import News, parse_news
 from pipelines import dataset_commands
 from pipelines.cli import app
 from pipelines.console import console, progress_bar
-from rauca_core.contract import Progress, RaucaError, Shard, parse_progress
+from rauca_core.contract import Progress, RaucaError, Shard, format_duration, parse_progress
 
 
 def test_the_estimate_follows_the_latest_frames():
@@ -37,7 +36,7 @@ def test_the_estimate_follows_the_latest_frames():
     ("seconds", "words"), [(0.2, "0 s"), (89, "89 s"), (91, "2 min"), (3540, "59 min"), (12030, "3 h 20 min")]
 )
 def test_durations_are_spoken(seconds, words):
-    assert spoken(seconds) == words
+    assert format_duration(seconds) == words
 
 
 def test_lines_survive_what_else_is_printed():

@@ -1,1 +1,0 @@
-"""What an evaluation found, for showing it in Blender; no bpy in here."""

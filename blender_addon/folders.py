@@ -1,0 +1,116 @@
+"""The folders that the add-on writes to: its own, scratch folders, and those that the user chooses."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+from .core import contract
+
+
+def own_folder() -> Path:
+    """A folder that belongs to the add-on and outlives updates; Blender's temporary one for a checkout."""
+    try:
+        return Path(bpy.utils.extension_path_user(__package__, create=True))
+    except ValueError:  # not installed as an extension
+        return Path(bpy.app.tempdir) / "rauca"
+
+
+PREFIX = "rauca-scratch-"
+MEMORY = Path("/dev/shm")
+NEWBORN_S = 60.0  # a folder this young may not have been locked yet
+
+
+def scratch_base(in_memory: bool) -> Path:
+    """Where temporary folders go: to memory where the system offers it, else to its temporary folder."""
+    return MEMORY if in_memory and MEMORY.is_dir() else Path(tempfile.gettempdir())
+
+
+@contextlib.contextmanager
+def scratch_folder(in_memory: bool = False) -> Iterator[Path]:
+    """Yield an empty folder; it is removed afterwards."""
+    with tempfile.TemporaryDirectory(prefix=PREFIX, dir=scratch_base(in_memory)) as temporary:
+        handle = os.open(temporary, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield Path(temporary)
+        finally:
+            os.close(handle)
+
+
+def sweep_scratch() -> int:
+    """Remove the folders of processes that were killed; returns how many."""
+    swept = 0
+    for base in {scratch_base(False), scratch_base(True)}:
+        for folder in base.glob(PREFIX + "*"):
+            with contextlib.suppress(OSError):  # in use, another user's, or just gone
+                if time.time() - folder.stat().st_mtime < NEWBORN_S:
+                    continue
+                handle = os.open(folder, os.O_RDONLY)
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder)
+                    swept += 1
+                finally:
+                    os.close(handle)
+    return swept
+
+
+def chosen_folder(setting: str, what: str) -> Path:
+    """A folder that the user chose to write to; it may not be there yet.
+
+    Args:
+        setting: as Blender keeps it; ``//`` stands for the .blend file's folder.
+        what: it is for, in words.
+
+    Raises:
+        RaucaError: none is chosen, it hangs on a .blend that was never saved, or nothing can be written there.
+    """
+    if not setting.strip():
+        raise contract.RaucaError(f"Choose a folder for {what}")
+    if setting.startswith("//") and not bpy.data.filepath:
+        raise contract.RaucaError(f"{setting}: lies beside the .blend file, which has no place yet; save it first")
+    folder = Path(bpy.path.abspath(setting)).absolute()
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if not there.is_dir():
+        raise contract.RaucaError(f"{there}: is a file, not a folder; choose another folder for {what}")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise contract.RaucaError(f"{there}: not writable; choose another folder for {what}")
+    return folder
+
+
+def refuse_foreign(folder: Path, mark: str, what: str) -> None:
+    """Raise :class:`RaucaError` if ``folder`` holds files but not the one that marks it as ``what``."""
+    if not folder.is_dir() or (folder / mark).exists():
+        return
+    if any(not entry.name.startswith(".") for entry in folder.iterdir()):
+        raise contract.RaucaError(f"{folder}: holds other files and no {what}; choose an empty or a new folder")
+
+
+def job_folder() -> Path:
+    """A new folder for what only one job needs, in the add-on's own; those of dead Blenders are swept away."""
+    base = own_folder() / "jobs"
+    base.mkdir(parents=True, exist_ok=True)
+    for left in base.iterdir():
+        owner = left.name.partition("-")[0]
+        if owner.isdigit() and not _is_alive(int(owner)):
+            shutil.rmtree(left, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=base))
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass  # another user's
+    return True

@@ -1,0 +1,202 @@
+"""Making a data set: the plan from the job, the supervisor's run, and a worker's part in it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import bpy
+
+from .. import devices
+from ..child import child_command
+from ..core import contract, files
+from ..folders import scratch_folder, sweep_scratch
+from ..scene.images import read_image_blender
+from ..vehicles import find_vehicle
+from .crew import own_threads
+from .lock import FolderLock, hold_cameras
+from .supervisor import Crew, Listener, Supervisor
+from .worker import News, serve, tell
+
+BYTES_PER_PIXEL = 24  # of a finished frame, generously
+
+
+def make(job: contract.MakeDataset, progress: Callable[[contract.Progress], None]) -> None:
+    """Render what a data set folder, or a shard of it, lacks.
+
+    Raises:
+        RaucaError: a mistake in the job, another run on the same frames, or frames that were left out.
+    """
+    vehicle = find_vehicle(job.vehicle)
+    job = replace(job, plan=completed(job, vehicle))
+    job.wanted()  # tells a stranger among the frames before anything is written
+    for note in [*vehicle.notes, *job.notes]:
+        _note(note)
+    sweep_scratch()
+    with scratch_folder() as scratch, _drafted(job.out, job.plan, vehicle, scratch) as draft:
+        reasons = _Run(job, vehicle, draft, scratch / "worker.json", progress).finish()
+    if reasons:
+        frame, reason = next(iter(reasons.items()))
+        raise contract.RaucaError(
+            f"{job.out}: {len(reasons)} frames failed twice and were left out, among them {frame}: {reason}; "
+            "run the same command with --retry-quarantined to try them again"
+        )
+
+
+def work(job: contract.RenderFrames) -> None:
+    """A worker's life: build the scene, then render what standard input asks for."""
+    from ..scene.dataset import render_chunk
+    from ..scene.session import Session
+
+    plan = contract.read_plan(job.plan)
+    session = Session(plan, contract.load_vehicle(job.plan / "vehicle", read_image_blender), job.scene)
+    devices.use(session.scene, job.device)
+    if job.threads:
+        session.scene.render.threads_mode, session.scene.render.threads = "FIXED", job.threads
+    for note in session.place.notes:
+        tell(News("note", reason=note))
+    tasks = {task.id: task for task in contract.planned_frames(plan)}
+
+    def render(ids: Sequence[str], tell: Callable[[News], None], stopped: Callable[[], bool]) -> None:
+        render_chunk(session, job.out, [tasks[frame_id] for frame_id in ids], tell, stopped)
+
+    # Unbuffered and left open: a thread waits in it to the end, and would hold a buffer's lock.
+    serve(render, open(0, "rb", buffering=0, closefd=False))  # noqa: SIM115
+
+
+def completed(job: contract.MakeDataset, vehicle: contract.Vehicle) -> contract.Plan:
+    """The job's plan with what is known here only: vehicle, scene, Blender's version and the device.
+
+    Raises:
+        RaucaError: the plan is of another vehicle or scene, or there is no such device.
+    """
+    plan = job.plan
+    if plan.atlas_id not in ("", vehicle.atlas_id):
+        raise contract.RaucaError(
+            f"{vehicle.name}: has the UV atlas {vehicle.atlas_id}, the plan is of {plan.vehicle_name} with "
+            f"{plan.atlas_id}; give its vehicle with --vehicle"
+        )
+    scenery = contract.Scenery.of_file(job.scene) if job.scene else contract.Scenery()
+    if plan.scenery not in (contract.Scenery(), scenery):
+        raise contract.RaucaError(f"{job.out}: the plan is of the scene {plan.scenery.name}; give it with --scene")
+    return replace(
+        plan,
+        name=job.out.name,
+        vehicle_name=vehicle.name,
+        atlas_id=vehicle.atlas_id,
+        blender=bpy.app.version_string,
+        scenery=scenery,
+        device=devices.find(job.device).described,
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One supervised run over a shard; workers read plan and vehicle from ``draft`` and their job from ``order``."""
+
+    job: contract.MakeDataset
+    vehicle: contract.Vehicle
+    draft: Path
+    order: Path
+    progress: Callable[[contract.Progress], None]
+
+    def finish(self) -> dict[str, str]:
+        """Render what is missing; returns the shard's quarantined frames with their reasons."""
+        out, shard, plan = self.job.out, self.job.shard, self.job.plan
+        with hold_cameras(out, shard, contract.cameras_of(plan, shard)) as lock:
+            lock.sweep()
+            if (out / "dataset.json").is_file():
+                self._claim(lock)  # a vehicle removed as damaged comes back where no frame is missing, too
+            wanted, left_out = self._survey()
+            files.require_space(out, plan.size**2 * BYTES_PER_PIXEL * len(wanted))
+            listener = Listener(self.progress, _note)
+            supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(lock))
+            try:
+                supervisor.run(self._pieces(wanted), len(self._asked) - len(wanted))
+            finally:
+                lock.sweep()
+            return left_out | supervisor.quarantined
+
+    @cached_property
+    def _asked(self) -> list[contract.PlannedFrame]:
+        return self.job.wanted()
+
+    def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
+        """Frames to render, and those left out as quarantined; the ledger learns of done frames that it misses."""
+        out, again = self.job.out, self.job.retry_quarantined
+        ledger, states = contract.read_ledger(out), contract.frame_states(out)
+        wanted, left_out = [], {}
+        for frame in self._asked:
+            state = states.get(frame.id)
+            if state == "quarantined" and not again:
+                left_out[frame.id] = ledger[frame.id].reason or ""
+            elif state not in ("done", "occluded"):
+                wanted.append(frame)
+            elif state == "done" and (frame.id not in ledger or ledger[frame.id].state != "done"):
+                # killed between the frame's rename and the ledger's line; when tried again, that still says otherwise
+                contract.append_entry(out, contract.LedgerEntry(frame.id, "done"), self.job.shard.label)
+        return wanted, left_out
+
+    def _pieces(self, wanted: list[contract.PlannedFrame]) -> list[list[str]]:
+        """With several workers, pieces small enough that all of them are busy to the end."""
+        workers, most = self.job.workers, self.job.recycle
+        if workers > 1:
+            most = min(most, max(len(self.job.plan.weathers), len(wanted) // (4 * workers)))
+        return [[frame.id for frame in chunk] for chunk in contract.chunks(self.job.plan, wanted, most)]
+
+    def _crew(self) -> Crew:
+        job = self.job
+        threads = own_threads(job.workers) if job.workers > 1 else 0
+        order = contract.RenderFrames(
+            self.draft.absolute(), job.out.absolute(), job.scene and job.scene.absolute(), threads, job.device
+        )
+        contract.save_job(self.order, order)
+        return Crew(child_command(self.order), job.workers, job.recycle)
+
+    def _claim(self, lock: FolderLock) -> None:
+        """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""
+        with lock.claiming():
+            # Without a plan, nothing says that a vehicle which lies there is the one that is rendered.
+            if not all((self.job.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
+                self.vehicle.save(self.job.out / "vehicle")
+            elif self.draft != self.job.out:  # another shard's, written since
+                _require_same(self.job.out, self.vehicle)
+            contract.claim_folder(self.job.out, self.job.plan)
+            contract.seal_dataset(self.job.out)
+
+
+@contextlib.contextmanager
+def _drafted(out: Path, plan: contract.Plan, vehicle: contract.Vehicle, draft: Path) -> Iterator[Path]:
+    """The folder from which workers read plan and vehicle: ``out`` if it has them, else ``draft``, outside it.
+
+    So a scene that cannot be built leaves no plan behind that the corrected options would clash with.
+
+    Raises:
+        RaucaError: ``out`` holds a data set of another plan, or of another vehicle.
+    """
+    if (out / "dataset.json").is_file():
+        contract.claim_folder(out, plan)
+        if (out / "vehicle" / "vehicle.json").is_file():  # else it was damaged and removed
+            _require_same(out, vehicle)
+            yield out
+            return
+    vehicle.save(draft / "vehicle")
+    contract.claim_folder(draft, plan)
+    yield draft
+
+
+def _require_same(out: Path, vehicle: contract.Vehicle) -> None:
+    """Raise :class:`RaucaError` if the data set's vehicle is another: the plan knows its name and atlas only."""
+    changed = contract.load_vehicle(out / "vehicle", read_image_blender).changed(vehicle)
+    if changed:
+        raise contract.RaucaError(
+            f"{out}: holds a data set of another {vehicle.name} (changed: {', '.join(changed)}); choose another folder "
+            "or remove it"
+        )
+
+
+def _note(text: str) -> None:
+    print(f"note: {text}", flush=True)

@@ -1,1 +1,0 @@
-"""Operators, one a file: what an artist clicks."""

@@ -1,0 +1,12 @@
+"""Step 6: put a camouflage on the vehicle, and see what detectors found."""
+
+from __future__ import annotations
+
+from . import evaluated_view, operators
+from .detection_overlay import register, unregister
+from .panel import RAUCA_PT_camouflage, RAUCA_PT_detections, state
+from .properties import RaucaCamouflage
+
+CLASSES = (RaucaCamouflage, *operators.CLASSES, *evaluated_view.CLASSES, RAUCA_PT_camouflage, RAUCA_PT_detections)
+
+__all__ = ["CLASSES", "RaucaCamouflage", "register", "state", "unregister"]

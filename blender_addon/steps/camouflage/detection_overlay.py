@@ -1,0 +1,126 @@
+"""Detectors' boxes over the camera's view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
+from numpy.typing import NDArray
+
+from ..panel import DrawnOver
+from .evaluation import Detection, Sight
+from .shown_evaluation import loaded, paint_of, same_view
+
+# Okabe and Ito's colors, told apart by color-blind people too; then lighter ones.
+COLORS = (
+    *((0.90, 0.62, 0.0), (0.34, 0.71, 0.91), (0.0, 0.75, 0.5), (0.94, 0.89, 0.26), (0.25, 0.55, 0.95)),
+    *((0.95, 0.45, 0.1), (0.85, 0.5, 0.7), (0.75, 0.75, 0.75), (0.6, 0.9, 0.6), (0.8, 0.65, 0.95)),
+)
+FONT, TEXT_PX, LINE_PX = 0, 11, 2.0
+
+
+def color_of(sight: Sight, detector: str) -> tuple[float, float, float]:
+    """A detector's color, the same in every view."""
+    return COLORS[sight.evaluation.detectors.index(detector) % len(COLORS)]
+
+
+def shown_detections(scene: bpy.types.Scene, sight: Sight) -> list[tuple[str, Detection]]:
+    """(detector, detection) of the boxes to draw, best first."""
+    settings = scene.rauca.camouflage
+    names = sight.evaluation.detectors
+    chosen = [n for n in names if settings.detector in ("ALL", n)]
+    found = [(name, d) for name in chosen for d in sight.evaluation.of(sight, paint_of(scene), name)]
+    return sorted((x for x in found if x[1].score >= settings.least_score), key=lambda x: -x[1].score)
+
+
+def _draw() -> None:
+    context = bpy.context
+    settings = context.scene.rauca.camouflage
+    if not settings.boxes or context.region_data.view_perspective != "CAMERA" or not context.space_data.overlay:
+        return
+    if not context.space_data.overlay.show_overlays:
+        return
+    views = loaded(settings.study)
+    sights = same_view(context.scene, views) if views is not None else []
+    if not sights:
+        return
+    frame = _frame_on_screen(context)
+    if frame is None:
+        return
+    sight = sights[0]
+    size = np.array([sight.camera.width, sight.camera.height] * 2)
+    scale = context.preferences.system.ui_scale
+    taken: list[tuple[float, float, float, float]] = []
+    for detector, detection in shown_detections(context.scene, sight):
+        left, top, right, bottom = np.array(detection.box) / size
+        (x0, y1), (x1, y0) = _place(frame, left, top), _place(frame, right, bottom)
+        color = color_of(sight, detector)
+        _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
+        _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
+
+
+def _frame_on_screen(context: bpy.types.Context) -> NDArray[np.float64] | None:
+    """Left, bottom, right, top of the camera's frame in the region, pixels."""
+    camera, scene = context.scene.camera, context.scene
+    corners = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
+    places = [location_3d_to_region_2d(context.region, context.region_data, corner) for corner in corners]
+    if any(place is None for place in places):
+        return None
+    points = np.array(places)
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def _place(frame: NDArray[np.float64], across: float, down: float) -> tuple[float, float]:
+    left, bottom, right, top = frame
+    return left + across * (right - left), top - down * (top - bottom)
+
+
+def _outline(corners: Sequence[tuple[float, float]], color: tuple[float, float, float], width: float) -> None:
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    ring = [(x, y, 0.0) for x, y in corners]
+    segments = [point for i in range(4) for point in (ring[i], ring[(i + 1) % 4])]
+    batch = batch_for_shader(shader, "LINES", {"pos": segments})
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width)
+    shader.uniform_float("color", (*color, 1.0))
+    batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _label(
+    text: str,
+    place: tuple[float, float],
+    color: tuple[float, float, float],
+    scale: float,
+    taken: list[tuple[float, float, float, float]],
+) -> None:
+    """Dark text on the detector's color, on top of its box or wherever above it no other label lies."""
+    blf.size(FONT, TEXT_PX * scale)
+    width, _ = blf.dimensions(FONT, text)
+    pad, height = 4 * scale, (TEXT_PX + 7) * scale
+    x, y = place[0] - LINE_PX * scale / 2, place[1]
+    while any(
+        x < right and x + width + 2 * pad > left and y < top and y + height > low for left, low, right, top in taken
+    ):
+        y += height
+    taken.append((x, y, x + width + 2 * pad, y + height))
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = [(x, y), (x + width + 2 * pad, y), (x + width + 2 * pad, y + height), (x, y + height)]
+    batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners})
+    shader.bind()
+    shader.uniform_float("color", (*color, 1.0))
+    batch.draw(shader)
+    blf.color(FONT, 0.05, 0.05, 0.05, 1.0)
+    blf.position(FONT, x + pad, y + 5 * scale, 0)
+    blf.draw(FONT, text)
+
+
+_boxes = DrawnOver(_draw, "POST_PIXEL")
+register, unregister = _boxes.register, _boxes.unregister

@@ -1,0 +1,133 @@
+"""Where the camouflage stands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+
+from ...scene.coating import Coat
+from ..panel import SidebarPanel, State, StepPanel, paragraph
+from .evaluation import NORMAL, Sight, Views
+from .shown_evaluation import ask, paint_of, same_view
+
+
+def state(context: bpy.types.Context) -> State:
+    """Quick: looks at the settings only."""
+    settings = context.scene.rauca.camouflage
+    if settings.coat is not None:
+        name = settings.coat.get("rauca_camouflage", "")
+        words = {
+            "ORIGINAL": iface("The original paint shows; {name} is hidden"),
+            "CAMOUFLAGE": iface("The vehicle wears {name}"),
+            "BAKED": iface("The vehicle wears {name}, baked"),
+        }
+        return State("done", words[Coat(settings.coat).shown].format(name=name))
+    if not settings.file:
+        return State("missing", iface("Choose a camouflage: the .json file that step 5 wrote"))
+    return State("ready", iface("Ready to apply {name}").format(name=Path(settings.file).name))
+
+
+class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Put a camouflage on the vehicle"""
+
+    bl_idname = "RAUCA_PT_camouflage"
+    bl_label = "Apply Camouflage"
+    number = 6
+    step_state = staticmethod(state)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.camouflage
+        layout.prop(settings, "file", text="File")
+        row = layout.row(align=True)
+        row.operator("rauca.apply_camouflage", icon="BRUSH_DATA")
+        if settings.coat is None:
+            return
+        row.operator("rauca.remove_camouflage", text="", icon="X")
+        coat = Coat(settings.coat)
+        row = layout.row(align=True)
+        shown = [("ORIGINAL", iface("Original")), ("CAMOUFLAGE", iface("Camouflage"))]
+        if coat.image("baked") is not None:
+            shown.append(("BAKED", iface("Baked")))
+        for which, name in shown:
+            row.operator("rauca.show_paint", text=name, depress=coat.shown == which).which = which
+        _draw_view_hint(context, layout)
+
+
+def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """The solid view shows at most one image of a material, and the camouflage is mixed by nodes."""
+    shading = getattr(context.space_data, "shading", None)
+    if shading is None or shading.type not in {"SOLID", "WIREFRAME"}:
+        return
+    paragraph(context, layout, iface("This view shows no camouflage."), icon="INFO")
+    row = layout.row(align=True)
+    row.use_property_split = False
+    row.prop_enum(shading, "type", "MATERIAL", text="Preview")
+    row.prop_enum(shading, "type", "RENDERED", text="Rendered")
+
+
+class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """What detectors found in the evaluated views"""
+
+    bl_idname = "RAUCA_PT_detections"
+    bl_label = "What Detectors See"
+    bl_parent_id = "RAUCA_PT_camouflage"
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.camouflage
+        layout.prop(settings, "study")
+        words = _missing(context)
+        if words:
+            paragraph(context, layout, words, "INFO")
+            return
+        views = ask(settings.study)
+        sights = same_view(context.scene, views) if isinstance(views, Views) else []
+        row = layout.row(align=True)
+        row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
+        row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
+        row.operator("rauca.evaluated_view", text="", icon="TRIA_RIGHT").step = "NEXT"
+        if not sights:
+            paragraph(context, layout, iface("Not evaluated from here; look through the nearest view"), "INFO")
+            return
+        _table(context, layout, sights)
+
+
+def _missing(context: bpy.types.Context) -> str:
+    """Why there is nothing to show, or ''."""
+    settings = context.scene.rauca.camouflage
+    if settings.coat is None:
+        return iface("Apply a camouflage first")
+    if not settings.study:
+        return iface("No evaluation yet: run “rauca evaluate” with this camouflage, then choose the folder it wrote")
+    views = ask(settings.study)
+    if views is None:
+        return iface("Reading the evaluation …")
+    return views if isinstance(views, str) else ""
+
+
+def _table(context: bpy.types.Context, layout: bpy.types.UILayout, sights: list[Sight]) -> None:
+    """The frame's weather, and every detector with its best score."""
+    settings, sight, paint = context.scene.rauca.camouflage, sights[0], paint_of(context.scene)
+    row = layout.row(align=True)
+    row.label(text=sight.weather, icon="WORLD", translate=False)
+    if len(sights) > 1:
+        row.operator("rauca.evaluated_view", text="", icon="LOOP_FORWARDS").step = "WEATHER"
+    if paint not in sight.evaluation.paints:
+        text = iface("The evaluation does not have {name}; it has {others}")
+        others = ", ".join(name for name in sight.evaluation.paints if name != NORMAL)
+        paragraph(context, layout, text.format(name=paint, others=others), "INFO")
+        return
+    column = layout.box().column(align=True)
+    for detector in sight.evaluation.detectors:
+        best = sight.evaluation.of(sight, paint, detector)[:1]
+        score = best[0].score if best else 0.0
+        line = column.split(factor=0.7)
+        seen = score >= settings.least_score
+        line.label(text=detector, icon="HIDE_OFF" if seen else "HIDE_ON", translate=False)
+        line.label(text=f"{score:.2f}", translate=False)
+    layout.prop(settings, "boxes")
+    column = layout.column()
+    column.active = settings.boxes
+    column.prop(settings, "detector")
+    column.prop(settings, "least_score", slider=True)

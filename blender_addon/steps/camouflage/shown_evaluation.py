@@ -1,0 +1,127 @@
+"""The evaluation that a scene shows: read once, beside the window, and looked up by the camera's view."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.object_utils import world_to_camera_view
+from numpy.typing import NDArray
+
+from ...core import contract
+from ...scene.coating import Coat
+from .evaluation import NORMAL, RESULTS, STUDY, Sight, Views, read_sights
+
+REDRAW_S = 0.1
+
+_read: dict[tuple[str, float], Views | str] = {}
+_reading: set[tuple[str, float]] = set()
+
+
+def loaded(study: str) -> Views | None:
+    """The evaluation in a folder; None while it is being read, or cannot be."""
+    found = ask(study)
+    return found if isinstance(found, Views) else None
+
+
+def ask(study: str) -> Views | str | None:
+    """The evaluation in a folder, or why there is none; None while it is being read, which this call begins."""
+    if not study:
+        return None
+    key = _key(bpy.path.abspath(study))
+    if key in _read:
+        return _read[key]
+    if key not in _reading:
+        _reading.add(key)
+        threading.Thread(target=_load, args=(key,), daemon=True).start()  # a second's reading, and no bpy in it
+        if not bpy.app.background and not bpy.app.timers.is_registered(_redraw_when_read):
+            bpy.app.timers.register(_redraw_when_read, first_interval=REDRAW_S)
+    return None
+
+
+def load_now(study: str) -> Views:
+    """The evaluation in a folder, at once.
+
+    Raises:
+        RaucaError: there is none, or it is damaged.
+    """
+    key = _key(bpy.path.abspath(study))
+    if not isinstance(_read.get(key), Views):
+        _read[key] = Views(read_sights(Path(key[0])))
+    found = _read[key]
+    assert isinstance(found, Views)
+    return found
+
+
+def vehicle_to_world(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
+    """Where the camouflaged vehicle stands now, (4, 4); None if it is gone."""
+    settings = scene.rauca.camouflage
+    if settings.coat is None or settings.anchor is None:
+        return None
+    return np.array(settings.anchor.matrix_world) @ np.array(settings.vehicle_to_anchor).reshape(4, 4)
+
+
+def same_view(scene: bpy.types.Scene, views: Views) -> list[Sight]:
+    """The evaluated frames that show the vehicle as the scene's camera does; the chosen one first."""
+    pose = vehicle_to_world(scene)
+    if pose is None or scene.camera is None or scene.camera.type != "CAMERA":
+        return []
+    found = views.same(*_corners(scene, pose))
+    return sorted(found, key=lambda sight: sight.frame != scene.rauca.camouflage.frame)
+
+
+def nearest(scene: bpy.types.Scene, views: Views) -> Sight | None:
+    """The evaluated frame whose view is closest to the scene's camera; the first one without a camera."""
+    pose = vehicle_to_world(scene)
+    if pose is None or not views.sights:
+        return None
+    if scene.camera is None:
+        return views.sights[0]
+    eye = np.linalg.inv(pose) @ np.array([*scene.camera.matrix_world.translation, 1.0])
+    return min(views.sights, key=lambda sight: float(np.linalg.norm(sight.camera.position - eye[:3])))
+
+
+def paint_of(scene: bpy.types.Scene) -> str:
+    """What the vehicle wears, as evaluations name it."""
+    tree = scene.rauca.camouflage.coat
+    if tree is None or Coat(tree).shown == "ORIGINAL":
+        return NORMAL
+    return str(tree.get("rauca_camouflage", ""))
+
+
+def _corners(scene: bpy.types.Scene, pose: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the anchor's box in the vehicle's frame (8, 3), and where the camera shows them (8, 2)."""
+    anchor = scene.rauca.camouflage.anchor
+    world = [anchor.matrix_world @ type(anchor.location)(corner) for corner in anchor.bound_box]
+    seen = np.array([world_to_camera_view(scene, scene.camera, corner) for corner in world])
+    seen[seen[:, 2] <= 0] = np.inf
+    local = np.c_[np.array(world), np.ones(8)] @ np.linalg.inv(pose).T
+    return local[:, :3], np.stack([seen[:, 0], 1 - seen[:, 1]], axis=1)
+
+
+def _key(folder: str) -> tuple[str, float]:
+    path = next((p for name in (STUDY, RESULTS) if (p := Path(folder) / name).is_file()), None)
+    return folder, path.stat().st_mtime if path is not None else 0.0
+
+
+def _load(key: tuple[str, float]) -> None:
+    try:
+        _read[key] = Views(read_sights(Path(key[0])))
+    except contract.RaucaError as error:
+        _read[key] = str(error)
+    except Exception as error:  # the panel tells it; a thread's would vanish
+        _read[key] = f"{key[0]}: cannot be read ({error})"
+    finally:
+        _reading.discard(key)
+
+
+def _redraw_when_read() -> float | None:
+    if _reading:
+        return REDRAW_S
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+    return None

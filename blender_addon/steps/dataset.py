@@ -1,0 +1,290 @@
+"""Step 4: render every view in every weather, in other Blender processes, so that the window stays responsive."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+from bpy.app.translations import pgettext_rpt as rpt
+
+from .. import compat
+from ..child import child_command
+from ..core import contract
+from ..folders import chosen_folder, job_folder, refuse_foreign
+from ..jobs import pictures, watch
+from ..jobs.background import Told
+from ..jobs.thumbnails import thumbnail
+from .cameras import timing
+from .job_panel import draw_job, draw_open_folder, job_state
+from .operator import BackgroundOperator, RaucaOperator
+from .panel import SidebarPanel, State, StepPanel, paragraph
+
+JOB = "dataset"
+PICTURE = f"{JOB}.frame"
+
+
+class RaucaDataset(bpy.types.PropertyGroup):
+    """Settings of the dataset."""
+
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="The dataset is written here and nowhere else",
+    )
+    locations: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"
+    )
+    size: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Size", default=320, min=64, max=4096, subtype="PIXEL", description="Frames are square, this many wide"
+    )
+    samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Samples", default=8, min=1, max=4096, description="Of the light per pixel: more are cleaner and slower"
+    )
+    denoise: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Denoise", default=True, description="Clean the frames up; without it take 64 samples or more"
+    )
+    light: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Light Maps",
+        default=True,
+        description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
+    )
+    device: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Render On",
+        items=[
+            ("CPU", "CPU", "The same bytes on every run; slower"),
+            ("GPU", "GPU", "The graphics cards that Cycles finds; refused where there is none"),
+            ("AUTO", "GPU or CPU", "The graphics cards where there are any, else the CPU"),
+        ],
+        description="What Cycles renders the frames on; the dataset notes it",
+    )
+    part: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Frames at Most",
+        default=0,
+        min=0,
+        description="Render a part of so many frames, balanced over places, weathers and cameras; 0 renders all",
+    )
+    workers: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Blenders",
+        default=1,
+        min=1,
+        max=64,
+        description="How many render at once: they share the machine, and each needs its memory",
+    )
+    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"
+    )
+    retry: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Retry Failed", description="Try frames again that failed twice in an earlier run"
+    )
+
+
+def state(context: bpy.types.Context) -> State:
+    if found := job_state(JOB, iface("{done} of {total} frames"), iface("Building the scene in the background")):
+        return found
+    if not context.scene.rauca.dataset.folder:
+        return State("missing", iface("Choose a folder for the dataset"))
+    count, time = timing.frame_count(context), contract.format_duration(timing.estimated_seconds(context))
+    return State("ready", iface("Ready: {count} frames, about {time}").format(count=count, time=time))
+
+
+class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Render the dataset"""
+
+    bl_idname = "RAUCA_PT_dataset"
+    bl_label = "Generate Dataset"
+    number = 4
+    step_state = staticmethod(state)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        if not watch.busy(JOB):
+            self._draw_settings(context, layout)
+        draw_job(context, layout, JOB)
+        if icon := pictures.icon(PICTURE):
+            layout.template_icon(icon, scale=8)
+        if found := watch.job(JOB):
+            draw_open_folder(layout, str(found.task.folder))
+
+    def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.dataset
+        column = layout.column()
+        for name in ("folder", "locations", "size", "samples", "denoise"):
+            column.prop(settings, name)
+        if settings.denoise and not compat.denoiser_is_built_in():
+            count = samples_without_denoiser(settings.samples)
+            words = iface("This Blender has no denoiser: {count} samples without it give as clean frames, more slowly")
+            paragraph(context, layout, words.format(count=count), icon="ERROR")
+            layout.operator("rauca.without_denoiser")
+        layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
+
+
+class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Settings that are seldom changed"""
+
+    bl_idname = "RAUCA_PT_dataset_more"
+    bl_parent_id = "RAUCA_PT_dataset"
+    bl_label = "More"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not watch.busy(JOB)
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        for name in ("light", "device", "part", "workers", "seed", "retry"):
+            layout.prop(context.scene.rauca.dataset, name)
+
+
+# Frames of N samples denoised and of 8 N not are equally far from the converged ones, in clear weather by day.
+MORE_SAMPLES = 8
+LEAST, MOST = 64, 1024
+
+
+def samples_without_denoiser(samples: int) -> int:
+    """Samples that stand in for ``samples`` with denoising."""
+    return min(max(samples * MORE_SAMPLES, LEAST), MOST)
+
+
+class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Turn denoising off and take so many samples that the frames are as clean; they take longer"""
+
+    bl_idname = "rauca.without_denoiser"
+    bl_label = "Render Without Denoising"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("Denoise is off already") if not context.scene.rauca.dataset.denoise else ""
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        settings = context.scene.rauca.dataset
+        settings.denoise, settings.samples = False, samples_without_denoiser(settings.samples)
+        return None
+
+
+@dataclass(frozen=True)
+class DatasetTask:
+    """Renders what ``folder`` lacks.
+
+    Attributes:
+        folder: of the dataset.
+        start: the command.
+        scratch: a folder that only the job needs; removed at its end.
+    """
+
+    folder: Path
+    start: Sequence[str]
+    scratch: Path
+
+    def command(self) -> list[str]:
+        return list(self.start)
+
+    def hear(self, line: str) -> Told | None:
+        if line.startswith("note: "):
+            return Told(note=line.removeprefix("note: "))
+        try:
+            progress = contract.parse_progress(line)
+        except (ValueError, TypeError):  # a line that the child's end cut off
+            return None
+        if progress is None:
+            return None
+        picture = thumbnail(self.folder / "frames" / progress.last / "image.png") if progress.last else None
+        pictures = {} if picture is None else {"frame": picture}
+        return Told(progress.done, progress.total, progress.left_s, pictures=pictures)
+
+    def clean(self) -> None:
+        shutil.rmtree(self.scratch, ignore_errors=True)
+
+
+class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Render every view in every weather to the chosen folder; goes on where an earlier run stopped"""
+
+    bl_idname = "rauca.generate_dataset"
+    bl_label = "Generate Dataset"
+    job = JOB
+    running = "A dataset is being rendered; stop it first"
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        if not context.scene.rauca.dataset.folder:
+            return rpt("Choose a folder for the dataset")
+        return super().obstacle(context)
+
+    def begin(self, context: bpy.types.Context) -> None:
+        settings = context.scene.rauca.dataset
+        folder = chosen_folder(settings.folder, rpt("the dataset"))
+        refuse_foreign(folder, "dataset.json", rpt("dataset"))
+        if settings.denoise and not compat.denoiser_is_built_in():
+            raise contract.RaucaError(
+                rpt(
+                    "This Blender was built without a denoiser; turn Denoise off and take {count} samples, or use "
+                    "Blender from blender.org"
+                ).format(count=samples_without_denoiser(settings.samples))
+            )
+        vehicle = context.scene.rauca.vehicle.chosen(context)
+        scratch = job_folder()
+        vehicle.save(scratch / "vehicle")
+        contract.save_job(scratch / "job.json", dataset_job(context, folder, scratch / "vehicle"))
+        task = DatasetTask(folder, child_command(scratch / "job.json"), scratch)
+        workers = settings.workers
+        watch.begin(JOB, task, lambda job: _learn_pace(folder, workers))
+
+
+def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contract.MakeDataset:
+    """What the panels of steps 1 to 4 ask for.
+
+    Args:
+        out: folder of the dataset.
+        vehicle: folder of the saved vehicle.
+
+    Raises:
+        RaucaError: the list of weathers cannot be read, or the settings ask for what no dataset can be.
+    """
+    steps = context.scene.rauca
+    settings = steps.dataset
+    weathers, notes = steps.weather.chosen()
+    plan = contract.Plan(
+        name=out.name,
+        vehicle_name="",
+        atlas_id="",
+        size=settings.size,
+        quality=contract.Quality(settings.samples, denoise=settings.denoise),
+        light=settings.light,
+        weathers=tuple(weathers),
+        ring=steps.cameras.ring(context),
+        locations=settings.locations,
+        reference_srgb=contract.REFERENCE_SRGB,
+        min_visible=contract.MIN_VISIBLE,
+        seed=settings.seed,
+        blender="",
+    )
+    plan.check(rpt("Generate Dataset"))
+    return contract.MakeDataset(
+        out=out,
+        plan=plan,
+        vehicle=contract.VehicleSource(str(vehicle)),
+        frames=tuple(contract.balanced_frames(plan, settings.part)) if settings.part else None,
+        workers=settings.workers,
+        retry_quarantined=settings.retry,
+        device=settings.device.lower(),
+        notes=tuple(notes),
+    )
+
+
+def _learn_pace(folder: Path, workers: int) -> None:
+    """The next estimate of step 3 builds on this job; a job that ended without frames teaches nothing."""
+    with contextlib.suppress(contract.RaucaError):
+        timing.learn(folder, workers)
+
+
+CLASSES = (
+    RaucaDataset,
+    RAUCA_PT_dataset,
+    RAUCA_PT_dataset_more,
+    RAUCA_OT_without_denoiser,
+    RAUCA_OT_generate_dataset,
+)

@@ -1,0 +1,217 @@
+"""Step 5: optimize a camouflage on the dataset, in an external Python beside the window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+from bpy.app.translations import pgettext_rpt as rpt
+
+from .. import compat
+from ..core import contract
+from ..folders import chosen_folder, refuse_foreign
+from ..jobs import pictures, watch
+from ..jobs.background import Job
+from ..preferences import CHECK, draw_python, preferences
+from .dataset import JOB as DATASET_JOB
+from .job_panel import draw_job, draw_open_folder, job_state
+from .operator import BackgroundOperator
+from .optimize_task import HISTORY, OptimizeTask, begun
+from .panel import SidebarPanel, State, StepPanel
+
+JOB = "optimize"
+
+
+class RaucaOptimize(bpy.types.PropertyGroup):
+    """Settings of the optimization."""
+
+    dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Dataset",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="Folder of the dataset; step 4's if left empty",
+    )
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder",
+        subtype="DIR_PATH",
+        options=compat.path_options(),
+        description="The camouflage is written here and nowhere else",
+    )
+    title: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Name", default="rauca", description="The camouflage's name, in tables and pictures"
+    )
+    steps: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
+    )
+    batch: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+    )
+    map_size: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
+    )
+    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Seed", default=0, min=0, description="Another number begins with another random camouflage"
+    )
+
+    def dataset_folder(self, context: bpy.types.Context) -> str:
+        """The dataset to optimize on: the one chosen here, or step 4's; empty without either."""
+        return str(self.dataset or context.scene.rauca.dataset.folder)
+
+
+def state(context: bpy.types.Context) -> State:
+    starting = iface("Reading the dataset and the detectors")
+    if found := job_state(JOB, iface("{done} of {total} steps"), starting):
+        return found
+    settings, settled = context.scene.rauca.optimize, preferences(context)
+    if settled is None or not settled.python:
+        return State("missing", iface("Choose the Python in which rauca is installed"))
+    if watch.busy(CHECK):
+        return State("missing", iface("Checking the chosen Python"))
+    if not settled.ready:
+        return State("missing", iface("Check the chosen Python"))
+    if not settings.dataset_folder(context):
+        return State("missing", iface("Generate a dataset, or choose one"))
+    if not settled.chosen_detectors():
+        return State("missing", iface("Choose a detector"))
+    if not settings.folder:
+        return State("missing", iface("Choose a folder for the camouflage"))
+    return State("ready", iface("Ready to optimize"))
+
+
+class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Optimize a camouflage"""
+
+    bl_idname = "RAUCA_PT_optimize"
+    bl_label = "Optimize"
+    number = 5
+    step_state = staticmethod(state)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settled = preferences(context)
+        if not watch.busy(JOB) and (settled is None or not settled.ready):
+            draw_python(context, layout)
+        elif not watch.busy(JOB):
+            self._draw_settings(context, layout)
+        draw_job(context, layout, JOB)
+        self._draw_pictures(layout)
+        if found := watch.job(JOB):
+            draw_open_folder(layout, str(found.task.folder))
+
+    def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings, settled = context.scene.rauca.optimize, preferences(context)
+        column = layout.column()
+        column.prop(settings, "dataset", placeholder=context.scene.rauca.dataset.folder)
+        for name in ("folder", "title", "steps"):
+            column.prop(settings, name)
+        column = layout.column(heading="Detectors", align=True)
+        for detector in settled.detectors if settled is not None else ():
+            column.prop(detector, "use", text=detector.name, translate=False)
+        layout.operator("rauca.optimize", icon="PLAY")
+
+    def _draw_pictures(self, layout: bpy.types.UILayout) -> None:
+        """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""
+        found = watch.job(JOB)
+        if found is None:
+            return
+        row = layout.row()
+        for kind in ("painted", "uv_map"):
+            if icon := pictures.icon(f"{JOB}.{kind}"):
+                row.template_icon(icon, scale=6)
+        if icon := pictures.icon(f"{JOB}.loss"):
+            halves = layout.split(factor=0.5)
+            halves.template_icon(icon, scale=6)
+            figures = halves.column(align=True)
+            figures.separator(factor=4)
+            for name, words in (("loss", iface("Loss {value:.3f}")), ("score", iface("Still seen {value:.0%}"))):
+                figures.label(text=words.format(value=found.history[name][-1]), translate=False)
+
+
+class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Settings that are seldom changed"""
+
+    bl_idname = "RAUCA_PT_optimize_more"
+    bl_parent_id = "RAUCA_PT_optimize"
+    bl_label = "More"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settled = preferences(context)
+        return not watch.busy(JOB) and settled is not None and settled.ready
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        for name in ("batch", "map_size", "seed"):
+            layout.prop(context.scene.rauca.optimize, name)
+        draw_python(context, layout)
+
+
+class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Optimize a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
+
+    bl_idname = "rauca.optimize"
+    bl_label = "Optimize"
+    job = JOB
+    running = "A camouflage is being optimized; stop it first"
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        found, steps = preferences(context), context.scene.rauca
+        if found is None or not found.python.strip():
+            return rpt("Choose the Python in which rauca is installed")
+        if not found.ready:
+            return rpt("Press Check: the chosen Python is not known to have what it needs")
+        if not found.chosen_detectors():
+            return rpt("Choose a detector")
+        if not steps.optimize.dataset_folder(context):
+            return rpt("Choose a dataset")
+        if not steps.optimize.folder:
+            return rpt("Choose a folder for the camouflage")
+        return super().obstacle(context)
+
+    def begin(self, context: bpy.types.Context) -> None:
+        settings, found = context.scene.rauca.optimize, preferences(context)
+        assert found is not None  # poll
+        dataset = Path(bpy.path.abspath(settings.dataset_folder(context))).absolute()
+        _check_dataset(dataset)
+        folder = chosen_folder(settings.folder, rpt("the camouflage"))
+        if not begun(folder) and not (folder / HISTORY).is_file():
+            refuse_foreign(folder, "camouflage.json", rpt("camouflage"))
+        task = OptimizeTask(folder, _command(settings, found.program(), found.chosen_detectors(), dataset, folder))
+        watch.begin(JOB, task, _offer)
+
+
+def _check_dataset(folder: Path) -> None:
+    """Raise :class:`RaucaError` for a folder that cannot be optimized on."""
+    making = watch.job(DATASET_JOB)
+    if making is not None and making.alive and making.task.folder == folder:
+        raise contract.RaucaError(rpt("The dataset is still being rendered; wait for it, or stop it"))
+    if not contract.read_plan(folder).light:
+        raise contract.RaucaError(
+            rpt("{folder}: has no light maps; render it again with Light Maps on, in step 4").format(folder=folder)
+        )
+
+
+def _command(
+    settings: bpy.types.PropertyGroup, python: Path, detectors: list[str], dataset: Path, folder: Path
+) -> list[str]:
+    # -P: a folder named pipelines where Blender was started must not stand in for rauca's.
+    command = [str(python), "-P", "-m", "pipelines.optimize_camouflage", str(dataset), "--out", str(folder)]
+    for name in detectors:
+        command += ["--detector", name]
+    command += ["--steps", str(settings.steps), "--batch", str(settings.batch), "--map-size", str(settings.map_size)]
+    return [*command, "--seed", str(settings.seed), "--name", settings.title or "rauca", "--json-progress"]
+
+
+def _offer(job: Job) -> None:
+    """Put the finished camouflage into step 6, unless another one is chosen there."""
+    scene = bpy.context.scene
+    if job.phase == "done" and scene is not None and not scene.rauca.camouflage.file:
+        scene.rauca.camouflage.file = str(job.task.folder / "camouflage.json")
+
+
+CLASSES = (
+    RaucaOptimize,
+    RAUCA_PT_optimize,
+    RAUCA_PT_optimize_more,
+    RAUCA_OT_optimize,
+)

@@ -1,0 +1,131 @@
+"""Where a step of the work stands, in words."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import bpy
+
+from ..translations import OWN_SENSE
+
+Kind = Literal["missing", "ready", "running", "done"]
+
+
+@dataclass(frozen=True)
+class State:
+    """What a step's panel shows first.
+
+    Panels ask for it at every redraw, so whoever makes one reads settings only: no files, no meshes.
+
+    Attributes:
+        kind: ``missing`` something, ``ready`` to go on, ``running``, or ``done``.
+        words: one short sentence in plain words: what is missing, or what is there. Already in the user's language
+            (``bpy.app.translations.pgettext_iface`` on the literal, then ``format``).
+    """
+
+    kind: Kind
+    words: str
+
+
+ICONS = {"missing": "RADIOBUT_OFF", "ready": "RADIOBUT_ON", "running": "TIME", "done": "CHECKMARK"}
+LETTER_PX = 6.4  # mean width of a letter of the interface's font, at scale 1
+MARGINS_PX = 64.0  # of the sidebar beside a line of text: borders, icon, tabs
+
+
+class SidebarPanel:
+    """Base of a panel in Rauca's tab of the sidebar; the subclass also derives from ``bpy.types.Panel``."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Rauca"
+    # The whole order of work shows at a glance: only the first step is open to begin with.
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
+    layout: bpy.types.UILayout
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        self.draw_inside(context, self.layout)
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        """The settings and buttons; names stand beside their settings."""
+        raise NotImplementedError
+
+
+class StepPanel(SidebarPanel):
+    """Base of a step's panel.
+
+    A subclass gives ``number``, ``bl_label``, ``bl_idname`` and ``step_state = staticmethod(state)``.
+    """
+
+    number: int
+
+    @staticmethod
+    def step_state(context: bpy.types.Context) -> State:
+        """Where the step stands; asked for at every redraw, so it must be quick."""
+        raise NotImplementedError
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.label(text=str(self.number), icon=ICONS[self.step_state(context).kind], translate=False)
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        paragraph(context, layout, self.step_state(context).words)
+        self.draw_step(context, layout)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        """The step's settings and buttons."""
+        raise NotImplementedError
+
+
+def paragraph(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
+    """Text broken into as many lines as the sidebar's width asks for; Blender's labels would cut it off."""
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region else 0
+    letters = max(24, int((width / scale - MARGINS_PX) / LETTER_PX))
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
+
+
+def angle(
+    name: str, tip: str, default_deg: float, low_deg: float, high_deg: float, *, update: Callable[..., Any]
+) -> bpy.props._PropertyDeferred:
+    """An angle, given in degrees; Blender keeps it in radians."""
+    low, high, default = (math.radians(x) for x in (low_deg, high_deg, default_deg))
+    return bpy.props.FloatProperty(
+        name=name,
+        translation_context=OWN_SENSE,
+        description=tip,
+        subtype="ANGLE",
+        default=default,
+        min=low,
+        max=high,
+        step=100,
+        update=update,
+    )
+
+
+class DrawnOver:
+    """What is drawn over every 3D view: ``draw`` is called at each redraw of one, with ``bpy.context`` set to it.
+
+    The handler belongs to the add-on, not to a file, and reads the open scene every time: loading and undo cannot lose
+    it.
+    """
+
+    def __init__(self, draw: Callable[[], None], when: str) -> None:
+        """``when``: POST_VIEW, in the scene's coordinates, or POST_PIXEL, in the region's pixels."""
+        self._draw, self._when = draw, when
+        self._handler: Any = None
+
+    def register(self) -> None:
+        if not bpy.app.background:  # without a window there is nothing to draw on
+            self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", self._when)
+
+    def unregister(self) -> None:
+        if self._handler is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handler, "WINDOW")
+        self._handler = None

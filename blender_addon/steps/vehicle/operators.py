@@ -1,0 +1,154 @@
+"""What the buttons of step 1 do, but unwrapping."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.app.translations import pgettext_rpt as rpt
+
+from ...core import contract
+from ...scene.mesh_edits import mark_faces, marked_faces, object_mode, require_writable, select_faces, selected_faces
+from ...scene.paint_layer import check_paint, polygons_of
+from ...scene.vehicle import add_shipped, shipped_names
+from ..operator import RaucaOperator, tooltip
+
+SPOKEN = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
+
+_items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
+
+
+def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    if not _items:
+        names = sorted(shipped_names(), key=lambda name: (name not in ("sedan", "hatchback", "suv", "van"), name))
+        _items.extend((name, SPOKEN.get(name, name.title()), "Add this vehicle to the scene") for name in names)
+    return _items
+
+
+class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
+
+    bl_idname = "rauca.add_vehicle"
+    bl_label = "Add Vehicle"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+    vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)  # type: ignore[valid-type]
+
+    def work(self, context: bpy.types.Context) -> str:
+        active = context.view_layer.objects.active
+        if active is not None and active.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        thing = add_shipped(context.scene, self.vehicle)
+        thing.location = context.scene.cursor.location
+        context.view_layer.update()
+        for other in context.view_layer.objects:
+            other.select_set(other == thing)
+        context.view_layer.objects.active = thing
+        settings = context.scene.rauca.vehicle
+        settings.origin, settings.object = "OBJECT", thing
+        settings.front, settings.paint, settings.material = "AUTO", "MATERIAL", None
+        return rpt("{name} added and chosen").format(name=thing.name)
+
+
+ACTIONS = [
+    ("ASSIGN", "Assign", "The selected faces are paint"),
+    ("REMOVE", "Remove", "The selected faces are not paint"),
+    ("SELECT", "Select", "Select the faces that are paint"),
+]
+
+
+class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Say by the selected faces what is paint"""
+
+    bl_idname = "rauca.mark_paint"
+    bl_label = "Mark Paint"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+    action: bpy.props.EnumProperty(name="Action", items=ACTIONS)  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_mark_paint) -> str:
+        return tooltip(ACTIONS, properties.action)
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        if context.mode != "EDIT_MESH":
+            return rpt("Select the vehicle and press Tab: faces are selected in edit mode")
+        return ""
+
+    def work(self, context: bpy.types.Context) -> str:
+        settings = context.scene.rauca.vehicle
+        parts = settings.required_objects(context)
+        edited = [thing for thing in context.objects_in_mode_unique_data if thing in parts]
+        if not edited:
+            raise contract.RaucaError("The object in edit mode is no part of the vehicle; pick it in step 1, Vehicle")
+        if self.action == "SELECT":
+            return self._select(context, edited)
+        for thing in edited:
+            require_writable(thing)
+        with object_mode(context):
+            if not any(selected_faces(thing.data).any() for thing in edited):
+                raise contract.RaucaError("No face is selected; select faces with 3 and a click or a box")
+            for thing in edited:
+                old, chosen = marked_faces(thing.data), selected_faces(thing.data)
+                mark_faces(thing.data, old | chosen if self.action == "ASSIGN" else old & ~chosen)
+            settings.paint = "FACES"
+            settings.count_marked(context)
+        return rpt("{count} faces are paint").format(count=settings.marked)
+
+    @staticmethod
+    def _select(context: bpy.types.Context, edited: list[bpy.types.Object]) -> str:
+        bpy.ops.object.mode_set(mode="OBJECT")
+        wanted = {thing: marked_faces(thing.data) for thing in edited}
+        select_faces(context, wanted)
+        return rpt("{count} faces selected").format(count=sum(int(faces.sum()) for faces in wanted.values()))
+
+
+KINDS = [
+    ("ALL", "All", "Check the UVs and select every faulty face"),
+    ("MISSING", "Missing", "Select the faces without a place in the texture"),
+    ("OUTSIDE", "Outside", "Select the faces that reach beyond the texture's border"),
+    ("OVERLAPPING", "Overlapping", "Select the faces that share a place in the texture with others"),
+    ("UNEVEN", "Uneven", "Select the faces whose pattern would be over twice as fine or as coarse as elsewhere"),
+]
+
+
+class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Check the UVs of the paint and select the faulty faces"""
+
+    bl_idname = "rauca.check_uvs"
+    bl_label = "Check"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
+    kind: bpy.props.EnumProperty(name="Faults", items=KINDS)  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_check_uvs) -> str:
+        return tooltip(KINDS, properties.kind)
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        if context.scene.rauca.vehicle.picked(context) is None:
+            return rpt("Pick the vehicle's object or collection first")
+        return ""
+
+    def work(self, context: bpy.types.Context) -> str:
+        settings = context.scene.rauca.vehicle
+        active = context.view_layer.objects.active
+        if active is not None and active.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        reading = settings.reading(context)
+        faults = check_paint(reading)
+        kinds = {name.lower(): getattr(faults, name.lower()) for name, *_ in KINDS[1:]}
+        for name, faces in kinds.items():
+            setattr(settings, name, int(faces.sum()))
+        settings.checked = True
+        every = np.logical_or.reduce(list(kinds.values()))
+        shown = every if self.kind == "ALL" else kinds[self.kind.lower()]
+        if not shown.any():
+            return "No faults found"
+        select_faces(context, polygons_of(reading, shown))
+        return rpt("{count} faulty triangles, selected in the viewport").format(count=int(shown.sum()))
+
+
+CLASSES = (
+    RAUCA_OT_add_vehicle,
+    RAUCA_OT_mark_paint,
+    RAUCA_OT_check_uvs,
+)

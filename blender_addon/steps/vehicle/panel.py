@@ -1,0 +1,125 @@
+"""Where the choice of a vehicle stands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface
+
+from ...translations import OWN_SENSE
+from ..panel import SidebarPanel, State, StepPanel, paragraph
+from .unwrap import unwrapping
+
+
+def state(context: bpy.types.Context) -> State:
+    """Quick: looks at the settings only."""
+    settings = context.scene.rauca.vehicle
+    if unwrapping():
+        return State("running", iface("The paint is being unwrapped"))
+    if settings.origin == "FILE":
+        if not settings.file:
+            return State("missing", iface("Choose a vehicle's file"))
+        return State("done", iface("{name}, from its file").format(name=Path(settings.file).name))
+    if settings.origin == "COLLECTION":
+        picked, hint = settings.collection, iface("Choose the collection of the vehicle's parts")
+    else:
+        picked, hint = settings.object, iface("Pick an object, or add one of the vehicles below")
+    if picked is None:
+        return State("missing", hint)
+    if settings.origin == "OBJECT" and picked.name not in context.scene.objects:
+        return State("missing", iface("{name} is no longer in this scene; pick another").format(name=picked.name))
+    if settings.paint == "FACES":
+        if not settings.marked:
+            return State("missing", iface("Select faces of {name} in edit mode and mark them").format(name=picked.name))
+        return State("done", iface("{name}, {count} faces are paint").format(name=picked.name, count=settings.marked))
+    return State("done", iface("{name} is the vehicle").format(name=picked.name))
+
+
+FAULTS = (  # setting, words
+    ("missing", "Without UVs: {count}"),
+    ("outside", "Outside: {count}"),
+    ("overlapping", "Overlapping: {count}"),
+    ("uneven", "Uneven: {count}"),
+)
+
+
+class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Choose the vehicle, or add one"""
+
+    bl_idname = "RAUCA_PT_vehicle"
+    bl_label = "Vehicle"
+    bl_options: ClassVar[set[str]] = set()
+    number = 1
+    step_state = staticmethod(state)
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
+        _choice(layout, settings, "origin")
+        layout.prop(settings, settings.origin.lower())
+        if settings.origin != "FILE":
+            layout.prop(settings, "front")
+        layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
+
+
+def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> None:
+    """Buttons side by side over the whole width; beside a label their words would be cut off."""
+    row = layout.row()
+    row.use_property_split = False
+    row.prop(settings, name, expand=True)
+
+
+class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Say which faces may be camouflaged"""
+
+    bl_idname = "RAUCA_PT_vehicle_paint"
+    bl_parent_id = "RAUCA_PT_vehicle"
+    bl_label = "Paint"
+    bl_translation_context = OWN_SENSE
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
+        if settings.origin == "FILE":
+            layout.prop(settings, "file_material")
+            layout.prop(settings, "file_mask")
+            return
+        _choice(layout, settings, "paint")
+        if settings.paint == "MATERIAL":
+            layout.prop(settings, "material")
+            return
+        row = layout.row(align=True)
+        for action in ("ASSIGN", "REMOVE", "SELECT"):
+            row.operator("rauca.mark_paint", text=action.capitalize()).action = action
+        if context.mode != "EDIT_MESH":
+            paragraph(context, layout, iface("Press Tab on the vehicle and select faces first"), "INFO")
+
+
+class RAUCA_PT_vehicle_uvs(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+    """Give the paint a UV map of its own, and check it"""
+
+    bl_idname = "RAUCA_PT_vehicle_uvs"
+    bl_parent_id = "RAUCA_PT_vehicle"
+    bl_label = "UV Map"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.rauca.vehicle.origin != "FILE")
+
+    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.rauca.vehicle
+        if unwrapping():
+            layout.label(text="Unwrapping; Esc stops it", icon="TIME")
+        row = layout.row(align=True)
+        row.operator("rauca.unwrap_paint", icon="UV")
+        row.operator("rauca.check_uvs", icon="CHECKMARK").kind = "ALL"
+        if not settings.checked:
+            return
+        found = [(name, getattr(settings, name), words) for name, words in FAULTS]
+        for name, count, words in found:
+            if count:
+                line = layout.split(factor=0.72)
+                line.label(text=iface(words).format(count=count), icon="ERROR", translate=False)
+                line.operator("rauca.check_uvs", text="Select").kind = name.upper()
+        if not any(count for _, count, _ in found):
+            layout.label(text="No faults found", icon="CHECKMARK")

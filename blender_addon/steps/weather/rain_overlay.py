@@ -1,0 +1,66 @@
+"""Falling rain drawn over the viewport while a rainy weather is shown."""
+
+from __future__ import annotations
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ...core import contract
+from ...scene.shown_weather import rain_picture
+from ..panel import DrawnOver
+
+WIDTH_STEP_PX = 64  # a viewport that is dragged wider gets a new picture only so often
+
+_drawn: dict[tuple[object, ...], gpu.types.GPUTexture] = {}
+
+
+def falling(context: bpy.types.Context) -> contract.Weather | None:
+    """The rainy weather that this viewport shows; None if it shows none."""
+    settings, space = context.scene.rauca.weather, context.space_data
+    if not settings.shown.on or settings.rain == 0.0 or space is None or space.type != "VIEW_3D":
+        return None
+    if space.shading.type not in {"MATERIAL", "RENDERED"} or not space.overlay.show_overlays:
+        return None
+    return settings.current()
+
+
+def _draw() -> None:
+    context = bpy.context
+    weather = falling(context)
+    if weather is None:
+        return
+    region = context.region
+    texture = _texture(weather, -(-region.width // WIDTH_STEP_PX) * WIDTH_STEP_PX / max(region.height, 1))
+    right, top = float(region.width), float(region.height)
+    corners = ((0.0, 0.0), (right, 0.0), (0.0, top), (right, top))
+    shader = gpu.shader.from_builtin("IMAGE")
+    # Row 0 of the picture is at the top, of a texture at the bottom.
+    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "texCoord": ((0, 1), (1, 1), (0, 0), (1, 0))})
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_sampler("image", texture)
+    batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _texture(weather: contract.Weather, aspect: float) -> gpu.types.GPUTexture:
+    key = (weather.precipitation, weather.wind_intensity, weather.sun_altitude_angle, round(aspect, 2))
+    if key not in _drawn:
+        _drawn.clear()
+        picture = rain_picture(weather, aspect)
+        assert picture is not None  # it rains
+        height, width, _ = picture.shape
+        pixels = gpu.types.Buffer("FLOAT", picture.size, np.ascontiguousarray(picture).ravel())
+        _drawn[key] = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
+    return _drawn[key]
+
+
+_rain = DrawnOver(_draw, "POST_PIXEL")
+register = _rain.register
+
+
+def unregister() -> None:
+    _rain.unregister()
+    _drawn.clear()

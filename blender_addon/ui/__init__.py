@@ -1,1 +1,0 @@
-"""Panels and properties; no scene logic in here."""
