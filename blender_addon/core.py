@@ -1,7 +1,7 @@
-"""The contract and the geometry room, wherever they lie.
+"""What the add-on has of the core, wherever it lies: the contract, the geometry, and of the runtime what needs no torch.
 
-The built extension carries a copy of both inside itself; a checkout or an installed wheel has them in its own package.
-Every module of the add-on imports them from here.
+The built extension carries a copy inside itself; a checkout or an installed wheel has it in a package of its own. Every
+module of the add-on imports from here.
 """
 
 from __future__ import annotations
@@ -18,17 +18,21 @@ try:
         semantics,
     )
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
+    from .rauca_core.runtime import child_process, folder_lock  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
 except ImportError:
     from rauca_core import contract, geometry
     from rauca_core.contract import assets, color, files, reading, schema, seeding, semantics
     from rauca_core.geometry import bake
+    from rauca_core.runtime import child_process, folder_lock
 
 __all__ = [
     "assets",
     "bake",
+    "child_process",
     "color",
     "contract",
     "files",
+    "folder_lock",
     "geometry",
     "reading",
     "schema",

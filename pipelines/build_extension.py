@@ -12,7 +12,10 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-CARRIED = ("__init__.py", "version.py", "contract", "geometry")  # of rauca_core; the rest needs torch
+CARRIED = (  # of rauca_core; the rest needs torch
+    *("__init__.py", "version.py", "contract", "geometry"),
+    *("runtime/__init__.py", "runtime/child_process.py", "runtime/folder_lock.py"),
+)
 UNUSED = ("detectors", "environment", "ablations", "paper")  # assets of the rooms that are not carried
 
 
@@ -48,7 +51,7 @@ def gather(source: Path) -> None:
     shutil.copytree(ROOT / "assets", source / "assets", ignore=skip)
     for name in CARRIED:
         origin, target = ROOT / "rauca_core" / name, source / "rauca_core" / name
-        target.parent.mkdir(exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         if origin.is_dir():
             shutil.copytree(origin, target, ignore=skip)
         else:

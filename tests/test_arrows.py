@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from pipelines.build_extension import CARRIED
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 HOUSE = ("rauca_core", "blender_addon", "pipelines", "benchmarks")
 FLOW = ("contract", "geometry", "render", "environment", "detect", "training", "attack", "study", "report")
@@ -157,9 +159,11 @@ def test_the_core_knows_nothing_of_blender_nor_of_its_callers():
     assert not [m for m in reached("rauca_core") if m.startswith(HOUSE[1:])]
 
 
-def test_the_add_on_needs_blender_and_two_rooms():
-    beside = {room(m) for m in reached("blender_addon") if m.startswith("rauca_core.")}
-    assert beside == {"contract", "geometry"}
+def test_the_add_on_needs_blender_and_no_torch():
+    beside = {m for m in reached("blender_addon") if m.startswith("rauca_core.")}
+    assert {room(m) for m in beside} - {"version"} == {"contract", "geometry", "runtime"}
+    carried = {f"rauca_core.{name.removesuffix('.py').replace('/', '.')}" for name in CARRIED}
+    assert {m for m in beside if room(m) == "runtime"} <= carried | {"rauca_core.runtime"}
     assert not [m for m in reached("blender_addon") if m.startswith(("pipelines", "benchmarks"))]
     others = {m for m in reached("blender_addon") if not m.startswith(HOUSE)} - set(sys.stdlib_module_names)
     assert others - BLENDER == {"numpy", "xatlas", "_cycles"}  # xatlas only where a checkout unwraps a mesh

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract
+from ..core import child_process, contract
 from .endings import Ending, ending
-from .process import BackgroundProcess
 
 Phase = Literal["starting", "running", "pausing", "paused", "stopping", "done", "stopped", "failed"]
 NEWS_PER_TICK = 200
@@ -86,6 +86,7 @@ class Job:
         self.history: dict[str, list[float]] = {}
         self.pictures: dict[str, NDArray[np.uint8]] = {}
         self.ending: Ending | None = None
+        self._news: SimpleQueue[Told] = SimpleQueue()
         self._begin()
 
     @property
@@ -107,13 +108,14 @@ class Job:
         if not self.alive or self.phase == "paused":
             return False
         code = self._process.code()  # first: what was said before the end is heard below
-        news = [told for told in self._process.news(NEWS_PER_TICK) if isinstance(told, Told)]
-        for told in news:
-            self._take(told)
-        if code is not None and len(news) < NEWS_PER_TICK:
+        taken = 0
+        while taken < NEWS_PER_TICK and not self._news.empty():
+            self._take(self._news.get())
+            taken += 1
+        if code is not None and taken < NEWS_PER_TICK:
             self._end(code)
             return True
-        return bool(news)
+        return taken > 0
 
     def pause(self) -> None:
         """Let the child finish what it has in hand, then wait for :meth:`go_on`."""
@@ -143,11 +145,17 @@ class Job:
     def _begin(self) -> None:
         command = self.task.command()
         try:
-            self._process = BackgroundProcess(command, self.task.hear)
+            self._process = child_process.ChildProcess(command)
         except OSError as error:
             self.task.clean()
             raise contract.RaucaError(f"{command[0]}: cannot be started ({error.strerror}); choose another") from None
+        self._process.listen(self._hear)
         self.phase, self.left_s = "starting", None
+
+    def _hear(self, line: str) -> None:
+        """In a thread of its own."""
+        if (told := self.task.hear(line)) is not None:
+            self._news.put(told)
 
     def _take(self, told: Told) -> None:
         if told.note and told.note not in self.notes:

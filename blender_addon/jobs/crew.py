@@ -5,16 +5,11 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import threading
-from collections import deque
 from collections.abc import Sequence
 from queue import SimpleQueue
 
-from ..core import contract
+from ..core import child_process, contract
 from .worker import STOP, News, parse_news
-
-TAIL_LINES = 40
 
 
 class Worker:
@@ -32,19 +27,9 @@ class Worker:
         self.in_flight: str | None = None
         self.rendered = 0
         self._garbled = ""
-        self._complaints: deque[str] = deque(maxlen=TAIL_LINES)
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            errors="replace",
-            start_new_session=True,  # Ctrl-C reaches the supervisor alone, which lets the frame in flight finish
-        )
-        self._complaining = threading.Thread(target=self._collect_complaints, daemon=True)
-        self._complaining.start()
-        threading.Thread(target=self._pass_on, args=(inbox,), daemon=True).start()
+        self._inbox = inbox
+        self._process = child_process.ChildProcess(command)
+        self._process.listen(self._hear, lambda: inbox.put((self, None)))
 
     @property
     def pid(self) -> int:
@@ -73,7 +58,7 @@ class Worker:
         """The sentence of a worker that ended because of something only the user can mend."""
         if self._process.wait() != 2:
             return None
-        marked = (line for line in reversed(self._complaints) if line.startswith("error: "))
+        marked = (line for line in reversed(self._process.complaints()) if line.startswith("error: "))
         return next((line.removeprefix("error: ") for line in marked), None)
 
     def death(self) -> str:
@@ -84,33 +69,18 @@ class Worker:
         if code < 0:
             name = signal.Signals(-code).name
             return f"Blender was killed by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
-        return f"Blender stopped with code {code}: {next(reversed(self._complaints), 'no message')}"
+        return f"Blender stopped with code {code}: {next(reversed(self._process.complaints()), 'no message')}"
 
     def _order(self, order: object) -> None:
-        stdin = self._process.stdin
-        assert stdin is not None
-        try:
-            stdin.write(json.dumps(order) + "\n")
-            stdin.flush()
-        except (BrokenPipeError, ValueError):
-            pass  # it is dead; its end arrives in the inbox
+        self._process.order(json.dumps(order))  # of one that is dead the end arrives in the inbox
 
-    def _pass_on(self, inbox: SimpleQueue[tuple[Worker, News | None]]) -> None:
+    def _hear(self, line: str) -> None:
         try:
-            for line in self._process.stdout or ():
-                if news := parse_news(line):
-                    inbox.put((self, news))
+            if not self._garbled and (news := parse_news(line)):
+                self._inbox.put((self, news))
         except contract.RaucaError as error:  # whatever it says from here on, something is lost: replace it
             self._garbled = str(error)
             self.kill()
-        self._complaining.join(timeout=5)
-        self._process.wait()
-        inbox.put((self, None))
-
-    def _collect_complaints(self) -> None:
-        for line in self._process.stderr or ():
-            if line.strip():
-                self._complaints.append(line.strip())
 
 
 def own_threads(workers: int) -> int:

@@ -12,15 +12,15 @@ import bpy
 
 from .. import devices
 from ..child import child_command
-from ..core import contract, files
+from ..core import contract, files, folder_lock
 from ..folders import scratch_folder, sweep_scratch
 from ..scene.images import read_image_blender
 from ..vehicles import find_vehicle
 from .crew import own_threads
-from .lock import FolderLock, hold_cameras
 from .supervisor import Crew, Listener, Supervisor
 from .worker import News, serve, tell
 
+PATIENCE_S = 5.0  # another shard that looks around holds all cameras for an instant
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
 
 
@@ -106,18 +106,18 @@ class _Run:
     def finish(self) -> dict[str, str]:
         """Render what is missing; returns the shard's quarantined frames with their reasons."""
         out, shard, plan = self.job.out, self.job.shard, self.job.plan
-        with hold_cameras(out, shard, contract.cameras_of(plan, shard)) as lock:
-            lock.sweep()
+        with hold_cameras(out, plan, shard) as held:
+            sweep(out, held)
             if (out / "dataset.json").is_file():
-                self._claim(lock)  # a vehicle removed as damaged comes back where no frame is missing, too
+                self._claim(held)  # a vehicle removed as damaged comes back where no frame is missing, too
             wanted, left_out = self._survey()
             files.require_space(out, plan.size**2 * BYTES_PER_PIXEL * len(wanted))
             listener = Listener(self.progress, _note)
-            supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(lock))
+            supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(held))
             try:
                 supervisor.run(self._pieces(wanted), len(self._asked) - len(wanted))
             finally:
-                lock.sweep()
+                sweep(out, held)
             return left_out | supervisor.quarantined
 
     @cached_property
@@ -156,9 +156,9 @@ class _Run:
         contract.save_job(self.order, order)
         return Crew(child_command(self.order), job.workers, job.recycle)
 
-    def _claim(self, lock: FolderLock) -> None:
+    def _claim(self, held: folder_lock.HeldRange) -> None:
         """Write vehicle and plan where they are missing; the first time, once a worker could build the scene."""
-        with lock.claiming():
+        with held.shared_writing():
             # Without a plan, nothing says that a vehicle which lies there is the one that is rendered.
             if not all((self.job.out / name).is_file() for name in ("dataset.json", "vehicle/vehicle.json")):
                 self.vehicle.save(self.job.out / "vehicle")
@@ -166,6 +166,29 @@ class _Run:
                 _require_same(self.job.out, self.vehicle)
             contract.claim_folder(self.job.out, self.job.plan)
             contract.seal_dataset(self.job.out)
+
+
+@contextlib.contextmanager
+def hold_cameras(out: Path, plan: contract.Plan, shard: contract.Shard) -> Iterator[folder_lock.HeldRange]:
+    """Lock a shard's cameras: shards that do not overlap may share a folder, anything else is refused.
+
+    Raises:
+        RaucaError: another process renders some of them; the message names it.
+    """
+    label = f"shard {shard}" if shard.count > 1 else ""
+    refusal = "is being rendered by {who}; wait for it, stop it, or take a shard that does not overlap"
+    cameras = contract.cameras_of(plan, shard)
+    with folder_lock.hold_range(out, *cameras, label, refusal, patience_s=PATIENCE_S) as held:
+        yield held
+
+
+def sweep(out: Path, held: folder_lock.HeldRange) -> None:
+    """Remove what killed jobs left half-written, unless another shard is at work and may be writing it."""
+    with held.nobody_else() as alone:
+        if alone:
+            with held.shared_writing():  # a shard that has no camera to lock may be writing the vehicle
+                files.sweep_partials(out)
+            files.sweep_partials(out / "frames")
 
 
 @contextlib.contextmanager

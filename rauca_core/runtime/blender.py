@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-import os
 import signal
-import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 
 from ..contract import Job, Progress, RaucaError, parse_progress, save_job
+from .child_process import ChildProcess
 
 LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
 
@@ -62,38 +61,20 @@ def run_blender(job: Job, progress: Callable[[Progress], None], blender: Path | 
 
 
 def _run(task: str, command: Sequence[str], progress: Callable[[Progress], None]) -> None:
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,  # Ctrl-C reaches us alone; we pass it on once, below
-    )
-    complaints: list[str] = []
-    listener = threading.Thread(target=lambda: complaints.extend(process.stderr or ()), daemon=True)
-    listener.start()
+    lines: SimpleQueue[str | None] = SimpleQueue()
+    child = ChildProcess(command)
+    child.listen(lines.put, lambda: lines.put(None))
     try:
-        for line in process.stdout or ():
+        while (line := lines.get()) is not None:
             if news := parse_progress(line):
                 progress(news)
             elif line.startswith("note: "):
-                LOG.warning(line.rstrip())
-        process.wait()
+                LOG.warning(line)
     except BaseException:
-        _stop(process)
+        child.end()
         raise
-    listener.join(timeout=5)
-    if process.returncode:
-        raise RaucaError(reason_of(task, process.returncode, complaints))
-
-
-def _stop(process: subprocess.Popen[str]) -> None:
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGTERM)
-        try:
-            process.wait(timeout=30)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
+    if code := child.wait():
+        raise RaucaError(reason_of(task, code, child.complaints()))
 
 
 def reason_of(task: str, code: int, complaints: Sequence[str], program: str = "Blender") -> str:

@@ -73,8 +73,8 @@ def test_bake_writes_packs_and_shows(bake, tmp_path):
 
 def test_the_round_trip_is_seen_alike_on_a_car(bake, tmp_path):
     from benchmarks.bake_round_trip import daylight, look_around, round_trip
-    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
     from blender_addon.scene.vehicle import load_shipped
+    from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 
     texels = np.random.default_rng(1).random((16, 16, 3)).repeat(16, axis=0).repeat(16, axis=1) * 255
     a_camouflage(tmp_path, texels.astype(np.uint8), load_shipped("sedan").atlas_id, "sedan")

@@ -239,29 +239,30 @@ def test_shards_at_the_same_time_make_the_whole(whole, tmp_path):
     assert sorted(path.name for path in folder.glob("ledger*")) == ["ledger-1of2.jsonl", "ledger-2of2.jsonl"]
 
 
-def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
-    from blender_addon.jobs import lock as lock_file
-    from blender_addon.jobs.lock import hold_cameras
+def test_a_lock_outlives_no_process_and_names_its_holder(whole, tmp_path, monkeypatch):
+    from blender_addon.jobs import dataset_job
+    from blender_addon.jobs.dataset_job import hold_cameras, sweep
 
     code = (
-        "import sys; from pathlib import Path; from rauca_core.contract import Shard\n"
-        "from blender_addon.jobs.lock import hold_cameras\n"
-        "with hold_cameras(Path(sys.argv[1]), Shard(1, 2), (0, 1)): print('held', flush=True); sys.stdin.read()"
+        "import sys; from pathlib import Path; from rauca_core.contract import Shard, read_plan\n"
+        "from blender_addon.jobs.dataset_job import hold_cameras\n"
+        "with hold_cameras(Path(sys.argv[1]), read_plan(Path(sys.argv[2])), Shard(1, 2)): print('held', flush=True); sys.stdin.read()"
     )
     folder = tmp_path / "set"
-    command = [sys.executable, "-c", code, str(folder)]
+    plan = read_plan(whole)
+    command = [sys.executable, "-c", code, str(folder), str(whole)]
     other = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert other.stdout.readline() == "held\n"
-    with hold_cameras(folder, Shard(2, 2), (1, 2)) as lock:
+    with hold_cameras(folder, plan, Shard(2, 2)) as lock:
         (folder / "frames").mkdir()
         (folder / "frames" / ".partial-of-a-neighbor").mkdir()
         (folder / ".partial-plan").write_text("{")
-        lock.sweep()
+        sweep(folder, lock)
         assert list((folder / "frames").iterdir())  # it may still be written
         assert (folder / ".partial-plan").is_file()
     with (
         pytest.raises(RaucaError, match=rf"process {other.pid} on .*\(shard 1/2\)"),
-        hold_cameras(folder, Shard(), (0, 2)),
+        hold_cameras(folder, plan, Shard()),
     ):
         pass
     code, complaint = finish(start(folder))
@@ -269,17 +270,17 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
     assert f"is being rendered by process {other.pid} on {socket.gethostname()} (shard 1/2)" in complaint
     vast = '{"first": 0, "end": 1e30, "shard": "1/1", "pid": 1, "host": "x"}'
     (folder / ".lock").write_text(f"{'[' * 5000}\n{vast}\n{vast.replace('1e30', '1' * 40)}\n3\n")
-    monkeypatch.setattr(lock_file, "PATIENCE_S", 0.2)  # real patience was tried above
-    with pytest.raises(RaucaError, match="rendered by another process"), hold_cameras(folder, Shard(), (0, 2)):
+    monkeypatch.setattr(dataset_job, "PATIENCE_S", 0.2)  # real patience was tried above
+    with pytest.raises(RaucaError, match="rendered by another process"), hold_cameras(folder, plan, Shard()):
         pass
     other.kill()
     other.wait()
-    with hold_cameras(folder, Shard(), (0, 2)) as lock:
-        lock.sweep()
+    with hold_cameras(folder, plan, Shard()) as lock:
+        sweep(folder, lock)
         assert not list((folder / "frames").iterdir())
         assert [path.name for path in folder.iterdir() if path.name != ".lock"] == ["frames"]
     (folder / "frames").rmdir()
-    with hold_cameras(folder, Shard(), (0, 2)):
+    with hold_cameras(folder, plan, Shard()):
         pass
     assert not folder.exists()  # an empty folder is not left behind
 
@@ -288,12 +289,12 @@ def test_a_lock_outlives_no_process_and_names_its_holder(tmp_path, monkeypatch):
     for place in (mine, mine / "set"):
         with (
             pytest.raises(RaucaError, match=f"{mine}.*: is a file; choose another"),
-            hold_cameras(place, Shard(), (0, 2)),
+            hold_cameras(place, plan, Shard()),
         ):
             pass
     folder.mkdir()
     (folder / ".lock").symlink_to(mine)
-    with pytest.raises(RaucaError, match="is no file of this folder"), hold_cameras(folder, Shard(), (0, 2)):
+    with pytest.raises(RaucaError, match="is no file of this folder"), hold_cameras(folder, plan, Shard()):
         pass
     assert mine.read_text() == "precious"
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from ...core import contract
 from ...scene.camera import look
-from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ...scene.rendered import rendered
 from ...scene.ring import Viewpoint, viewpoint
+from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ..panel import angle
 
 _known: dict[str, tuple[tuple[object, ...], Anchor]] = {}

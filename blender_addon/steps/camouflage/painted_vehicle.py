@@ -9,9 +9,8 @@ from bpy.app.translations import pgettext_rpt as rpt
 
 from ...core import contract
 from ...scene.coating import Coat
-from ...scene.vehicle import NAME_KEY, add_shipped, load_shipped, shipped_names
 from ...scene.mesh_edits import Surface
-from ...scene.vehicle import SceneVehicle
+from ...scene.vehicle import NAME_KEY, SceneVehicle, add_shipped, load_shipped, shipped_names
 
 ATLAS_KEY = "rauca_placed_atlas"  # custom property of an object placed for a vehicle that is a file
 

@@ -9,10 +9,9 @@ import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
 from ...child import child_command
-from ...core import contract
+from ...core import child_process, contract
 from ...folders import job_folder
 from ...jobs.endings import ending
-from ...jobs.process import BackgroundProcess
 from ...scene.images import read_image_blender
 from ...scene.mesh_edits import object_mode
 from ...scene.paint_layer import to_unwrap, write_unwrapped
@@ -31,7 +30,8 @@ class UnwrapChild:
             vehicle.save(self._folder / "before")
             job = self._folder / "job.json"
             contract.save_job(job, contract.UnwrapVehicle(self._folder / "before", self._folder / "after"))
-            self._process = BackgroundProcess(child_command(job), lambda line: None)
+            self._process = child_process.ChildProcess(child_command(job))
+            self._process.listen(lambda line: None)
         except (OSError, contract.RaucaError) as error:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise contract.RaucaError(f"Unwrapping cannot start: {error}") from None
