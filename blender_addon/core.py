@@ -1,4 +1,4 @@
-"""What the add-on has of the core, wherever it lies: the contract, the geometry, and of the runtime what needs no torch.
+"""What the add-on has of the core, wherever it lies: contract, geometry, and the part of the runtime without torch.
 
 The built extension carries a copy inside itself; a checkout or an installed wheel has it in a package of its own. Every
 module of the add-on imports from here.

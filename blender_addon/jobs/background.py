@@ -24,7 +24,7 @@ NEWS_PER_TICK = 200
 
 
 @dataclass(frozen=True)
-class Told:
+class JobUpdate:
     """What a line of a child tells.
 
     Attributes:
@@ -53,7 +53,7 @@ class Task(Protocol):
     def command(self) -> list[str]:
         """Starts a child, or starts it again where an earlier one stopped."""
 
-    def hear(self, line: str) -> Told | None:
+    def hear(self, line: str) -> JobUpdate | None:
         """What a line of the child tells; called in a thread, no Blender in here."""
 
     def clean(self) -> None:
@@ -86,7 +86,7 @@ class Job:
         self.history: dict[str, list[float]] = {}
         self.pictures: dict[str, NDArray[np.uint8]] = {}
         self.ending: Ending | None = None
-        self._news: SimpleQueue[Told] = SimpleQueue()
+        self._news: SimpleQueue[JobUpdate] = SimpleQueue()
         self._begin()
 
     @property
@@ -157,7 +157,7 @@ class Job:
         if (told := self.task.hear(line)) is not None:
             self._news.put(told)
 
-    def _take(self, told: Told) -> None:
+    def _take(self, told: JobUpdate) -> None:
         if told.note and told.note not in self.notes:
             self.notes.append(told.note)
         if told.done is not None and told.total is not None:

@@ -17,7 +17,7 @@ from ..child import child_command
 from ..core import contract
 from ..folders import chosen_folder, job_folder, refuse_foreign
 from ..jobs import pictures, watch
-from ..jobs.background import Told
+from ..jobs.background import JobUpdate
 from ..jobs.thumbnails import thumbnail
 from .cameras import timing
 from .job_panel import draw_job, draw_open_folder, job_state
@@ -183,9 +183,9 @@ class DatasetTask:
     def command(self) -> list[str]:
         return list(self.start)
 
-    def hear(self, line: str) -> Told | None:
+    def hear(self, line: str) -> JobUpdate | None:
         if line.startswith("note: "):
-            return Told(note=line.removeprefix("note: "))
+            return JobUpdate(note=line.removeprefix("note: "))
         try:
             progress = contract.parse_progress(line)
         except (ValueError, TypeError):  # a line that the child's end cut off
@@ -194,7 +194,7 @@ class DatasetTask:
             return None
         picture = thumbnail(self.folder / "frames" / progress.last / "image.png") if progress.last else None
         pictures = {} if picture is None else {"frame": picture}
-        return Told(progress.done, progress.total, progress.left_s, pictures=pictures)
+        return JobUpdate(progress.done, progress.total, progress.left_s, pictures=pictures)
 
     def clean(self) -> None:
         shutil.rmtree(self.scratch, ignore_errors=True)

@@ -70,7 +70,7 @@ def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
     row.operator("rauca.stop_job", text=text, icon="CANCEL").job = name
 
 
-class _SteerJob(RaucaOperator):
+class _JobOperator(RaucaOperator):
     """Base of an operator on a job under way."""
 
     job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
@@ -84,7 +84,7 @@ class _SteerJob(RaucaOperator):
         raise NotImplementedError
 
 
-class RAUCA_OT_pause_job(_SteerJob, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_pause_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
     """Finish what is in hand, then leave the machine alone until you go on; nothing is lost"""
 
     bl_idname = "rauca.pause_job"
@@ -96,7 +96,7 @@ class RAUCA_OT_pause_job(_SteerJob, bpy.types.Operator):  # noqa: N801 - Blender
         job.pause()
 
 
-class RAUCA_OT_continue_job(_SteerJob, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_continue_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
     """Go on where the job was paused, with the settings it was started with"""
 
     bl_idname = "rauca.continue_job"
@@ -108,7 +108,7 @@ class RAUCA_OT_continue_job(_SteerJob, bpy.types.Operator):  # noqa: N801 - Blen
         job.go_on()
 
 
-class RAUCA_OT_stop_job(_SteerJob, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_stop_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
     """End the job; what is finished is kept. Press again to end it without waiting for what is in hand"""
 
     bl_idname = "rauca.stop_job"

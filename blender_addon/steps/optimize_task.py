@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract, schema
-from ..jobs.background import Told
+from ..jobs.background import JobUpdate
 from ..jobs.thumbnails import thumbnail
 
 CHECKPOINT = Path("checkpoints") / "checkpoint.json"
@@ -36,7 +36,7 @@ class OptimizeTask:
     def command(self) -> list[str]:
         return [*self.start, "--resume"] if begun(self.folder) else list(self.start)
 
-    def hear(self, line: str) -> Told | None:
+    def hear(self, line: str) -> JobUpdate | None:
         progress = contract.parse_optimize_progress(line)
         if progress is None:
             return None
@@ -44,7 +44,7 @@ class OptimizeTask:
         self._told_history = True
         figures.append({name: getattr(progress, name) for name in FIGURES})
         pictures = self._renewed(Path(progress.preview))
-        return Told(progress.step, progress.of, progress.left_s, figures=figures, pictures=pictures)
+        return JobUpdate(progress.step, progress.of, progress.left_s, figures=figures, pictures=pictures)
 
     def clean(self) -> None:
         pass

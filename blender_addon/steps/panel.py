@@ -109,7 +109,7 @@ def angle(
     )
 
 
-class DrawnOver:
+class ViewportOverlay:
     """What is drawn over every 3D view: ``draw`` is called at each redraw of one, with ``bpy.context`` set to it.
 
     The handler belongs to the add-on, not to a file, and reads the open scene every time: loading and undo cannot lose

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..jobs.background import Told
+from ..jobs.background import JobUpdate
 
 MARK = "rauca-python "
 OLDEST = (3, 11)
@@ -78,11 +78,11 @@ class CheckTask:
     def command(self) -> list[str]:
         return [str(self.python), "-c", PROBE]
 
-    def hear(self, line: str) -> Told | None:
+    def hear(self, line: str) -> JobUpdate | None:
         if not line.startswith(MARK):
             return None
         self.found = json.loads(line.removeprefix(MARK))
-        return Told()
+        return JobUpdate()
 
     def clean(self) -> None:
         pass

@@ -1,4 +1,4 @@
-"""A child process whose lines are heard by threads, so that nobody waits for it. Without torch: the extension has it."""
+"""A child process whose lines are heard by threads, so that nobody waits for it. No torch: the extension carries it."""
 
 from __future__ import annotations
 

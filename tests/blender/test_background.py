@@ -16,7 +16,7 @@ from PIL import Image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.jobs.background import Job, Told
+from blender_addon.jobs.background import Job, JobUpdate
 from blender_addon.jobs.endings import IN_THE_WINDOW, ending
 from blender_addon.jobs.thumbnails import COLOR, MARGIN, SIDE, curve, thumbnail
 from blender_addon.steps.optimize_task import earlier
@@ -54,9 +54,9 @@ class Script:
         self.starts += 1
         return [sys.executable, "-c", self.code]
 
-    def hear(self, line: str) -> Told | None:
+    def hear(self, line: str) -> JobUpdate | None:
         progress = parse_progress(line)
-        return Told(progress.done, progress.total, progress.left_s) if progress else Told(note=line)
+        return JobUpdate(progress.done, progress.total, progress.left_s) if progress else JobUpdate(note=line)
 
     def clean(self) -> None:
         self.cleaned += 1

@@ -218,9 +218,7 @@ def an_evaluation(folder, box_frame: Camera) -> None:
 
 
 def test_boxes_of_the_evaluated_view(rauca, tmp_path):
-    from blender_addon.steps.camouflage import detection_overlay as boxes
     from blender_addon.steps.camouflage import panel
-    from blender_addon.steps.camouflage import shown_evaluation as sights
 
     camera = Camera.look_at(np.array([9.0, 4.0, 3.0]), np.array([0, 0, 0.7]), 40.0, 64, 64)
     an_evaluation(tmp_path, camera)
@@ -228,26 +226,26 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     scene = bpy.context.scene
     assert rauca.camouflage.study == str(tmp_path)
     assert panel._missing(bpy.context) in ("Reading the evaluation …", "")
-    views = sights.load_now(rauca.camouflage.study)
+    views = shown_evaluation.load_now(rauca.camouflage.study)
     assert panel._missing(bpy.context) == ""
-    assert sights.same_view(scene, views) == []
+    assert shown_evaluation.same_view(scene, views) == []
     assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
-    seen = sights.same_view(scene, views)
-    assert [sight.weather for sight in seen] == ["clear", "fog"]
-    assert boxes.shown_detections(scene, seen[0]) == []  # the camouflage works
+    seen = shown_evaluation.same_view(scene, views)
+    assert [evaluated.weather for evaluated in seen] == ["clear", "fog"]
+    assert detection_overlay.shown_detections(scene, seen[0]) == []  # the camouflage works
     bpy.ops.rauca.show_paint(which="ORIGINAL")
-    ((detector, found),) = boxes.shown_detections(scene, seen[0])
+    ((detector, found),) = detection_overlay.shown_detections(scene, seen[0])
     assert (detector, found.box, found.score, found.name) == ("eye", (10, 20, 50, 60), 0.9, "car")
     bpy.ops.rauca.evaluated_view(step="WEATHER")
     assert rauca.camouflage.frame == "L00-V000-fog"
     box.location.x += 3.0  # the vehicle moves, and the view with it
     bpy.context.view_layer.update()
-    assert sights.same_view(scene, views) == []
+    assert shown_evaluation.same_view(scene, views) == []
     bpy.ops.rauca.evaluated_view(step="NEAREST")
-    assert len(sights.same_view(scene, views)) == 2
+    assert len(shown_evaluation.same_view(scene, views)) == 2
     scene.camera.location.z += 1.0
     bpy.context.view_layer.update()
-    assert sights.same_view(scene, views) == []
+    assert shown_evaluation.same_view(scene, views) == []
 
 
 def test_no_evaluation_is_told_in_words(rauca, tmp_path):

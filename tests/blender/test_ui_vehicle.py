@@ -337,17 +337,17 @@ def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
 def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
     import sys
 
-    from blender_addon.steps.vehicle import unwrap as unwrap_paint
+    from blender_addon.steps.vehicle import unwrap
 
     told = []
     monkeypatch.setitem(sys.modules, "xatlas", None)
-    write = unwrap_paint.write_unwrapped
-    monkeypatch.setattr(unwrap_paint, "write_unwrapped", lambda *given: told.append(given) or write(*given))
+    write = unwrap.write_unwrapped
+    monkeypatch.setattr(unwrap, "write_unwrapped", lambda *given: told.append(given) or write(*given))
     a_box()
     assert bpy.ops.rauca.unwrap_paint() == {"FINISHED"}
     assert uv_layers("Box") == ["UVMap", "rauca"]
     assert atlas_report(vehicle.chosen(bpy.context)).overlap == 0
-    assert "Smart UV Project" in unwrap_paint.unwrapped(told[0][1])[1]
+    assert "Smart UV Project" in unwrap.unwrapped(told[0][1])[1]
 
 
 def test_the_child_process_unwraps_as_the_window_asks(vehicle):

@@ -41,12 +41,12 @@ def settings_of(scene) -> dict[str, object]:
 
 
 def test_every_shipped_list_is_on_offer_and_every_weather_has_a_picture(addon):
-    from blender_addon.steps.weather import gallery as lists
+    from blender_addon.steps.weather import gallery
 
     names = {path.stem for path in (assets_folder() / "weathers").glob("*.json")}
-    assert {name for name, *_ in lists.SHIPPED} == names
+    assert {name for name, *_ in gallery.SHIPPED} == names
     for name in names:
-        for weather in lists.shipped(name):
+        for weather in gallery.shipped(name):
             assert (assets_folder() / "weathers" / "pictures" / f"{weather.name}.jpg").is_file(), weather.name
 
 
@@ -183,10 +183,10 @@ def test_the_gallery_picks_by_name(weather):
 
 
 def test_the_job_gets_the_list_or_the_sliders(addon, weather):
-    from blender_addon.steps.weather import gallery as lists
+    from blender_addon.steps.weather import gallery
 
     weather.preset = "unseen"
-    assert weather.chosen() == (lists.shipped("unseen"), ())
+    assert weather.chosen() == (gallery.shipped("unseen"), ())
     weather.used = "ONE"
     weather.rain = 12.5
     (only,) = weather.chosen()[0]

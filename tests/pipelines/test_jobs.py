@@ -246,7 +246,8 @@ def test_a_lock_outlives_no_process_and_names_its_holder(whole, tmp_path, monkey
     code = (
         "import sys; from pathlib import Path; from rauca_core.contract import Shard, read_plan\n"
         "from blender_addon.jobs.dataset_job import hold_cameras\n"
-        "with hold_cameras(Path(sys.argv[1]), read_plan(Path(sys.argv[2])), Shard(1, 2)): print('held', flush=True); sys.stdin.read()"
+        "with hold_cameras(Path(sys.argv[1]), read_plan(Path(sys.argv[2])), Shard(1, 2)):\n"
+        "    print('held', flush=True); sys.stdin.read()"
     )
     folder = tmp_path / "set"
     plan = read_plan(whole)
@@ -300,20 +301,20 @@ def test_a_lock_outlives_no_process_and_names_its_holder(whole, tmp_path, monkey
 
 
 def test_scratch_folders_of_killed_processes_are_swept(monkeypatch):
-    from blender_addon import folders as scratch
+    from blender_addon import folders
 
     code = "import time; from blender_addon.folders import scratch_folder\n"
     code += "with scratch_folder(in_memory=True) as folder: print(folder, flush=True); time.sleep(99)"
     other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     folder = Path(other.stdout.readline().strip())
-    monkeypatch.setattr(scratch, "NEWBORN_S", -1.0)
-    scratch.sweep_scratch()
+    monkeypatch.setattr(folders, "NEWBORN_S", -1.0)
+    folders.sweep_scratch()
     assert folder.is_dir()  # in use
     other.kill()
     other.wait()
-    assert scratch.sweep_scratch() >= 1
+    assert folders.sweep_scratch() >= 1
     assert not folder.exists()
-    with scratch.scratch_folder(in_memory=True) as mine:
+    with folders.scratch_folder(in_memory=True) as mine:
         assert mine.is_dir()
     assert not mine.exists()
 

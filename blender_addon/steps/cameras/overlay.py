@@ -8,7 +8,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...scene.ring import RingLines, ring_lines
-from ..panel import DrawnOver
+from ..panel import ViewportOverlay
 from .properties import Anchor, RaucaCameras, anchor
 
 # Linear colors and widths in pixels, in drawing order.
@@ -79,7 +79,7 @@ def _on_card(lines: RingLines) -> dict[str, gpu.types.GPUBatch]:
     return batches
 
 
-_ring = DrawnOver(_draw, "POST_VIEW")
+_ring = ViewportOverlay(_draw, "POST_VIEW")
 register = _ring.register
 
 

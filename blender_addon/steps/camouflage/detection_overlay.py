@@ -12,8 +12,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..panel import DrawnOver
-from .evaluation import Detection, Sight
+from ..panel import ViewportOverlay
+from .evaluation import Detection, EvaluatedFrame
 from .shown_evaluation import loaded, paint_of, same_view
 
 # Okabe and Ito's colors, told apart by color-blind people too; then lighter ones.
@@ -24,17 +24,17 @@ COLORS = (
 FONT, TEXT_PX, LINE_PX = 0, 11, 2.0
 
 
-def color_of(sight: Sight, detector: str) -> tuple[float, float, float]:
+def color_of(evaluated: EvaluatedFrame, detector: str) -> tuple[float, float, float]:
     """A detector's color, the same in every view."""
-    return COLORS[sight.evaluation.detectors.index(detector) % len(COLORS)]
+    return COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]
 
 
-def shown_detections(scene: bpy.types.Scene, sight: Sight) -> list[tuple[str, Detection]]:
+def shown_detections(scene: bpy.types.Scene, evaluated: EvaluatedFrame) -> list[tuple[str, Detection]]:
     """(detector, detection) of the boxes to draw, best first."""
     settings = scene.rauca.camouflage
-    names = sight.evaluation.detectors
+    names = evaluated.evaluation.detectors
     chosen = [n for n in names if settings.detector in ("ALL", n)]
-    found = [(name, d) for name in chosen for d in sight.evaluation.of(sight, paint_of(scene), name)]
+    found = [(name, d) for name in chosen for d in evaluated.evaluation.of(evaluated, paint_of(scene), name)]
     return sorted((x for x in found if x[1].score >= settings.least_score), key=lambda x: -x[1].score)
 
 
@@ -46,20 +46,20 @@ def _draw() -> None:
     if not context.space_data.overlay.show_overlays:
         return
     views = loaded(settings.study)
-    sights = same_view(context.scene, views) if views is not None else []
-    if not sights:
+    evaluated_frames = same_view(context.scene, views) if views is not None else []
+    if not evaluated_frames:
         return
     frame = _frame_on_screen(context)
     if frame is None:
         return
-    sight = sights[0]
-    size = np.array([sight.camera.width, sight.camera.height] * 2)
+    evaluated = evaluated_frames[0]
+    size = np.array([evaluated.camera.width, evaluated.camera.height] * 2)
     scale = context.preferences.system.ui_scale
     taken: list[tuple[float, float, float, float]] = []
-    for detector, detection in shown_detections(context.scene, sight):
+    for detector, detection in shown_detections(context.scene, evaluated):
         left, top, right, bottom = np.array(detection.box) / size
         (x0, y1), (x1, y0) = _place(frame, left, top), _place(frame, right, bottom)
-        color = color_of(sight, detector)
+        color = color_of(evaluated, detector)
         _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
         _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
 
@@ -122,5 +122,5 @@ def _label(
     blf.draw(FONT, text)
 
 
-_boxes = DrawnOver(_draw, "POST_PIXEL")
+_boxes = ViewportOverlay(_draw, "POST_PIXEL")
 register, unregister = _boxes.register, _boxes.unregister

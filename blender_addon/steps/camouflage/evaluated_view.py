@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_rpt as rpt
 from ...core import contract
 from ...scene import camera
 from ..operator import RaucaOperator, tooltip
-from .evaluation import Sight, Views, camera_in_world
+from .evaluation import EvaluatedFrame, Views, camera_in_world
 from .shown_evaluation import load_now, nearest, same_view, vehicle_to_world
 
 CAMERA_NAME = "rauca evaluated view"
@@ -43,29 +43,29 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 
         scene = context.scene
         views = load_now(scene.rauca.camouflage.study)
         pose = vehicle_to_world(scene)
-        sight = _chosen(scene, views, self.step)
-        if sight is None or pose is None:
+        evaluated = _chosen(scene, views, self.step)
+        if evaluated is None or pose is None:
             raise contract.RaucaError("The vehicle is no longer in this scene; apply the camouflage again (step 6)")
         if scene.camera is None or scene.camera.name != CAMERA_NAME:
             scene.camera = _own_camera(scene)
-        camera.place(scene, camera_in_world(sight.camera, pose))
-        scene.rauca.camouflage.frame = sight.frame
+        camera.place(scene, camera_in_world(evaluated.camera, pose))
+        scene.rauca.camouflage.frame = evaluated.frame
         if context.space_data is not None and context.space_data.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"
 
 
-def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> Sight | None:
+def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame | None:
     here = same_view(scene, views)
     if not here or step == "NEAREST":
         return here[0] if here else nearest(scene, views)
     if step == "WEATHER":
-        order = [sight for sight in views.sights if sight in here]
+        order = [evaluated for evaluated in views.evaluated_frames if evaluated in here]
         return order[(order.index(here[0]) + 1) % len(order)]
     # One frame of each view: of frames whose cameras agree, the first.
-    first: list[Sight] = []
-    for sight in views.sights:
-        if not any((abs(sight.camera.position - other.camera.position) < 1e-6).all() for other in first):
-            first.append(sight)
+    first: list[EvaluatedFrame] = []
+    for evaluated in views.evaluated_frames:
+        if not any((abs(evaluated.camera.position - other.camera.position) < 1e-6).all() for other in first):
+            first.append(evaluated)
     mine = next(i for i, s in enumerate(first) if (abs(s.camera.position - here[0].camera.position) < 1e-6).all())
     return first[(mine + (1 if step == "NEXT" else -1)) % len(first)]
 

@@ -26,7 +26,7 @@ class Detection:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class EvaluatedFrame:
     """An evaluated frame.
 
     Attributes:
@@ -61,9 +61,9 @@ class Evaluation:
     paints: tuple[str, ...]
     found: dict[str, dict[str, tuple[Detection, ...]]]
 
-    def of(self, sight: Sight, paint: str, detector: str) -> tuple[Detection, ...]:
+    def of(self, evaluated: EvaluatedFrame, paint: str, detector: str) -> tuple[Detection, ...]:
         """What a detector found of the evaluated class, best first."""
-        detections = self.found.get(detector, {}).get(sight.images.get(paint, ""), ())
+        detections = self.found.get(detector, {}).get(evaluated.images.get(paint, ""), ())
         return tuple(d for d in detections if d.name == self.category)
 
 
@@ -77,7 +77,7 @@ def find_evaluation(near: Path) -> Path | None:
     return None
 
 
-def read_sights(folder: Path) -> list[Sight]:
+def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
     """All evaluated frames below a study's or a demo's folder, defences left out.
 
     Raises:
@@ -93,12 +93,12 @@ def read_sights(folder: Path) -> list[Sight]:
         paths = [folder / RESULTS]
     else:
         raise contract.RaucaError(f"{folder}: holds no evaluation; run `rauca evaluate` and choose the folder it wrote")
-    return [sight for path in paths for sight in _read_results(path)]
+    return [evaluated for path in paths for evaluated in _read_results(path)]
 
 
-def _read_results(path: Path) -> list[Sight]:
+def _read_results(path: Path) -> list[EvaluatedFrame]:
     fields = schema.read_json(path)
-    fields.format("rauca-results", 2)
+    fields.format("rauca-results", 3)
     frames = [schema.Fields(row, f"{path}: frames[{i}]") for i, row in enumerate(fields.items("frames"))]
     images = fields.nested("images")
     paints = tuple(fields.raw("images"))
@@ -112,9 +112,9 @@ def _read_results(path: Path) -> list[Sight]:
         category=fields.nested("settings").text("category"),
         detectors=detectors,
         paints=paints,
-        found={name: _read_detections(path.parent / "detections", name) for name in detectors},
+        found={name: _read_detections(_folders(path, fields, name), name) for name in detectors},
     )
-    sights = []
+    evaluated_frames = []
     for i, row in enumerate(frames):
         # The image of the uncamouflaged vehicle is the data set's own and lies in the frame's folder.
         place = path.parent / rows[NORMAL][i].text("path") if NORMAL in rows else None
@@ -123,14 +123,22 @@ def _read_results(path: Path) -> list[Sight]:
         frame = contract.load_frame(place.parent)
         camera = frame.camera.relative_to(frame.vehicle_to_world)
         hashes = {paint: rows[paint][i].text("sha256") for paint in paints}
-        sights.append(Sight(row.text("id"), row.text("weather"), camera, hashes, evaluation))
-    return sights
+        evaluated_frames.append(EvaluatedFrame(row.text("id"), row.text("weather"), camera, hashes, evaluation))
+    return evaluated_frames
 
 
-def _read_detections(folder: Path, detector: str) -> dict[str, tuple[Detection, ...]]:
+def _folders(path: Path, fields: schema.Fields, detector: str) -> list[Path]:
+    """Where the detections of one detector are kept, of whichever paint; beside the results if they do not say."""
+    named = fields.nested("detections") if fields.has("detections") else schema.Fields({}, str(path))
+    of_paints = [named.nested(paint) for paint in named.names()]
+    folders = {row.text(detector) for row in of_paints if row.has(detector)}
+    return [path.parent / folder for folder in sorted(folders or {"detections"})]
+
+
+def _read_detections(folders: Sequence[Path], detector: str) -> dict[str, tuple[Detection, ...]]:
     """What one detector found, by image; lines that a killed run left unreadable are passed over."""
     found: dict[str, tuple[Detection, ...]] = {}
-    for path in sorted(folder.glob("*.jsonl")):
+    for path in (path for folder in folders for path in sorted(folder.glob("*.jsonl"))):
         if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
             continue
         found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
@@ -151,9 +159,9 @@ SAME = 0.015  # of the picture's side: how far a corner of the vehicle may lie f
 class Views:
     """The cameras of evaluated frames, ready to be compared with others."""
 
-    def __init__(self, sights: Sequence[Sight]) -> None:
-        self.sights = list(sights)
-        matrices = [_projection(sight.camera) for sight in self.sights]
+    def __init__(self, evaluated_frames: Sequence[EvaluatedFrame]) -> None:
+        self.evaluated_frames = list(evaluated_frames)
+        matrices = [_projection(evaluated.camera) for evaluated in self.evaluated_frames]
         self._matrices = np.array(matrices).reshape(-1, 3, 4)
 
     def distances(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -174,10 +182,10 @@ class Views:
         away = np.abs(places - seen).max(axis=(1, 2))
         return np.where(np.isfinite(away), away, np.inf)
 
-    def same(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> list[Sight]:
+    def same(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> list[EvaluatedFrame]:
         """The frames that show the vehicle like a view (see :meth:`distances`), in every weather."""
         away = self.distances(corners, seen)
-        return [sight for sight, distance in zip(self.sights, away, strict=True) if distance < SAME]
+        return [evaluated for evaluated, distance in zip(self.evaluated_frames, away, strict=True) if distance < SAME]
 
 
 def camera_in_world(camera: contract.Camera, vehicle_to_world: NDArray[np.float64]) -> contract.Camera:

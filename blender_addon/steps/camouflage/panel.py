@@ -9,7 +9,7 @@ from bpy.app.translations import pgettext_iface as iface
 
 from ...scene.coating import Coat
 from ..panel import SidebarPanel, State, StepPanel, paragraph
-from .evaluation import NORMAL, Sight, Views
+from .evaluation import NORMAL, EvaluatedFrame, Views
 from .shown_evaluation import ask, paint_of, same_view
 
 
@@ -82,15 +82,15 @@ class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blende
             paragraph(context, layout, words, "INFO")
             return
         views = ask(settings.study)
-        sights = same_view(context.scene, views) if isinstance(views, Views) else []
+        evaluated_frames = same_view(context.scene, views) if isinstance(views, Views) else []
         row = layout.row(align=True)
         row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
         row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
         row.operator("rauca.evaluated_view", text="", icon="TRIA_RIGHT").step = "NEXT"
-        if not sights:
+        if not evaluated_frames:
             paragraph(context, layout, iface("Not evaluated from here; look through the nearest view"), "INFO")
             return
-        _table(context, layout, sights)
+        _table(context, layout, evaluated_frames)
 
 
 def _missing(context: bpy.types.Context) -> str:
@@ -106,21 +106,21 @@ def _missing(context: bpy.types.Context) -> str:
     return views if isinstance(views, str) else ""
 
 
-def _table(context: bpy.types.Context, layout: bpy.types.UILayout, sights: list[Sight]) -> None:
+def _table(context: bpy.types.Context, layout: bpy.types.UILayout, evaluated_frames: list[EvaluatedFrame]) -> None:
     """The frame's weather, and every detector with its best score."""
-    settings, sight, paint = context.scene.rauca.camouflage, sights[0], paint_of(context.scene)
+    settings, evaluated, paint = context.scene.rauca.camouflage, evaluated_frames[0], paint_of(context.scene)
     row = layout.row(align=True)
-    row.label(text=sight.weather, icon="WORLD", translate=False)
-    if len(sights) > 1:
+    row.label(text=evaluated.weather, icon="WORLD", translate=False)
+    if len(evaluated_frames) > 1:
         row.operator("rauca.evaluated_view", text="", icon="LOOP_FORWARDS").step = "WEATHER"
-    if paint not in sight.evaluation.paints:
+    if paint not in evaluated.evaluation.paints:
         text = iface("The evaluation does not have {name}; it has {others}")
-        others = ", ".join(name for name in sight.evaluation.paints if name != NORMAL)
+        others = ", ".join(name for name in evaluated.evaluation.paints if name != NORMAL)
         paragraph(context, layout, text.format(name=paint, others=others), "INFO")
         return
     column = layout.box().column(align=True)
-    for detector in sight.evaluation.detectors:
-        best = sight.evaluation.of(sight, paint, detector)[:1]
+    for detector in evaluated.evaluation.detectors:
+        best = evaluated.evaluation.of(evaluated, paint, detector)[:1]
         score = best[0].score if best else 0.0
         line = column.split(factor=0.7)
         seen = score >= settings.least_score

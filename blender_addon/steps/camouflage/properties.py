@@ -11,7 +11,11 @@ _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of 
 
 def _detectors(self: bpy.types.PropertyGroup, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     views = loaded(self.study)
-    names = dict.fromkeys(name for sight in views.sights for name in sight.evaluation.detectors) if views else {}
+    names = (
+        dict.fromkeys(name for evaluated in views.evaluated_frames for name in evaluated.evaluation.detectors)
+        if views
+        else {}
+    )
     _items[:] = [("ALL", "All", "Boxes of every detector"), *((n, n, "Boxes of this detector alone") for n in names)]
     return _items
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...core import contract
 from ...scene.coating import Coat
-from .evaluation import NORMAL, RESULTS, STUDY, Sight, Views, read_sights
+from .evaluation import NORMAL, RESULTS, STUDY, EvaluatedFrame, Views, read_evaluated_frames
 
 REDRAW_S = 0.1
 
@@ -49,7 +49,7 @@ def load_now(study: str) -> Views:
     """
     key = _key(bpy.path.abspath(study))
     if not isinstance(_read.get(key), Views):
-        _read[key] = Views(read_sights(Path(key[0])))
+        _read[key] = Views(read_evaluated_frames(Path(key[0])))
     found = _read[key]
     assert isinstance(found, Views)
     return found
@@ -63,24 +63,24 @@ def vehicle_to_world(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
     return np.array(settings.anchor.matrix_world) @ np.array(settings.vehicle_to_anchor).reshape(4, 4)
 
 
-def same_view(scene: bpy.types.Scene, views: Views) -> list[Sight]:
+def same_view(scene: bpy.types.Scene, views: Views) -> list[EvaluatedFrame]:
     """The evaluated frames that show the vehicle as the scene's camera does; the chosen one first."""
     pose = vehicle_to_world(scene)
     if pose is None or scene.camera is None or scene.camera.type != "CAMERA":
         return []
     found = views.same(*_corners(scene, pose))
-    return sorted(found, key=lambda sight: sight.frame != scene.rauca.camouflage.frame)
+    return sorted(found, key=lambda evaluated: evaluated.frame != scene.rauca.camouflage.frame)
 
 
-def nearest(scene: bpy.types.Scene, views: Views) -> Sight | None:
+def nearest(scene: bpy.types.Scene, views: Views) -> EvaluatedFrame | None:
     """The evaluated frame whose view is closest to the scene's camera; the first one without a camera."""
     pose = vehicle_to_world(scene)
-    if pose is None or not views.sights:
+    if pose is None or not views.evaluated_frames:
         return None
     if scene.camera is None:
-        return views.sights[0]
+        return views.evaluated_frames[0]
     eye = np.linalg.inv(pose) @ np.array([*scene.camera.matrix_world.translation, 1.0])
-    return min(views.sights, key=lambda sight: float(np.linalg.norm(sight.camera.position - eye[:3])))
+    return min(views.evaluated_frames, key=lambda evaluated: float(np.linalg.norm(evaluated.camera.position - eye[:3])))
 
 
 def paint_of(scene: bpy.types.Scene) -> str:
@@ -108,7 +108,7 @@ def _key(folder: str) -> tuple[str, float]:
 
 def _load(key: tuple[str, float]) -> None:
     try:
-        _read[key] = Views(read_sights(Path(key[0])))
+        _read[key] = Views(read_evaluated_frames(Path(key[0])))
     except contract.RaucaError as error:
         _read[key] = str(error)
     except Exception as error:  # the panel tells it; a thread's would vanish

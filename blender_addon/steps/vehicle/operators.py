@@ -12,7 +12,7 @@ from ...scene.paint_layer import check_paint, polygons_of
 from ...scene.vehicle import add_shipped, shipped_names
 from ..operator import RaucaOperator, tooltip
 
-SPOKEN = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
+DISPLAY_NAMES = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
 
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
 
@@ -20,7 +20,7 @@ _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of 
 def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     if not _items:
         names = sorted(shipped_names(), key=lambda name: (name not in ("sedan", "hatchback", "suv", "van"), name))
-        _items.extend((name, SPOKEN.get(name, name.title()), "Add this vehicle to the scene") for name in names)
+        _items.extend((name, DISPLAY_NAMES.get(name, name.title()), "Add this vehicle to the scene") for name in names)
     return _items
 
 

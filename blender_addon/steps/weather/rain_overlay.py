@@ -9,7 +9,7 @@ from gpu_extras.batch import batch_for_shader
 
 from ...core import contract
 from ...scene.shown_weather import rain_picture
-from ..panel import DrawnOver
+from ..panel import ViewportOverlay
 
 WIDTH_STEP_PX = 64  # a viewport that is dragged wider gets a new picture only so often
 
@@ -57,7 +57,7 @@ def _texture(weather: contract.Weather, aspect: float) -> gpu.types.GPUTexture:
     return _drawn[key]
 
 
-_rain = DrawnOver(_draw, "POST_PIXEL")
+_rain = ViewportOverlay(_draw, "POST_PIXEL")
 register = _rain.register
 
 
