@@ -218,7 +218,7 @@ def an_evaluation(folder, box_frame: Camera) -> None:
 
 
 def test_boxes_of_the_evaluated_view(rauca, tmp_path):
-    from blender_addon.steps.camouflage import panel
+    from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation
 
     camera = Camera.look_at(np.array([9.0, 4.0, 3.0]), np.array([0, 0, 0.7]), 40.0, 64, 64)
     an_evaluation(tmp_path, camera)
