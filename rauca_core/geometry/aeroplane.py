@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from ..contract.assets import assets_folder
-from .assemble import assemble
-from .curves import monotone_curve
-from .materials import AEROPLANE
+from .assemble import AEROPLANE, assemble, profile_source, read_profile
 from .mesh import MeshParts
-from .solids import add_box, add_tube, lathe, turned_along_x
+from .solids import add_box, add_tube, lathe, monotone_curve, turned_along_x
 
 AEROPLANES = ("aeroplane",)
 RING = 24  # faces of half the fuselage's girth, window edges apart
@@ -29,7 +25,7 @@ Points = NDArray[np.float64]
 
 def build_aeroplane(name: str) -> Vehicle:
     """Build and unwrap the aeroplane of ``assets/vehicles/<name>.toml``; deterministic."""
-    profile = tomllib.loads((assets_folder() / "vehicles" / f"{name}.toml").read_text(encoding="utf-8"))
+    profile = read_profile(name)
     half = MeshParts()
     _add_fuselage(half, profile["fuselage"])
     add_wing(half, np.array(profile["wing"]), "wing")
@@ -41,8 +37,7 @@ def build_aeroplane(name: str) -> Vehicle:
     whole.extend(half.mirrored())
     add_wing(whole, np.array(profile["fin"]), "fin")
     _add_wheel(whole, profile["gear"]["nose"])
-    source = f"rauca procedural {name} (assets/vehicles/{name}.toml)"
-    return assemble(name, "airplane", whole, AEROPLANE, source)
+    return assemble(name, "airplane", whole, AEROPLANE, profile_source(name))
 
 
 def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:

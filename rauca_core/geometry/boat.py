@@ -1,8 +1,10 @@
-"""The procedural motor boats, on the blocks they stand on ashore: profile tables in, an unwrapped vehicle out."""
+"""The procedural motor boats, on the blocks they stand on ashore: profile tables in, an unwrapped vehicle out.
+
+A hull, cabins of four leaning walls, and what is fitted: rails, mast, seats, outboard engine, and the blocks below it.
+"""
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from typing import Any
 
@@ -10,23 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from ..contract.assets import assets_folder
-from .assemble import assemble
-from .boat_parts import add_cradle, add_engine, add_mast, add_rail, add_seats
-from .curves import curve_through
-from .house import add_house
-from .materials import BOAT
+from .assemble import BOAT, assemble, profile_source, read_profile
 from .mesh import MeshParts
+from .solids import add_box, add_tube, curve_through, turned_along_x
 
 BOATS = ("boat", "boat_detailed")
 CENTRAL_PANELS = ("deck", "transom", "roof", "house front", "house rear")
+CROWN_M = 0.04  # the roof of a cabin is this much higher in the middle
 Points = NDArray[np.float64]
 
 
 def build_boat(name: str) -> Vehicle:
     """Build and unwrap the boat of ``assets/vehicles/<name>.toml``; deterministic."""
-    text = (assets_folder() / "vehicles" / f"{name}.toml").read_text(encoding="utf-8")
-    profile = tomllib.loads(text)
+    profile = read_profile(name)
     half = MeshParts()
     sheer = _add_hull(half, profile["hull"])
     for house in profile.get("houses", []):
@@ -39,8 +37,7 @@ def build_boat(name: str) -> Vehicle:
     whole.extend(half)
     whole.extend(half.mirrored())
     _add_central(whole, profile)
-    source = f"rauca procedural {name} (assets/vehicles/{name}.toml)"
-    return assemble(name, "boat", whole, BOAT, source, CENTRAL_PANELS)
+    return assemble(name, "boat", whole, BOAT, profile_source(name), CENTRAL_PANELS)
 
 
 def _add_central(parts: MeshParts, profile: dict[str, Any]) -> None:
@@ -115,3 +112,125 @@ def _add_well(parts: MeshParts, well: list[float], deck: Points, names: NDArray[
 def _between(first: Points, second: Points, share: Points) -> Points:
     """(N, M, 3) points on the straight lines between two curves (N, 3)."""
     return first[:, None] + (second - first)[:, None] * share[:, None]
+
+
+def add_house(parts: MeshParts, house: dict[str, Any]) -> None:
+    """Add the left half of a cabin.
+
+    Args:
+        house: ``front_x``, ``rear_x``, ``half_width`` at the foot, each followed by its value at the top; ``z`` of foot
+            and top, ``windows_z`` between which the glass lies, ``side_windows`` and ``front_windows`` as pairs of
+            fractions along the wall (0: rear, or middle), ``rear_windows`` likewise; ``roof`` overhang to the front,
+            side and rear, and its thickness; metres.
+    """
+    z = np.array([house["z"][0], *house["windows_z"], house["z"][1]])
+    rise = (z - z[0]) / (z[-1] - z[0])
+    leaning = (house[key] for key in ("front_x", "rear_x", "half_width"))
+    front, rear, side = (foot + (top - foot) * rise for foot, top in leaning)
+    along = _cuts(house["side_windows"])
+    wall = np.empty((len(along), len(z), 3))
+    wall[..., 0] = rear + (front - rear) * along[:, None]
+    wall[..., 1], wall[..., 2] = side, z
+    parts.grid(wall, _glazed(along, house["side_windows"], "paint/house side"), flip=True)
+    for x, key, panel, flip in (
+        (front, "front_windows", "paint/house front", False),
+        (rear, "rear_windows", "paint/house rear", True),
+    ):
+        across = _cuts(house[key])
+        wall = np.empty((len(across), len(z), 3))
+        wall[..., 0], wall[..., 1], wall[..., 2] = x, side * across[:, None], z
+        parts.grid(wall, _glazed(across, house[key], panel), flip=flip)
+    ahead, aside, behind, thick = house["roof"]
+    _add_roof(parts, (rear[-1] - behind, front[-1] + ahead), side[-1] + aside, z[-1], thick)
+
+
+def _cuts(windows: list[list[float]]) -> Points:
+    return np.unique([0.0, 1.0, *(edge for pair in windows for edge in pair)])
+
+
+def _glazed(cuts: Points, windows: list[list[float]], panel: str) -> NDArray[np.str_]:
+    """Materials of a wall's cells: glass in the middle of its three rows where a window is."""
+    names = np.full((len(cuts) - 1, 3), panel, dtype="U32")
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    for start, stop in windows:
+        names[(middle > start) & (middle < stop), 1] = "glass"
+    return names
+
+
+def _add_roof(parts: MeshParts, x: tuple[float, float], half_width: float, z: float, thick: float) -> None:
+    """A slab with bevelled edges, crowned."""
+    bevel = thick / 3
+    across = np.linspace(0.0, 1.0, 5)
+
+    def ring(inset: float, height: float, crown: float = 0.0) -> Points:
+        """(2, 5, 3) the slab's front and rear edge, from the middle to the left."""
+        points = np.empty((2, len(across), 3))
+        points[0, :, 0], points[1, :, 0] = x[1] - inset, x[0] + inset
+        points[..., 1], points[..., 2] = (half_width - inset) * across, z + height + crown * (1 - across**2)
+        return points
+
+    crowned = [ring(0.0, thick - bevel, CROWN_M), ring(bevel, thick, CROWN_M)]
+    rings = [ring(bevel, 0.0), ring(0.0, bevel), *crowned]
+    parts.grid(np.array([np.concatenate([r[0], r[1, ::-1]]) for r in rings]), "paint/roof", flip=True)
+    parts.grid(rings[-1][::-1], "paint/roof")
+    parts.grid(rings[0][::-1], "dark", flip=True)
+
+
+def add_rail(parts: MeshParts, sheer: Points, rail: dict[str, Any]) -> None:
+    """A steel rail over the left sheer line (N, 3), between two fractions of it ``span``, on ``posts`` posts."""
+    first, last = rail["span"]
+    share = np.linspace(first, last, 20)
+    foot = np.stack([np.interp(share, np.linspace(0, 1, len(sheer)), column) for column in sheer.T], axis=-1)
+    foot[:, 1] = np.maximum(foot[:, 1] - rail["inset"], 0.0)
+    top = foot + np.array([0.0, 0.0, rail["height"]])
+    top[0] = foot[0]
+    add_tube(parts, top, 0.016, "steel")
+    for i in np.linspace(2, 18, rail["posts"]).astype(int):
+        add_tube(parts, np.stack([foot[i], top[i]]), 0.012, "steel", sides=5)
+
+
+def add_mast(parts: MeshParts, mast: dict[str, Any]) -> None:
+    """A mast with a crosstree, a radar's dome on a bracket before it, and a lamp on top."""
+    x = mast["x"]
+    low, high = mast["z"]
+    add_tube(parts, np.array([[x, 0, low], [x, 0, high]]), 0.032, "steel", sides=10)
+    arm = low + 0.62 * (high - low)
+    add_box(parts, (x, 0, arm), (0.04, 0.9, 0.03), "steel", 0.008)
+    dome = np.array([[0.0, -0.09], [0.17, -0.08], [0.20, -0.02], [0.18, 0.05], [0.10, 0.09], [0.0, 0.10]])
+    upright = turned_along_x(dome, 20, (0.0, 0.0, 0.0))[..., [2, 1, 0]] * [-1, 1, 1]
+    bracket = low + 0.45 * (high - low)
+    parts.grid(upright + np.array([x + 0.24, 0, bracket]), "paint/dome")
+    add_box(parts, (x + 0.12, 0, bracket - 0.11), (0.30, 0.10, 0.03), "steel", 0.008)
+    add_box(parts, (x, 0, high + 0.04), (0.06, 0.06, 0.09), "seat", 0.015)
+    for side in (-1, 1):
+        add_tube(parts, np.array([[x, side * 0.40, arm], [x - 0.06, side * 0.43, arm + 0.6]]), 0.006, "dark", sides=4)
+
+
+def add_seats(parts: MeshParts, seats: list[list[float]]) -> None:
+    """Padded boxes: center and size of each; metres."""
+    for x, y, z, length, width, height in seats:
+        add_box(parts, (x, y, z), (length, width, height), "seat", 0.04)
+
+
+def add_engine(parts: MeshParts, engine: dict[str, Any]) -> None:
+    """An outboard engine behind the transom: hood, leg, plate and propeller."""
+    x, top = engine["x"], engine["top_z"]
+    add_box(parts, (x, 0, top - 0.26), (0.58, 0.40, 0.52), "engine", 0.12)
+    add_box(parts, (x + 0.005, 0, top - 0.17), (0.60, 0.405, 0.035), "steel", 0.01)
+    add_box(parts, (x, 0, top - 0.78), (0.26, 0.14, 0.60), "engine", 0.05)
+    add_box(parts, (x - 0.08, 0, top - 0.98), (0.48, 0.24, 0.025), "engine", 0.01)
+    gear = np.array([[0.0, -0.22], [0.06, -0.16], [0.075, 0.0], [0.05, 0.16], [0.0, 0.22]])
+    parts.grid(turned_along_x(gear, 14, (x, 0.0, top - 1.14)), "engine")
+    for turn in range(3):
+        angle = 2 * np.pi * turn / 3 + np.pi / 2
+        tip = np.array([x - 0.26, 0.15 * np.cos(angle), top - 1.14 + 0.15 * np.sin(angle)])
+        add_box(parts, tuple(tip), (0.03, 0.12, 0.12), "steel", 0.05)
+
+
+def add_cradle(parts: MeshParts, cradle: dict[str, Any], x: float) -> None:
+    """The left half of one frame that holds the hull: a beam on the ground under the keel, and a padded post."""
+    width, post_y, post_z = cradle["half_width"], cradle["post_y"], cradle["post_z"]
+    keel = cradle["keel_z"]
+    add_box(parts, (x, width / 2, keel / 2), (0.16, width, keel), "wood", 0.01)
+    add_box(parts, (x, post_y, (keel + post_z) / 2), (0.10, 0.10, post_z - keel), "wood", 0.01)
+    add_box(parts, (x, post_y - 0.04, post_z), (0.34, 0.16, 0.06), "rubber", 0.015)

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..contract import Vehicle
-from ..contract.assets import assets_folder
-from .assemble import assemble
-from .car_body import Body
-from .car_panels import SCREEN_LINE, add_skin
-from .car_parts import add_mirror, add_plate, add_roof_rail, add_wheel
-from .car_trim import add_trim
-from .materials import CAR
+from .assemble import CAR, assemble, profile_source, read_profile
+from .car_body import SCREEN_LINE, CarBody, add_skin
 from .mesh import MeshParts
-from .solids import add_box
+from .solids import add_box, add_tube, lathe
 
 CARS = ("sedan", "hatchback", "suv", "van")
 CENTRAL_PANELS = ("nose", "tail", "bonnet", "roof", "boot")
+RAIL_LIFT_M = 0.05
+Points = NDArray[np.float64]
 
 
 def build_car(name: str) -> Vehicle:
     """Build, unwrap and name the car of ``assets/vehicles/<name>.toml``; deterministic."""
     profile = read_profile(name)
     half = MeshParts()
-    body = Body(profile)
+    body = CarBody(profile)
     add_skin(half, body)
     add_trim(half, body)
     for x in (profile["wheels"]["front_x"], profile["wheels"]["rear_x"]):
@@ -41,10 +40,142 @@ def build_car(name: str) -> Vehicle:
     for plate, facing in (("front_plate", 1), ("rear_plate", -1)):
         x, z = details[plate]
         add_plate(whole, x, z, facing)
-    source = f"rauca procedural {name} (assets/vehicles/{name}.toml)"
-    return assemble(name, "car", whole, CAR, source, CENTRAL_PANELS)
+    return assemble(name, "car", whole, CAR, profile_source(name), CENTRAL_PANELS)
 
 
-def read_profile(name: str) -> dict[str, Any]:
-    """The profile tables of ``assets/vehicles/<name>.toml``."""
-    return tomllib.loads((assets_folder() / "vehicles" / f"{name}.toml").read_text(encoding="utf-8"))
+def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
+    """Add a left wheel: tyre, rim with five double spokes, brake disc."""
+    radius, rim, width = wheels["radius"], wheels["rim_radius"], wheels["width"] / 2
+    center = np.array([x, wheels["half_track"], radius])
+    wall = radius - rim
+    tyre = np.array(
+        [
+            [rim - 0.01, -width * 0.86],
+            [rim + 0.3 * wall, -width],
+            [radius - 0.28 * wall, -width * 0.98],
+            [radius - 0.06 * wall, -width * 0.80],
+            [radius, -width * 0.60],
+            [radius, width * 0.60],
+            [radius - 0.06 * wall, width * 0.80],
+            [radius - 0.28 * wall, width * 0.98],
+            [rim + 0.3 * wall, width],
+            [rim + 0.05 * wall, width * 0.93],
+            [rim, width * 0.86],
+        ]
+    )
+    parts.grid(lathe(tyre, 48) + center, "tyre", flip=True)
+    lip = np.array(
+        [
+            [rim + 0.004, width * 0.84],
+            [rim + 0.004, width * 0.95],
+            [rim - 0.012, width * 0.96],
+            [rim - 0.022, width * 0.86],
+            [rim - 0.03, width * 0.2],
+            [rim - 0.03, -width * 0.3],
+        ]
+    )
+    parts.grid(lathe(lip, 48) + center, "rim", flip=True)
+    disc = np.array([[rim - 0.03, -width * 0.3], [0.16, -width * 0.28], [0.0, -width * 0.25]])
+    parts.grid(lathe(disc, 48) + center, "dark", flip=True)
+    brake = np.array([[0.155, width * 0.0], [0.15, width * 0.05], [0.085, width * 0.05]])
+    parts.grid(lathe(brake, 32) + center, "disc", flip=True)
+    hub = np.array([[0.075, 0.0], [0.072, width * 0.66], [0.045, width * 0.78], [0.0, width * 0.80]])
+    parts.grid(lathe(hub, 24) + center, "rim", flip=True)
+    for k in range(5):
+        for lean in (-1, 1):
+            _add_spoke(parts, center, 2 * np.pi * k / 5 + np.pi / 2, lean, rim, width)
+
+
+def _add_spoke(parts: MeshParts, center: Points, angle: float, lean: int, rim: float, width: float) -> None:
+    """One blade of a double spoke, from the hub to the rim's lip."""
+    along = np.linspace(0.055, rim - 0.012, 5)
+    t = (along - along[0]) / (along[-1] - along[0])
+    middle = lean * (0.020 + 0.030 * t)
+    half = 0.017 - 0.002 * t
+    face = width * (0.78 + 0.12 * t)
+    back = face - 0.030
+    section = np.stack(
+        [
+            np.stack([along, middle + s * half * w, y], -1)
+            for s, w, y in (
+                (-1, 1.0, back),
+                (-1, 1.0, face - 0.008),
+                (-1, 0.7, face),
+                (1, 0.7, face),
+                (1, 1.0, face - 0.008),
+                (1, 1.0, back),
+            )
+        ],
+        axis=1,
+    )
+    radial, across, out = section[..., 0], section[..., 1], section[..., 2]
+    c, s = np.cos(angle), np.sin(angle)
+    points = np.stack([radial * c - across * s, out, radial * s + across * c], axis=-1) + center
+    parts.grid(points, "rim", flip=True)
+
+
+def add_mirror(parts: MeshParts, center: list[float]) -> None:
+    """The left mirror: a rounded housing around ``center`` on a stalk, its glass to the rear."""
+    around = np.linspace(0, 2 * np.pi, 25)
+    around[-1] = 0.0
+    depth = np.array([-0.055, -0.060, -0.045, -0.010, 0.030, 0.055, 0.066])
+    scale = np.array([0.0, 0.86, 1.0, 1.0, 0.86, 0.55, 0.0])
+    cosine, sine = np.cos(around), np.sin(around)
+    y = np.sign(cosine) * np.abs(cosine) ** 0.6 * 0.105
+    z = np.sign(sine) * np.abs(sine) ** 0.7 * 0.066
+    points = np.stack(
+        [np.broadcast_to(depth[:, None], (7, 25)), scale[:, None] * y, scale[:, None] * z], axis=-1
+    ) + np.array(center)
+    names = np.full((6, 24), "mirror", dtype="U32")
+    names[0] = "glass"
+    parts.grid(points, names, flip=True)
+    x, y, z = center
+    add_box(parts, (x + 0.01, y - 0.10, z - 0.05), (0.06, 0.12, 0.03), "trim", 0.008)
+
+
+def add_roof_rail(parts: MeshParts, roof: Points, span: list[float]) -> None:
+    """A rail over the roof's line ``roof`` (N, 3), front to rear, between two places ``span`` along x."""
+    x = np.linspace(span[0], span[1], 15)
+    path = np.stack([x, *(np.interp(-x, -roof[:, 0], roof[:, i]) for i in (1, 2))], axis=-1)
+    path[1:-1, 2] += RAIL_LIFT_M * np.minimum(1, 0.7 + 0.3 * np.minimum(np.arange(13), np.arange(13)[::-1]))
+    add_tube(parts, path, 0.016, "trim")
+
+
+def add_plate(parts: MeshParts, x: float, z: float, facing: int) -> None:
+    """A number plate in its frame with seven dark characters; ``facing`` +1 forward, -1 backward."""
+    add_box(parts, (x, 0, z), (0.02, 0.54, 0.13), "trim", 0.006)
+    add_box(parts, (x + facing * 0.008, 0, z), (0.012, 0.515, 0.108), "plate", 0.003)
+    for k in range(7):
+        y = (k - 3) * 0.064 + (0.018 if k > 2 else -0.012)
+        add_box(parts, (x + facing * 0.0145, y, z), (0.002, 0.034, 0.068), "ink")
+
+
+def add_trim(parts: MeshParts, body: CarBody) -> None:
+    """Add the left half of the strips and the exhaust."""
+    details = body.profile["details"]
+    for material, start, stop, low, high, lift in details["nose"]:
+        parts.grid(body.ribbon((start, stop), (low, high), lift), material)
+        _close(parts, body.ribbon((start, stop), (low, high), lift), material)
+    for material, start, stop, low, high, lift in details["tail"]:
+        strip = body.ribbon((body.tail_place - stop, body.tail_place - start), (low, high), lift)
+        parts.grid(strip, material)
+        _close(parts, strip[::-1], material, flip=True)
+    if "exhaust" in details:
+        _add_exhaust(parts, body, *details["exhaust"])
+
+
+def _add_exhaust(parts: MeshParts, body: CarBody, y: float, z: float) -> None:
+    """A tail pipe through the bumper."""
+    pipe = lathe(np.array([[0.0, 0.03], [0.030, 0.03], [0.034, 0.0], [0.038, 0.0], [0.038, 0.10]]), 24)
+    x = body.skin(np.array([body.tail_place - y]), np.array([z + 0.015]))[0, 0]
+    points = np.stack([pipe[..., 1] + x - 0.03, pipe[..., 0] * 1.3 + y, pipe[..., 2] + z], axis=-1)
+    names = np.full((24, 4), "chrome", dtype="U32")
+    names[:, 0] = "gap"
+    parts.grid(points, names)
+
+
+def _close(parts: MeshParts, strip: np.ndarray, material: str, flip: bool = False) -> None:
+    """Close the strip's outer end."""
+    end = strip[-1]
+    corners = np.stack([end[[0, 1, 2]], end[[0, 2, 3]]])
+    parts.triangles(corners if flip else corners[:, ::-1], material)

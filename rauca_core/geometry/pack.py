@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from .raster import covered
+from .atlas import covered
 
 Points = NDArray[np.float64]
 Habit = tuple[tuple[float, float, float], str]

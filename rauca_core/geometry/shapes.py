@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contract import Vehicle
-from .assemble import assemble
-from .materials import SHAPE
+from .assemble import SHAPE, assemble
 from .mesh import MeshParts
 from .solids import turned_along_x
 

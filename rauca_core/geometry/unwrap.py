@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError, Vehicle
-from .atlas import chart_of_faces, density_spread, signed_uv_area
+from .atlas import chart_of_faces, covered, density_spread, signed_uv_area
 from .mesh import face_normals
 from .pack import pack_charts
-from .raster import covered
 
 ATLAS_SIZE = 1024
 PADDING_TEXELS = 4

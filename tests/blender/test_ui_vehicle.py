@@ -9,8 +9,9 @@ import pytest
 
 from rauca_core.contract import RaucaError, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.geometry import atlas_report, repack
+from rauca_core.geometry import repack
 from rauca_core.runtime.images import read_image
+from tests.atlas_report import atlas_report
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 

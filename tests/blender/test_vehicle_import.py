@@ -13,7 +13,7 @@ import pytest
 from rauca_core.contract import RaucaError
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
-from rauca_core.geometry import atlas_report
+from tests.atlas_report import atlas_report
 
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 

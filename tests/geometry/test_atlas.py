@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Material, RaucaError
-from rauca_core.geometry import atlas_report, chart_mask, covered, unwrap
+from rauca_core.geometry import chart_mask, covered, unwrap
+from tests.atlas_report import atlas_report
 
 
 def brute_force(uv: np.ndarray, size: int, conservative: bool) -> set[int]:

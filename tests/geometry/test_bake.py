@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rauca_core.geometry.bake import bilinear, carry, samples_per_texel
-from rauca_core.geometry.bake_fill import fill_gaps
-from rauca_core.geometry.bake_samples import samples
+from rauca_core.geometry.bake import bilinear, carry, fill_gaps, samples, samples_per_texel
 
 SQUARE = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float64)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rauca_core.geometry.curves import half_outline, monotone_curve
 from rauca_core.geometry.mesh import MeshParts, crease_normals, face_normals
+from rauca_core.geometry.solids import half_outline, monotone_curve
 
 
 def fold(angle_deg: float):

@@ -9,10 +9,11 @@ import pytest
 
 from rauca_core.contract import load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.geometry import atlas_report, covered
+from rauca_core.geometry import covered
 from rauca_core.geometry.build import BUILDERS, main
 from rauca_core.geometry.mesh import face_normals
 from rauca_core.runtime.images import read_image
+from tests.atlas_report import atlas_report
 
 # Category; length, width and height in metres: low, high.
 KINDS = {

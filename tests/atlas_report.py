@@ -1,17 +1,15 @@
-"""How good a UV atlas is, in figures."""
+"""How good a UV atlas is, in figures: what tests of unwrapping hold it to."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Vehicle
-from .atlas import chart_of_faces, density_spread, signed_uv_area
-from .mesh import face_normals
-from .raster import covered
+from rauca_core.contract import Vehicle
+from rauca_core.geometry.atlas import chart_of_faces, covered, density_spread, signed_uv_area
+from rauca_core.geometry.mesh import face_normals
 
 PADDING_SEARCH = 16  # texels; a wider gap is reported as this
 
@@ -47,9 +45,6 @@ class AtlasReport:
     def worst_spread(self) -> float:
         """The largest density spread of any chart."""
         return max(self.density_spread, default=0.0)
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def atlas_report(vehicle: Vehicle) -> AtlasReport:
