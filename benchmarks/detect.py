@@ -16,8 +16,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.detect.listing import listing
-from rauca_core.detect.sources import Family
+from rauca_core.detect.catalogue import Family
+from rauca_core.detect.weights import listing
 from rauca_core.runtime.images import read_image
 
 from . import detect_runtimes as runtimes

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rauca_core.detect import DarknetDetector, DensePredictions, Detections, Detector, Source, load_detector
+from rauca_core.detect.darknet_network import Head
 from rauca_core.detect.frameworks import (
     TorchvisionDetector,
     TransformersDetector,
     import_torchvision,
     import_transformers,
 )
-from rauca_core.detect.heads import Head
 from rauca_core.detect.onnx_detector import OnnxDetector
 from rauca_core.detect.onnx_graph import extra
-from rauca_core.detect.store import stored_paths
+from rauca_core.detect.weights import stored_paths
 
 # A runtime that leaves a score out, as OpenCV does for boxes it suppressed, has NaN there: nothing to compare with.
 Rows = NDArray[np.float32]

@@ -122,7 +122,7 @@ def _variants(experiment: Experiment, given: str | None, quick: bool) -> Sequenc
 def _measuring(names: Sequence[str] | None, vehicle: VehicleChoice, device: str) -> list[Detector]:
     """Detectors by name; without names all that are here, know the vehicle's class, and did not learn from us."""
     from rauca_core.detect import find_class, load_detector
-    from rauca_core.detect.listing import ready_names
+    from rauca_core.detect.weights import ready_names
     from rauca_core.study.families import is_own
     from rauca_core.study.measure import check_detectors
 

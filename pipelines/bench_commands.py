@@ -176,7 +176,7 @@ def bench_stability_command(
 
 def _fetched() -> list[str]:
     """Detectors whose weights are here."""
-    from rauca_core.detect.listing import ready_names
+    from rauca_core.detect.weights import ready_names
 
     names = ready_names()
     if not names:

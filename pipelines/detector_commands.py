@@ -33,7 +33,7 @@ OTHERS = (
 @detectors_app.command("list")
 def detectors_list() -> None:
     """Show every known detector: its family, training data, licence, and what it needs to run."""
-    from rauca_core.detect.listing import listing
+    from rauca_core.detect.weights import listing
 
     listed = listing()
     table = Table("name", "family", "trained on", "licence", "gradients", "state", title="rauca detectors")
@@ -90,7 +90,7 @@ def detectors_train(
 @weights_app.command("list")
 def weights_list() -> None:
     """Show the weights that can be fetched, their licences and whether they are here."""
-    from rauca_core.detect.store import status
+    from rauca_core.detect.weights import status
 
     table = Table("name", "licence", "MiB", "state")
     for entry in status():
@@ -103,7 +103,7 @@ def weights_list() -> None:
 def weights_fetch(names: Names = None, everything: All = False, folder: From = None) -> None:
     """Get weights by name, verified by sha256; what cannot be had does not keep the others from coming."""
     from rauca_core.detect.catalogue import SOURCES
-    from rauca_core.detect.store import fetch_all
+    from rauca_core.detect.weights import fetch_all
 
     standard = [source.name for source in SOURCES.values() if source.standard] if everything else []
     wanted = list(dict.fromkeys([*(names or []), *standard]))

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rauca_core.detect.store import status
+from rauca_core.detect.weights import status
 from rauca_core.runtime.blender import libraries_for
 from rauca_core.version import __version__
 

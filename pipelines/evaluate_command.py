@@ -208,7 +208,7 @@ def _detectors(
     Named detectors must know every category; of ``all`` those are left out that do not, and the user is told.
     """
     from rauca_core.detect import find_class, load_detector
-    from rauca_core.detect.listing import ready_names
+    from rauca_core.detect.weights import ready_names
     from rauca_core.study.measure import check_detectors
 
     named = [name for name in names if name != ALL]

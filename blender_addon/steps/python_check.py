@@ -34,7 +34,7 @@ except Exception as error:
 try:
     import inspect, rauca_core
     from pipelines.optimize_camouflage import optimize_camouflage
-    from rauca_core.detect.listing import ready_names
+    from rauca_core.detect.weights import ready_names
     speaks = "json_progress" in inspect.signature(optimize_camouflage).parameters
     tell(rauca=rauca_core.__version__, speaks=speaks, detectors=ready_names())
 except Exception as error:

@@ -23,9 +23,7 @@ from torch import Tensor, nn
 
 from ..contract import RaucaError, Vehicle
 from ..detect import Detector
-from ..detect.heads import Head, precise
-from ..detect.layers import Route
-from ..detect.network import DarknetNetwork
+from ..detect.darknet_network import DarknetNetwork, Head, Route, precise
 from ..render import cell_positions
 
 SCORE_EDGE = 1e-6  # from 0 and 1: beyond, the log-odds of a score have no slope

@@ -1,15 +1,12 @@
 """Detectors: one interface, an adapter per family, and the registry of their weights."""
 
-from .catalogue import SOURCES
-from .checks import check_images
-from .classes import canonical, class_list, find_class
+from .catalogue import SOURCES, Source
+from .classes import canonical, car_score, class_index, class_list, find_class
 from .darknet import DarknetDetector
-from .interface import DensePredictions, Detections, Detector
+from .interface import DensePredictions, Detections, Detector, check_images
 from .load import load_detector, resolve
 from .nms import box_iou
-from .scoring import car_score, class_index
-from .sources import Source
-from .store import WeightsStatus, fetch, status, weights_folder
+from .weights import WeightsStatus, fetch, status, weights_folder
 
 __all__ = [
     "SOURCES",

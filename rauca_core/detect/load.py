@@ -10,11 +10,10 @@ import torch
 
 from ..contract import RaucaError
 from ..runtime.devices import find_device
-from .catalogue import SOURCES, find_source
+from .catalogue import SOURCES, Family, Source, find_source
 from .classes import class_list, read_names
 from .interface import Detector
-from .sources import Family, Source
-from .store import shipped_path, stored_paths, verify
+from .weights import shipped_path, stored_paths, verify
 
 _FAMILY_OF: dict[str, Family] = {
     ".weights": "darknet",

@@ -1,12 +1,14 @@
-"""Box overlap and non-maximum suppression."""
+"""Box overlap, non-maximum suppression, and the detectors whose final detections are their dense ones, suppressed."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..runtime.cpu import threads
-from .interface import DensePredictions, Detections
+from .interface import DensePredictions, Detections, check_images, in_type_of
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.
 MAX_CANDIDATES = 4096
@@ -87,3 +89,33 @@ def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_thr
     order = scores[index, label].argsort(descending=True, stable=True)
     index, label = index[order], label[order]
     return Detections(boxes[index], scores[index, label], label)
+
+
+class SinglePassDetector(ABC):
+    """Checks images, predicts once, suppresses; see :class:`rauca_core.detect.Detector`.
+
+    Attributes:
+        name: in messages and tables.
+        network: what torch computes with; None where another runtime does.
+    """
+
+    name: str
+    network: nn.Module | None
+
+    @abstractmethod
+    def _predict(self, images: Tensor) -> DensePredictions:
+        """Predictions in checked sRGB images (B, 3, H, W) of the network's type, boxes in their pixels."""
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        return self._predict(self._checked(images))
+
+    @torch.inference_mode()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        images = self._checked(images, waits=True)
+        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
+
+    def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
+        check_images(self.name, images, waits)
+        return in_type_of(self.network, images)

@@ -9,15 +9,13 @@ import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
-from .checks import check_images, in_type_of
 from .classes import class_list, unusual_names
-from .heads import precise
-from .interface import DensePredictions
+from .darknet_network import precise
+from .interface import DensePredictions, check_images, in_type_of
+from .nms import SinglePassDetector
 from .onnx_fusion import fuse
-from .onnx_graph import OnnxGraph, first_line, read_graph, to_torch
+from .onnx_graph import OnnxGraph, Session, first_line, read_graph, to_torch
 from .onnx_layouts import GraphFamily, Layout, find_layout
-from .onnx_session import Session
-from .single_pass import SinglePassDetector
 
 DEFAULT_SIZE = 640
 MAX_SIZE = 4096  # the largest published exports take 1536

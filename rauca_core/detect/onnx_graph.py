@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import torch
+from torch import Tensor
 from torch.fx import GraphModule
 
 from ..contract import RaucaError
@@ -226,3 +228,40 @@ def first_line(error: Exception) -> str:
     """Of foreign libraries' messages, which may run over pages."""
     lines = str(error).strip().splitlines()
     return (lines[0] if lines else type(error).__name__)[:200]
+
+
+class Session:
+    """A graph as a function of one image batch; onnxruntime gets as many threads as torch has when it is made."""
+
+    def __init__(self, graph: OnnxGraph) -> None:
+        """Load the graph.
+
+        Raises:
+            RaucaError: onnxruntime cannot run it (the message names the operator), or is not installed.
+        """
+        onnxruntime = extra("onnxruntime")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = torch.get_num_threads()
+        options.log_severity_level = 4  # what matters is raised
+        self._graph = graph
+        try:
+            self._session = onnxruntime.InferenceSession(
+                graph.model.SerializeToString(), options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # its errors have no base of their own
+            raise RaucaError(f"{graph.path}: onnxruntime cannot run this graph ({first_line(error)})") from error
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """(B, 3, H, W), as the graph wants them -> its first output, on the images' device; no gradient.
+
+        Raises:
+            RaucaError: the graph fails on these.
+        """
+        fed = {self._graph.input_name: images.detach().float().cpu().numpy()}
+        try:
+            (found,) = self._session.run([self._graph.output_names[0]], fed)
+        except Exception as error:
+            raise RaucaError(
+                f"{self._graph.path}: does not run on {tuple(images.shape)} ({first_line(error)})"
+            ) from error
+        return torch.from_numpy(found).to(images.device)

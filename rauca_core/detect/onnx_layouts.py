@@ -10,7 +10,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from .heads import MAX_LOG_SIZE
+from .darknet_network import MAX_LOG_SIZE
 from .interface import DensePredictions
 from .letterbox import Letterbox
 

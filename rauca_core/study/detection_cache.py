@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..contract.files import append_line, write_bytes
 from ..contract.schema import Fields, Record, whole_lines
 from ..detect import Detections, Detector, canonical
-from ..detect.scoring import class_index
+from ..detect.classes import class_index
 
 MAX_CACHE_BYTES = 2**30
 """A line is some 5 kB: the detections of 200 000 images."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..detect.store import weights_folder
+from ..detect.weights import weights_folder
 from .artifact import RECIPE, VERSIONS, Artifact
 from .kinds import KINDS
 

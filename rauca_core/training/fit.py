@@ -15,10 +15,9 @@ from torch import nn
 from ..contract import RaucaError, read_plan
 from ..contract.files import file_digest
 from ..detect.catalogue import find_source
-from ..detect.store import stored_path, verify
-from ..detect.synth.adapter import SynthDetector
-from ..detect.synth.card import DetectorCard, load_network, save_weights
+from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
 from ..detect.synth.networks import BODY, build_network, find_recipe
+from ..detect.weights import stored_path, verify
 from ..environment.frames import LightFrames
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ..contract import Weather
 from ..contract.seeding import named_rng
+from ..detect.classes import class_index
 from ..detect.interface import Detections, Detector
 from ..detect.nms import box_iou
-from ..detect.scoring import class_index
 from .samples import Samples
 
 CAR = "car"

@@ -11,12 +11,12 @@ from ..contract import RaucaError
 from ..contract.files import file_digest
 from ..detect.catalogue import SOURCES, find_source
 from ..detect.classes import class_list
+from ..detect.darknet import read_weights
 from ..detect.interface import Detector
 from ..detect.load import load_detector, resolve
 from ..detect.synth.card import DetectorCard, load_network, read_card
 from ..detect.synth.darknet_student import DarknetStudent
 from ..detect.synth.networks import RECIPES, is_darknet
-from ..detect.weights_file import read_weights
 
 DARKNET_SIZE, DARKNET_LR = 416, 4e-4
 

@@ -16,7 +16,7 @@ from benchmarks.detect_runtimes import ordered_difference, unordered_difference
 from benchmarks.harness import Results
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES
-from rauca_core.detect.listing import ready_names
+from rauca_core.detect.weights import ready_names
 
 SMALLEST = FULL.but(
     images=2, timed=1, framework_images=1, torchvision=("ssdlite320_mobilenet_v3_large",), transformers=()

@@ -9,8 +9,7 @@ import pytest
 import torch
 
 from rauca_core.detect import DarknetDetector
-from rauca_core.detect.layers import Convolution
-from rauca_core.detect.network import DarknetNetwork
+from rauca_core.detect.darknet_network import Convolution, DarknetNetwork
 from tests.published import published_weights
 
 torch.set_num_threads(1)  # small images: more threads only get in each other's way

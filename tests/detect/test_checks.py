@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect import DarknetDetector, check_images, checks, load_detector
+from rauca_core.detect import DarknetDetector, check_images, load_detector
+from rauca_core.detect import interface as checks
 
 
 def with_value(value: float) -> Tensor:

@@ -12,9 +12,8 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES, DarknetDetector, load_detector
 from rauca_core.detect.cfg import read_cfg
-from rauca_core.detect.heads import Head
-from rauca_core.detect.network import DarknetNetwork
-from rauca_core.detect.weights_file import read_weights
+from rauca_core.detect.darknet import read_weights
+from rauca_core.detect.darknet_network import DarknetNetwork, Head
 
 
 @pytest.mark.parametrize(

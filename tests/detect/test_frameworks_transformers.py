@@ -17,8 +17,7 @@ from torch import Tensor, nn
 from rauca_core.contract import RaucaError
 from rauca_core.detect.frameworks import TransformersDetector, import_transformers
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
-from rauca_core.detect.frameworks.timm_backbone import translated_config, translated_state
-from rauca_core.detect.frameworks.transformers_loading import FAMILIES
+from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_state
 
 pytestmark = pytest.mark.skipif(not importlib.util.find_spec("transformers"), reason="the extra detectors is missing")
 

@@ -10,9 +10,10 @@ import pytest
 import torch
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect import SOURCES, Detector, class_index, fetch, load_detector, resolve, store
+from rauca_core.detect import SOURCES, Detector, class_index, fetch, load_detector, resolve
+from rauca_core.detect import weights as store
 from rauca_core.detect.catalogue import find_source
-from rauca_core.detect.listing import listing, ready_names
+from rauca_core.detect.weights import listing, ready_names
 
 STANDARD = [source.name for source in SOURCES.values() if source.standard]
 PAPER = ("yolov3", "yolox-s", "yolox-l", "deformable-detr", "dynamic-rcnn", "sparse-rcnn", "faster-rcnn")

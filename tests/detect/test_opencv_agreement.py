@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.detect import SOURCES, DarknetDetector
-from rauca_core.detect.heads import Head
+from rauca_core.detect.darknet_network import Head
 
 TOLERANCE = 1e-4  # 4e-6 was measured
 

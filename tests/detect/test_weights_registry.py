@@ -13,10 +13,11 @@ import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.contract.files import file_digest
-from rauca_core.detect import SOURCES, fetch, load_detector, status, store
-from rauca_core.detect import download as downloading
-from rauca_core.detect.download import download
-from rauca_core.detect.sources import Address, PackageMember, Source
+from rauca_core.detect import SOURCES, fetch, load_detector, status
+from rauca_core.detect import weights as downloading
+from rauca_core.detect import weights as store
+from rauca_core.detect.catalogue import Address, PackageMember, Source
+from rauca_core.detect.weights import download
 
 FETCHED = [name for name, source in SOURCES.items() if source.files]
 

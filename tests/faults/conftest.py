@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.stability.drawn import make_dataset, painted_box
-from rauca_core.detect.network import DarknetNetwork
+from rauca_core.detect.darknet_network import DarknetNetwork
 from tests.detect.conftest import write_random_weights
 from tests.faults.jobs import Content, Inputs, Job
 from tests.faults.running import Running, ensure_server, rauca

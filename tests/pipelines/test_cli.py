@@ -17,7 +17,7 @@ import typer
 from pipelines.detector_commands import weights_app
 from pipelines.efe_commands import efe_finetune, efe_train
 from rauca_core.contract import ApplyCamouflage, RaucaError
-from rauca_core.detect.store import OWN_FOLDER
+from rauca_core.detect.weights import OWN_FOLDER
 from rauca_core.runtime.blender import run_blender
 from rauca_core.training.extractor_settings import ETA
 

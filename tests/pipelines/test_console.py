@@ -14,7 +14,7 @@ from pipelines.console import console, output, progress_bar
 from pipelines.doctor import Finding
 from rauca_core.contract import Progress, RaucaError
 from rauca_core.detect.catalogue import SOURCES
-from rauca_core.detect.listing import Listed
+from rauca_core.detect.weights import Listed
 
 ROOT = Path(__file__).resolve().parents[2]
 ODD = "a[/b]x [old] :car: rauca[detectors]"
@@ -50,7 +50,7 @@ def test_nothing_is_printed_past_it() -> None:
 def test_remedies_can_be_copied(monkeypatch: pytest.MonkeyPatch) -> None:
     source = next(iter(SOURCES.values()))
     remedy = "pip install 'rauca[detectors]'"
-    monkeypatch.setattr("rauca_core.detect.listing.listing", lambda: [Listed(source, remedy, "")])
+    monkeypatch.setattr("rauca_core.detect.weights.listing", lambda: [Listed(source, remedy, "")])
     assert f"{source.name}: {remedy}" in CliRunner().invoke(app, ["detectors", "list"]).stdout
     found = [Finding("numba", "missing", False, "pip install rauca[dataset]")]
     monkeypatch.setattr("pipelines.doctor.findings", lambda: found)

@@ -15,12 +15,10 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
-from ..checks import check_images
 from ..classes import class_list
-from ..interface import DensePredictions, Detections
+from ..interface import DensePredictions, Detections, check_images
 from ..nms import clipped
-from .checkpoint import fill, read_state
-from .identity import fingerprint
+from .checkpoint import fill, fingerprint, read_state
 from .mmdet_config import read_config
 from .torchvision_ops import import_torchvision
 

@@ -4,20 +4,80 @@ from __future__ import annotations
 
 import contextlib
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
-from ..checks import check_images
-from ..interface import DensePredictions, Detections
-from . import torchvision_heads
-from .checkpoint import fill, read_state
-from .identity import fingerprint
+from ..interface import DensePredictions, Detections, check_images
+from .checkpoint import fill, fingerprint, read_state
 from .torchvision_ops import import_torchvision
+
+Head = Callable[[Any, Any, Mapping[str, Tensor]], DensePredictions]
+
+
+def two_stage(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
+    """Every proposal after the box head, with the box that belongs to its most probable category.
+
+    Proposals carry no gradient, as in the framework: features do, through the region pooling. Images with fewer
+    proposals than others are filled up with empty boxes of objectness 0.
+    """
+    proposals, _ = model.rpn(images, features)
+    heads = model.roi_heads
+    pooled = heads.box_head(heads.box_roi_pool(features, proposals, images.image_sizes))
+    logits, offsets = heads.box_predictor(pooled)
+    boxes = heads.box_coder.decode(offsets, proposals).reshape(-1, logits.shape[1], 4)
+    classes = logits.softmax(-1)
+    best = 1 + classes[:, 1:].argmax(1)
+    boxes = _clip(boxes[torch.arange(len(best), device=best.device), best], images)
+    counts = [len(one) for one in proposals]
+    padded = [pad_sequence(one.split(counts), batch_first=True) for one in (boxes, classes)]
+    objectness = pad_sequence([boxes.new_ones(count) for count in counts], batch_first=True)
+    return DensePredictions(padded[0], objectness, padded[1])
+
+
+def retinanet(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
+    """Every anchor; categories are independent of one another (sigmoid)."""
+    found, boxes = _anchored(model, images, features)
+    return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), found["cls_logits"].sigmoid())
+
+
+def fcos(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
+    """Every point; torchvision's score, sqrt(P(class) * centerness), is the product of ``objectness`` and ``classes``.
+
+    The root is taken in the exponent, where its slope stays finite when a probability rounds to 0.
+    """
+    found, boxes = _anchored(model, images, features)
+    centerness, classes = ((functional.logsigmoid(found[key]) / 2).exp() for key in ("bbox_ctrness", "cls_logits"))
+    return DensePredictions(boxes, centerness[..., 0], classes)
+
+
+def ssd(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
+    """Every default box; categories exclude one another (softmax)."""
+    found, boxes = _anchored(model, images, features)
+    return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), found["cls_logits"].softmax(-1))
+
+
+def _anchored(model: Any, images: Any, features: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
+    """The head's outputs (B, N, ...) and decoded boxes (B, N, 4) of a model without a second stage."""
+    levels = list(features.values())
+    found: dict[str, Tensor] = model.head(levels)
+    anchors = model.anchor_generator(images, levels)
+    decode = getattr(model.box_coder, "decode_single", model.box_coder.decode)
+    boxes = torch.stack([decode(*one) for one in zip(found["bbox_regression"], anchors, strict=True)])
+    return found, _clip(boxes, images)
+
+
+def _clip(boxes: Tensor, images: Any) -> Tensor:
+    """Images of a batch are of one size."""
+    height, width = images.image_sizes[0]
+    return boxes.clamp(min=0).minimum(boxes.new_tensor([width, height, width, height]))
+
 
 ARCHITECTURES = (
     "fasterrcnn_resnet50_fpn",
@@ -40,7 +100,7 @@ class TorchvisionDetector:
 
     ``detect`` is torchvision's own post-processing with the caller's two thresholds; its other limits are the model's
     (at most 100 detections per image, for one). ``dense`` keeps what that post-processing starts from: all proposals
-    after the box head, or all anchors, see :mod:`rauca_core.detect.frameworks.torchvision_heads`. Where a softmax
+    after the box head, or all anchors, see :mod:`rauca_core.detect.frameworks.torchvision_detector`. Where a softmax
     shares one probability between the categories and the background, ``objectness`` is 1 and ``classes`` are the
     categories' shares, so their product is torchvision's score throughout.
 
@@ -158,17 +218,17 @@ def _set_size(name: str, model: Any, size: int) -> None:
     model.transform.max_size = round(size * _LONGEST)
 
 
-def _anatomy(name: str, model: Any) -> tuple[torchvision_heads.Head, Any, int, bool]:
+def _anatomy(name: str, model: Any) -> tuple[Head, Any, int, bool]:
     """How to decode a model, which module holds its thresholds, its class columns and whether it has a background."""
     models = import_torchvision().models.detection
     if isinstance(model, models.FasterRCNN):
-        return torchvision_heads.two_stage, model.roi_heads, model.roi_heads.box_predictor.cls_score.out_features, True
+        return two_stage, model.roi_heads, model.roi_heads.box_predictor.cls_score.out_features, True
     if isinstance(model, models.RetinaNet):
-        return torchvision_heads.retinanet, model, model.head.classification_head.num_classes, False
+        return retinanet, model, model.head.classification_head.num_classes, False
     if isinstance(model, models.FCOS):
-        return torchvision_heads.fcos, model, model.head.classification_head.num_classes, False
+        return fcos, model, model.head.classification_head.num_classes, False
     if isinstance(model, models.ssd.SSD):
-        return torchvision_heads.ssd, model, model.head.classification_head.num_columns, True
+        return ssd, model, model.head.classification_head.num_columns, True
     raise RaucaError(f"{name}: a {type(model).__name__} is none of torchvision's FasterRCNN, RetinaNet, FCOS and SSD")
 
 

@@ -11,11 +11,10 @@ from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ..batch_norm import freeze_batch_norms
-from ..checks import check_images
 from ..classes import canonical
-from ..interface import DensePredictions, Detections
+from ..interface import DensePredictions, Detections, check_images
 from ..nms import clipped
-from .identity import fingerprint
+from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model
 

@@ -1,4 +1,4 @@
-"""An SSD behind the detector interface, whichever file it came from."""
+"""An SSD behind the detector interface, whichever file it came from: its resize, anchors, score columns and network."""
 
 from __future__ import annotations
 
@@ -9,18 +9,99 @@ from typing import Self
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+from torch.nn import functional
 
 from ...contract import RaucaError
 from ..dry_run import dry_run
 from ..interface import DensePredictions
-from ..single_pass import SinglePassDetector
-from .boxes import CenterSizeBoxes
-from .fold import simplify
-from .labels import score_columns
-from .layers import IMAGE, Affine, Array, Layer
-from .network import LayerNetwork
-from .resize import stretch
+from ..nms import SinglePassDetector
+from .network import IMAGE, Affine, Array, Layer, LayerNetwork, simplify
+
+# exp(10) anchors are wider than any image; beyond that only the gradient would be lost to infinity
+MAX_LOG_SIZE = 10.0
+
+
+class CenterSizeBoxes(nn.Module):
+    """Decodes offsets from anchors (Liu et al. 2016, SSD, eq. 2).
+
+    Everything is relative to the image's width and height.
+    """
+
+    def __init__(self, anchors: Array, variances: Array, rows_first: bool) -> None:
+        """Take what all images share.
+
+        Args:
+            anchors: (N, 4) center x, y, width, height.
+            variances: (4,) factors on the encoded x, y, width, height.
+            rows_first: encodings are y, x, height, width (TensorFlow) instead of x, y, width, height (caffe).
+        """
+        super().__init__()
+        order = [1, 0, 3, 2] if rows_first else [0, 1, 2, 3]
+        scale = variances * anchors[:, [2, 3, 2, 3]]
+        scale[:, 2:] = variances[2:]
+        self.order: Tensor
+        self.register_buffer("order", torch.tensor(order), persistent=False)
+        self.scale = nn.Parameter(torch.from_numpy(scale).float(), requires_grad=False)
+        self.center = nn.Parameter(torch.from_numpy(anchors[:, :2]).float(), requires_grad=False)
+        self.size = nn.Parameter(torch.from_numpy(anchors[:, 2:]).float(), requires_grad=False)
+
+    def forward(self, encodings: Tensor) -> Tensor:
+        """(B, N, 4) encodings -> (B, N, 4) xyxy."""
+        offset, log_size = (encodings[..., self.order] * self.scale).split(2, -1)
+        center = self.center + offset
+        half = log_size.clamp(max=MAX_LOG_SIZE).exp() * (self.size / 2)
+        return torch.cat([center - half, center + half], -1)
+
+
+# COCO numbers its 80 categories from 1 to 90; these ids were never given out, but heads have columns for them.
+COCO_GAPS = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
+COCO_IDS = tuple(label for label in range(1, 91) if label not in COCO_GAPS)
+
+
+def score_columns(path: Path, columns: int, class_names: tuple[str, ...]) -> tuple[int, ...]:
+    """The column of each class name.
+
+    Args:
+        path: the network's file, for the error.
+        columns: of the head, the background among them.
+        class_names: one per column after the background; or the 80 names of COCO in their order for a head of 91.
+
+    Raises:
+        RaucaError: another number of names.
+    """
+    if len(class_names) == columns - 1:
+        return tuple(range(1, columns))
+    if len(class_names) == len(COCO_IDS) and columns == 91:
+        return COCO_IDS
+    also = f", or the {len(COCO_IDS)} of COCO" if columns == 91 else ""
+    raise RaucaError(
+        f"{path}: the network predicts {columns - 1} classes{also}; {len(class_names)} class names were given"
+    )
+
+
+def stretch(images: Tensor, size: int, half_pixel_centers: bool) -> Tensor:
+    """(B, 3, H, W) -> (B, 3, size, size), bilinear; untouched when it already fits. Differentiable.
+
+    Args:
+        half_pixel_centers: True samples at (i + 0.5) * scale - 0.5, as OpenCV and TensorFlow 2 do; False at i * scale,
+            as ``ResizeBilinear`` in graphs of TensorFlow 1, which moves the picture by (scale - 1) / 2 of its pixels.
+    """
+    if images.shape[2:] == (size, size):
+        return images
+    if half_pixel_centers:
+        return functional.interpolate(images, size=(size, size), mode="bilinear", align_corners=False)
+    return _lerp(_lerp(images, 2, size), 3, size)
+
+
+def _lerp(images: Tensor, axis: int, size: int) -> Tensor:
+    extent = images.shape[axis]
+    # float64: i * scale that should be a whole number must not fall on the pixel before it
+    position = torch.arange(size, dtype=torch.float64, device=images.device) * (extent / size)
+    low = position.floor().long().clamp(max=extent - 1)
+    weight = (position - low).to(images.dtype).reshape([-1 if a == axis else 1 for a in range(4)])
+    before = images.index_select(axis, low)
+    return torch.lerp(before, images.index_select(axis, (low + 1).clamp(max=extent - 1)), weight)
 
 
 @dataclass(frozen=True)
@@ -39,7 +120,7 @@ class SsdParts:
         size: of the square input, pixels.
         rows_first: encodings are y, x, height, width.
         blue_first: the network takes BGR.
-        half_pixel_centers: see :func:`rauca_core.detect.graphs.resize.stretch`.
+        half_pixel_centers: see :func:`rauca_core.detect.graphs.ssd.stretch`.
     """
 
     path: Path

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import RaucaError
-from .layers import Array
+from .network import Array
 from .ssd import SsdDetector, SsdParts
 from .tensorflow_file import Node, read_graph
 from .tensorflow_layers import Value, to_layers

@@ -3,8 +3,7 @@
 Small, trained on this project's synthetic frames, and named as what they are (``frcnn-synth``, ``detr-synth``).
 """
 
-from .adapter import SynthDetector
-from .card import DetectorCard, load_synth, load_weights, read_card, save_weights, shipped_weights
+from .card import DetectorCard, SynthDetector, load_synth, load_weights, read_card, save_weights, shipped_weights
 from .networks import RECIPES
 
 __all__ = [

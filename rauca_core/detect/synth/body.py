@@ -7,9 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from ..layers import Convolution, Route, Shortcut
-from ..network import DarknetNetwork
-from ..weights_file import read_weights
+from ..darknet import read_weights
+from ..darknet_network import Convolution, DarknetNetwork, Route, Shortcut
 
 STRIDES = (8, 16, 32)
 TAPS = (16, 24, 27)

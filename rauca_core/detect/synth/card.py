@@ -1,4 +1,4 @@
-"""Weights of our own detectors on disk: a safetensors file in half precision, and the card that says what it is."""
+"""Detectors of our own behind the common interface, and on disk: a safetensors file in half precision with a card."""
 
 from __future__ import annotations
 
@@ -19,8 +19,49 @@ from ...runtime.checkpoint_files import TENSOR_DAMAGE
 from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names
-from .adapter import SynthDetector
-from .networks import RECIPES, build_network, find_recipe, is_darknet
+from ..interface import DensePredictions, Detections, check_images, in_type_of
+from ..letterbox import Letterbox
+from ..nms import clipped, detections
+from .networks import RECIPES, build_network, find_recipe, is_darknet, trainable
+
+
+class SynthDetector:
+    """A trained network behind :class:`rauca_core.detect.Detector`.
+
+    Objectness is one everywhere: the class probabilities already say whether anything is there.
+
+    Attributes:
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        size: the network's square input, pixels.
+        network: the differentiable module; its weights take no gradient.
+    """
+
+    def __init__(
+        self, name: str, network: nn.Module, class_names: tuple[str, ...], size: int, fingerprint: str = ""
+    ) -> None:
+        self.name, self.class_names, self.size, self.fingerprint = name, class_names, size, fingerprint
+        self.network = network
+
+    def to(self, device: torch.device | str) -> SynthDetector:
+        """Move the network to a device; returns self."""
+        self.network.to(device)
+        return self
+
+    def dense(self, images: Tensor) -> DensePredictions:
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
+        check_images(self.name, images)
+        box = Letterbox(images.shape[2], images.shape[3], self.size)
+        found = trainable(self.network).dense(box.fit(in_type_of(self.network, images)))
+        found.boxes = box.boxes_to_image(found.boxes)
+        return found
+
+    @torch.no_grad()
+    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
+        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
+        check_images(self.name, images, waits=images.device.type != "cpu")
+        found = detections(self.dense(images), score_threshold, iou_threshold)
+        return clipped(found, in_type_of(self.network, images))
+
 
 FORMAT = ("rauca-detector-weights", 1)
 MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203

@@ -14,9 +14,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ..darknet_network import Convolution, DarknetNetwork
 from ..interface import DensePredictions
-from ..layers import Convolution
-from ..network import DarknetNetwork
 from ..nms import box_iou
 from .criterion import generalized_iou
 from .network import Truth

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ...contract import RaucaError
-from ...detect.checks import check_images
+from ...detect.interface import check_images
 
 
 class Defence(Protocol):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.detect.graphs.boxes import CenterSizeBoxes
-from rauca_core.detect.graphs.resize import stretch
+from rauca_core.detect.graphs.ssd import CenterSizeBoxes, stretch
 
 SIZES = [(33, 57), (300, 300), (640, 480), (120, 400), (1, 5)]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import CaffeSsdDetector
 from rauca_core.detect.graphs.caffe import read_caffe_ssd
-from rauca_core.detect.graphs.prototxt import read_prototxt
+from rauca_core.detect.graphs.caffe_file import read_prototxt
 from tests.detect.graphs.gradients import checked_gradient
 
 NAMES = ("bicycle", "car", "boat")

@@ -15,7 +15,7 @@ from torch import Tensor
 from rauca_core.contract import RaucaError
 from rauca_core.detect.classes import class_list
 from rauca_core.detect.graphs import COCO_GAPS, CaffeSsdDetector, SsdDetector, TfSsdDetector
-from rauca_core.detect.store import weights_folder
+from rauca_core.detect.weights import weights_folder
 
 SHEET = Path(__file__).parents[3] / "docs" / "pictures" / "dataset.jpg"  # frames of 166 pixels in rows and columns
 TILES = [(22, 98), (194, 98), (194, 270), (194, 614), (366, 98), (1054, 614)]

