@@ -19,7 +19,7 @@ from ..contract.files import file_digest
 from ..contract.reading import require_file
 from .classes import unusual_names
 from .darknet_network import Convolution, DarknetNetwork
-from .dry_run import require_fit
+from .dry_run import dry_run
 from .interface import DensePredictions
 from .letterbox import Letterbox
 from .nms import SinglePassDetector
@@ -116,7 +116,7 @@ class DarknetDetector(SinglePassDetector):
             )
         if size < self.network.stride or size % self.network.stride:
             raise RaucaError(f"{name}: input size {size} must be a multiple of {self.network.stride} pixels")
-        require_fit(cfg, self.network.shapes(size), size)
+        dry_run(cfg, self.network, size)
         weights_sha256 = read_weights(weights, self.network)
         self.name = name
         self.class_names = class_names

@@ -5,7 +5,7 @@ Batch normalization is folded into the convolutions when the weights are read. B
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -17,7 +17,6 @@ from .dry_run import MAX_PARAMETERS
 from .interface import DensePredictions
 
 ACTIVATIONS = ("linear", "leaky", "relu", "mish")
-Shape = tuple[int, int, int]  # channels, height, width
 
 
 def activate(x: Tensor, activation: str) -> Tensor:
@@ -52,12 +51,6 @@ class Convolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         return activate(functional.conv2d(x, self.weight, self.bias, self.stride, self.padding), self.activation)
 
-    def shape(self, x: Shape) -> Shape:
-        filters, inputs, size, _ = self.weight.shape
-        if x[0] != inputs:
-            raise ValueError(f"a convolution of {inputs} channels is given {x[0]}")
-        return filters, *_windows(x, 2 * self.padding, size, self.stride)
-
 
 class MaxPool(nn.Module):
     """(B, C, H, W) -> (B, C, H', W') with darknet's padding, ``H' = (H + padding - size) // stride + 1``.
@@ -83,9 +76,6 @@ class MaxPool(nn.Module):
         last = (extent + self.padding - self.size) // self.stride
         return max(0, last * self.stride + self.size - extent - left)
 
-    def shape(self, x: Shape) -> Shape:
-        return x[0], *_windows(x, self.padding, self.size, self.stride)
-
 
 class Route(nn.Module):
     """Concatenate earlier outputs along channels, or keep one of ``groups`` equal slices of each."""
@@ -100,11 +90,6 @@ class Route(nn.Module):
         slices = [x.chunk(self.groups, 1)[self.group_id] if self.groups > 1 else x for x in inputs]
         return slices[0] if len(slices) == 1 else torch.cat(slices, 1)
 
-    def shape(self, *inputs: Shape) -> Shape:
-        if len({x[1:] for x in inputs}) != 1:
-            raise ValueError(f"layers of different sizes are joined: {_sizes(inputs)}")
-        return sum(x[0] // self.groups for x in inputs), *inputs[0][1:]
-
 
 class Shortcut(nn.Module):
     """Add an earlier output of the same shape to the current one."""
@@ -117,11 +102,6 @@ class Shortcut(nn.Module):
     def forward(self, *inputs: Tensor) -> Tensor:
         return activate(inputs[0] + inputs[1], self.activation)
 
-    def shape(self, *inputs: Shape) -> Shape:
-        if inputs[0] != inputs[1]:
-            raise ValueError(f"layers of different sizes are added: {_sizes(inputs)}")
-        return inputs[0]
-
 
 class Upsample(nn.Module):
     """(B, C, H, W) -> (B, C, s*H, s*W), nearest neighbor."""
@@ -132,21 +112,6 @@ class Upsample(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         return functional.interpolate(x, scale_factor=float(self.stride), mode="nearest")
-
-    def shape(self, x: Shape) -> Shape:
-        return x[0], x[1] * self.stride, x[2] * self.stride
-
-
-def _windows(x: Shape, padding: int, size: int, stride: int) -> tuple[int, int]:
-    """How many windows of ``size`` fit, down and across; ``padding`` is the total over both sides."""
-    if min(x[1:]) + padding < size:
-        raise ValueError(f"a window of {size} pixels is wider than the {min(x[1:])} there are and {padding} of padding")
-    down, across = ((extent + padding - size) // stride + 1 for extent in x[1:])
-    return down, across
-
-
-def _sizes(shapes: tuple[Shape, ...]) -> str:
-    return ", ".join(" x ".join(map(str, shape)) for shape in shapes)
 
 
 # A box cannot be exp(8) = 2981 times its anchor; beyond, exp() would reach infinity and its gradient NaN.
@@ -259,20 +224,6 @@ class DarknetNetwork(nn.Module):
             if index in self._kept:
                 outputs[index] = x
         return concatenate(found)
-
-    def shapes(self, size: int) -> Iterator[Shape]:
-        """What each layer makes of one image of (3, size, size); a layer that would fail raises :class:`ValueError`."""
-        made: list[Shape] = []
-        here: Shape = (3, size, size)
-        for layer in self.layers:
-            if isinstance(layer, Route):
-                here = layer.shape(*(made[source] for source in layer.sources))
-            elif isinstance(layer, Shortcut):
-                here = layer.shape(here, made[layer.sources[-1]])
-            elif isinstance(layer, Convolution | MaxPool | Upsample):
-                here = layer.shape(here)
-            made.append(here)
-            yield here
 
 
 class _Builder:

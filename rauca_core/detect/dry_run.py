@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +27,8 @@ def dry_run(path: Path, network: nn.Module, size: int) -> Any:
     def count(module: nn.Module, inputs: Any, output: Any) -> None:
         nonlocal made
         made += output.numel() if isinstance(output, Tensor) else 0
-        _require_small(path, made, size)
+        if made > MAX_VALUES:
+            raise RaucaError(f"{path}: makes more than {MAX_VALUES} values of one image of {size} pixels; too large")
 
     tensors = [*network.named_parameters(), *network.named_buffers()]
     shapes = {name: tensor.to("meta") for name, tensor in tensors}
@@ -38,34 +37,8 @@ def dry_run(path: Path, network: nn.Module, size: int) -> Any:
         with torch.no_grad():
             return functional_call(network, shapes, (torch.empty(1, 3, size, size, device="meta"),))
     except (RuntimeError, TypeError, ValueError, IndexError) as error:
-        raise _misfit(path, error) from error
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise RaucaError(f"{path}: the layers' shapes do not fit together ({reason})") from error
     finally:
         for hook in hooks:
             hook.remove()
-
-
-def require_fit(path: Path, shapes: Iterator[tuple[int, ...]], size: int) -> None:
-    """The same for layers that tell their ``shapes`` themselves, raising :class:`ValueError` where they do not fit.
-
-    Tensors without memory make torch load its compiler, for 3 CPU seconds.
-
-    Raises:
-        RaucaError: as for :func:`dry_run`.
-    """
-    made = 0
-    try:
-        for shape in shapes:
-            made += math.prod(shape)
-            _require_small(path, made, size)
-    except ValueError as error:
-        raise _misfit(path, error) from error
-
-
-def _require_small(path: Path, made: int, size: int) -> None:
-    if made > MAX_VALUES:
-        raise RaucaError(f"{path}: makes more than {MAX_VALUES} values of one image of {size} pixels; too large")
-
-
-def _misfit(path: Path, error: Exception) -> RaucaError:
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return RaucaError(f"{path}: the layers' shapes do not fit together ({reason})")

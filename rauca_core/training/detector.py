@@ -90,10 +90,10 @@ class _DetectorTask:
         self.network = job.network.to(self.device)
         settings = job.settings
         learning = [p for p in self.network.parameters() if p.requires_grad]
-        of_body = {id(p) for p in trainable(self.network).body.parameters()}
-        body, rest = ([p for p in learning if (id(p) in of_body) == begun] for begun in (True, False))
+        of_backbone = {id(p) for p in trainable(self.network).backbone.parameters()}
+        backbone, rest = ([p for p in learning if (id(p) in of_backbone) == begun] for begun in (True, False))
         self.optimizer = torch.optim.AdamW(
-            [{"params": body, "share": settings.body_lr}, {"params": rest, "share": 1.0}],
+            [{"params": backbone, "share": settings.backbone_lr}, {"params": rest, "share": 1.0}],
             lr=settings.lr,
             weight_decay=settings.weight_decay,
         )

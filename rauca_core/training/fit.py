@@ -16,7 +16,7 @@ from ..contract import RaucaError, read_plan
 from ..contract.files import file_digest
 from ..detect.catalogue import find_source
 from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
-from ..detect.synth.networks import BODY, build_network, find_recipe
+from ..detect.synth.networks import BACKBONE, build_network, find_recipe
 from ..detect.weights import stored_path, verify
 from ..environment.frames import LightFrames
 from ..runtime.devices import find_device
@@ -92,7 +92,7 @@ def fit(
         class_names=class_names,
         size=settings.size,
         architecture=find_recipe(wanted.name).architecture,
-        body=origin,
+        backbone=origin,
         data=_describe(frames, held_out),
         command=wanted.command,
         seed=settings.seed,
@@ -155,8 +155,8 @@ def _class_names(frames: LightFrames, chosen: Sequence[int], wanted: Fit) -> tup
 def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     """The network to begin with, and the sha256 of the weights that went into it."""
     if wanted.start is None:
-        body = _yolo_body()
-        return build_network(wanted.name, len(class_names), body, wanted.settings.seed), file_digest(body)
+        backbone = _yolo_backbone()
+        return build_network(wanted.name, len(class_names), backbone, wanted.settings.seed), file_digest(backbone)
     network, card, digest = load_network(wanted.start)
     if (card.name, card.class_names) != (wanted.name, class_names):
         raise RaucaError(
@@ -166,9 +166,9 @@ def _start(wanted: Fit, class_names: tuple[str, ...]) -> tuple[nn.Module, str]:
     return network, digest
 
 
-def _yolo_body() -> Path:
-    """The fetched weights that a body begins with."""
-    source = find_source(BODY)
+def _yolo_backbone() -> Path:
+    """The fetched weights that a backbone begins with."""
+    source = find_source(BACKBONE)
     verify(source)
     return stored_path(source)
 

@@ -239,7 +239,7 @@ class _Rounds:
             first,
             called=f"hardened-{first.called or first.name}",
             caution=HARDENED,
-            body=self.origin.sha256,
+            backbone=self.origin.sha256,
             data=[
                 {"name": d.plan.name, "vehicle": d.plan.vehicle_name, "seed": d.plan.seed} for d in self.frames.datasets
             ],

@@ -21,7 +21,7 @@ class HardenSettings(BaseModel):
         attack_batch, attack_lr: of it, see ``attack.OptimizerSettings``.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
-        batch, lr, body_lr, weight_decay, clip, ema, precision, every: of the fine-tuning, see ``DetectorSettings``
+        batch, lr, backbone_lr, weight_decay, clip, ema, precision, every: of the fine-tuning, see ``DetectorSettings``
             (``every`` is its ``round``); ``lr`` None takes a share of the detector's own.
         test_share: of every data set's locations, or views where one has a single location, held out to watch the
             fine-tuning.
@@ -41,7 +41,7 @@ class HardenSettings(BaseModel):
     samples: int = Field(12, ge=1, le=16)
     batch: int = Field(8, ge=1, le=256)
     lr: float | None = Field(None, gt=0, le=1)
-    body_lr: float = Field(0.3, ge=0, le=1)
+    backbone_lr: float = Field(0.3, ge=0, le=1)
     weight_decay: float = Field(1e-2, ge=0)
     clip: float = Field(5.0, gt=0)
     ema: float = Field(0.98, ge=0, lt=1)
@@ -62,7 +62,7 @@ class HardenSettings(BaseModel):
         Args:
             usual_lr: the learning rate where none was chosen.
         """
-        same = ("steps", "batch", "body_lr", "weight_decay", "clip", "ema", "precision", "test_share")
+        same = ("steps", "batch", "backbone_lr", "weight_decay", "clip", "ema", "precision", "test_share")
         chosen = {name: getattr(self, name) for name in (*same, "threads", "memory_mb")}
         seed = named_seed(self.seed, "hardening", number)
         return DetectorSettings(**chosen, lr=self.lr or usual_lr, round=self.every, seed=seed)

@@ -16,7 +16,7 @@ class DetectorSettings(BaseModel):
         steps: of the optimizer.
         batch: images per step.
         lr: AdamW's learning rate; it rises over the first 5 % of the steps and falls to 0 on a half cosine.
-        body_lr: that of the pre-trained body, as a fraction of ``lr``.
+        backbone_lr: that of the pre-trained backbone, as a fraction of ``lr``.
         weight_decay: of AdamW.
         clip: largest norm of the gradient.
         ema: decay per step of the moving average of the weights, which is what is tested and kept.
@@ -35,7 +35,7 @@ class DetectorSettings(BaseModel):
     steps: int = Field(3000, ge=1)
     batch: int = Field(8, ge=1, le=256)
     lr: float = Field(5e-4, gt=0, le=1)
-    body_lr: float = Field(0.3, ge=0, le=1)
+    backbone_lr: float = Field(0.3, ge=0, le=1)
     weight_decay: float = Field(1e-2, ge=0)
     clip: float = Field(5.0, gt=0)
     ema: float = Field(0.998, ge=0, lt=1)

@@ -85,10 +85,10 @@ def folder(tmp_path: Path, box_vehicle: Vehicle) -> Path:
 
 
 @pytest.fixture(scope="session")
-def body(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
+def backbone(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
     """Seeded weights in place of YOLOv4-tiny's: what is tested here is the training, not its start."""
     cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
-    return random_weights(tmp_path_factory.mktemp("body") / "body.weights", cfg)
+    return random_weights(tmp_path_factory.mktemp("backbone") / "backbone.weights", cfg)
 
 
 def score(judged: list[Judged]) -> float:
@@ -96,11 +96,11 @@ def score(judged: list[Judged]) -> float:
     return float(np.mean([bool(len(one.scores)) for one in judged]))
 
 
-def job(name: str, folder: Path, out: Path, body: Path, device: torch.device | str = "cpu", **chosen) -> Job:
+def job(name: str, folder: Path, out: Path, backbone: Path, device: torch.device | str = "cpu", **chosen) -> Job:
     settings = make_detector_settings(**(TINY | chosen))
     frames = LightFrames([folder])
     shown = Samples(frames, ("car", "truck"), SIZE)
-    network = build_network(name, 2, body)
+    network = build_network(name, 2, backbone)
     return Job(network, shown, range(len(frames)), lambda _: Findings({"all": 0.0}), settings, out, device=device)
 
 
@@ -144,41 +144,41 @@ def test_samples_depend_on_their_name_alone(folder):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_loss_falls(name, folder, tmp_path, body):
+def test_the_loss_falls(name, folder, tmp_path, backbone):
     losses: list[float] = []
-    train(job(name, folder, tmp_path / "run", body), on_step=lambda done, steps, loss: losses.append(loss))
+    train(job(name, folder, tmp_path / "run", backbone), on_step=lambda done, steps, loss: losses.append(loss))
     assert np.mean(losses[-4:]) < 0.75 * np.mean(losses[:4])
     assert np.isfinite(losses).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, body):
+def test_a_terminated_run_ends_in_the_same_bits(name, folder, tmp_path, backbone):
     short = {"steps": 3, "round": 3}
-    whole, _ = train(job(name, folder, tmp_path / "whole", body, **short))
+    whole, _ = train(job(name, folder, tmp_path / "whole", backbone, **short))
 
     def terminate(done: int, steps: int, loss: float) -> None:
         if done == 2:
             os.kill(os.getpid(), signal.SIGTERM)
 
     with pytest.raises(RaucaError, match=r"stopped after step 2; .*--resume"):
-        train(job(name, folder, tmp_path / "parts", body, **short), on_step=terminate)
-    rest = job(name, folder, tmp_path / "parts", body, **short)
+        train(job(name, folder, tmp_path / "parts", backbone, **short), on_step=terminate)
+    rest = job(name, folder, tmp_path / "parts", backbone, **short)
     resumed, _ = train(rest, resume=True)
     assert torch.equal(state(whole), state(resumed))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_on_a_device_a_training_ends_as_on_the_cpu(name, folder, tmp_path, body):
+def test_on_a_device_a_training_ends_as_on_the_cpu(name, folder, tmp_path, backbone):
     short = {"steps": 2, "round": 2}
-    here, _ = train(job(name, folder, tmp_path / "here", body, **short))
+    here, _ = train(job(name, folder, tmp_path / "here", backbone, **short))
     with PretendDevice():
-        there, _ = train(job(name, folder, tmp_path / "there", body, device=DEVICE, **short))
+        there, _ = train(job(name, folder, tmp_path / "there", backbone, device=DEVICE, **short))
         assert {value.device for value in there.state_dict().values()} == {DEVICE}
         far = state(there).cpu()
     assert (far - state(here)).abs().max() < 1e-3
 
 
-def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, body):
+def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, backbone):
     class Died(BaseException):
         """As SIGKILL: nothing after it runs."""
 
@@ -191,20 +191,20 @@ def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, body):
         raise Died
 
     lightest = {"steps": 2, "round": 1}
-    whole = report(job(NAMES[0], folder, tmp_path / "whole", body, **lightest))
+    whole = report(job(NAMES[0], folder, tmp_path / "whole", backbone, **lightest))
     assert [step for step, _ in whole] == [1, 2]
-    dying = dataclasses.replace(job(NAMES[0], folder, tmp_path / "parts", body, **lightest), test=die)
+    dying = dataclasses.replace(job(NAMES[0], folder, tmp_path / "parts", backbone, **lightest), test=die)
     with pytest.raises(Died):
         train(dying)
-    parts = lambda: job(NAMES[0], folder, tmp_path / "parts", body, **lightest)  # noqa: E731
+    parts = lambda: job(NAMES[0], folder, tmp_path / "parts", backbone, **lightest)  # noqa: E731
     assert report(parts(), resume=True) == whole
     assert report(parts(), resume=True) == []  # finished, and said so before
     lines = (tmp_path / "parts" / "rounds.jsonl").read_text()
     assert lines == (tmp_path / "whole" / "rounds.jsonl").read_text()
 
 
-def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, body, monkeypatch, box_vehicle):
-    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, backbone, monkeypatch, box_vehicle):
+    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
     ball = draw_dataset(tmp_path / "ball", dataclasses.replace(box_vehicle, name="ball"), category="shape").folder
     settings = make_detector_settings(**(TINY | {"steps": 2, "round": 1, "fewest": 2}))
     wanted = Fit("frcnn-synth", [folder, ball], tmp_path / "run", settings, score, command="rauca detectors train")
@@ -229,7 +229,7 @@ def _start_from(path: Path, folder: Path, tmp_path: Path, settings) -> None:
     onward = Fit("frcnn-synth", [folder], tmp_path / "onward", settings, score, start=path)
     fit(onward)
     card, _ = read_card(tmp_path / "onward" / "frcnn-synth.json")
-    assert card.body == read_card(path.with_suffix(".json"))[1]
+    assert card.backbone == read_card(path.with_suffix(".json"))[1]
     with pytest.raises(RaucaError, match=r"holds a frcnn-synth of the classes car, truck, but .* of car, bus"):
         fit(dataclasses.replace(onward, out=tmp_path / "other", classes=("bus",)))
 
@@ -243,8 +243,8 @@ def _rename(path: Path) -> None:
     card.write_text(whole)
 
 
-def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, body, monkeypatch, box_vehicle):
-    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, backbone, monkeypatch, box_vehicle):
+    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
     boats = draw_dataset(tmp_path / "boats", dataclasses.replace(box_vehicle, name="boat"), category="boat").folder
     settings = make_detector_settings(**(TINY | {"steps": 2, "round": 2}))
     trucks = Fit("frcnn-synth", [folder, boats], tmp_path / "run", settings, score, classes=("truck",))
@@ -280,8 +280,8 @@ def _damage(path: Path) -> None:
         load_weights(path)
 
 
-def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, body, monkeypatch):
-    monkeypatch.setattr(fitting, "_yolo_body", lambda: body)
+def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, backbone, monkeypatch):
+    monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
     settings = make_detector_settings(**TINY)
     good = Fit("frcnn-synth", [folder], tmp_path / "run", settings, score)
     dark = draw_dataset(tmp_path / "dark", box_vehicle, light=False).folder
@@ -302,8 +302,8 @@ def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, b
             make_detector_settings(**{option: value})
 
 
-def test_a_loss_that_is_not_finite_names_its_frames(folder, tmp_path, body):
-    work = job("frcnn-synth", folder, tmp_path / "run", body)
+def test_a_loss_that_is_not_finite_names_its_frames(folder, tmp_path, backbone):
+    work = job("frcnn-synth", folder, tmp_path / "run", backbone)
     for index in range(4):
         work.samples.frames.get(index).B[:] = float("inf")
     with torch.no_grad():

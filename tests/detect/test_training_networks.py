@@ -27,14 +27,14 @@ SIZE = 64
 
 
 @pytest.fixture(scope="module")
-def body(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
+def backbone(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
     cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
-    return random_weights(tmp_path_factory.mktemp("body") / "body.weights", cfg)
+    return random_weights(tmp_path_factory.mktemp("backbone") / "backbone.weights", cfg)
 
 
 @pytest.fixture(scope="module")
-def two_stage(body: Path) -> Any:
-    network = build_network("frcnn-synth", 2, body).eval()
+def two_stage(backbone: Path) -> Any:
+    network = build_network("frcnn-synth", 2, backbone).eval()
     with torch.no_grad():  # drawn weights know nothing: spread their scores and boxes
         network.roi_heads.box_predictor.cls_score.weight.mul_(30)
         network.roi_heads.box_predictor.bbox_pred.weight.mul_(10)
@@ -42,8 +42,8 @@ def two_stage(body: Path) -> Any:
 
 
 @pytest.fixture(scope="module")
-def transformer(body: Path) -> Any:
-    return build_network("detr-synth", 2, body).eval()
+def transformer(backbone: Path) -> Any:
+    return build_network("detr-synth", 2, backbone).eval()
 
 
 def picture(seed: int = 0, count: int = 1, dtype: torch.dtype = torch.float32) -> Tensor:

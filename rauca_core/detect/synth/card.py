@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import safetensors.torch
 import torch
@@ -13,7 +14,7 @@ from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
-from ...contract.schema import Fields, read_json
+from ...contract.schema import Record, is_plain_name, read_json
 from ...runtime.carded_weights import read_carded, save_carded
 from ...runtime.checkpoint_files import TENSOR_DAMAGE
 from ...version import __version__
@@ -63,12 +64,11 @@ class SynthDetector:
         return clipped(found, in_type_of(self.network, images))
 
 
-FORMAT = ("rauca-detector-weights", 1)
 MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203
 REMEDY = "train it again with `rauca detectors train`"
-LICENCE = "Apache-2.0; the body began as YOLOv4-tiny's (public domain, darknet)"
+LICENCE = "Apache-2.0; the backbone began as YOLOv4-tiny's (public domain, darknet)"
 CAUTION = (
-    "Trained on this project's synthetic frames alone: not a COCO detector, and no judge of photographs. Its body "
+    "Trained on this project's synthetic frames alone: not a COCO detector, and no judge of photographs. Its backbone "
     "began with YOLOv4-tiny's COCO weights, so attacks may transfer between the two more easily than between "
     "strangers. It saw plain paints only and is not hardened against anything."
 )
@@ -79,8 +79,8 @@ HARDENED = (
 )
 
 
-@dataclass(frozen=True)
-class DetectorCard:
+@dataclass(frozen=True, eq=False)
+class DetectorCard(Record):
     """Where weights come from and what they are good for.
 
     Attributes:
@@ -88,7 +88,7 @@ class DetectorCard:
         architecture, licence, caution: for people.
         class_names: in the network's order.
         size: the network's square input, pixels.
-        body: sha256 of the weights that the body, or the whole network, began with.
+        backbone: sha256 of the weights that the backbone, or the whole network, began with.
         data: per data set: name, use, vehicle, frames, size, weathers, seed.
         command: that made them, folders by their last names.
         seed, steps, settings: of the training.
@@ -100,24 +100,30 @@ class DetectorCard:
         hardened: against what, for weights of `harden`.
     """
 
+    FORMAT = ("rauca-detector-weights", 1)
+
     name: str
     class_names: tuple[str, ...]
-    size: int
+    size: Annotated[int, (64, 2048)]
     architecture: str = ""
     licence: str = LICENCE
     caution: str = CAUTION
-    body: str = ""
-    data: list[dict[str, Any]] = field(default_factory=list)
+    backbone: str = ""
+    data: Annotated[Sequence[dict[str, Any]], "items"] = ()
     command: str = ""
     seed: int = 0
     steps: int = 0
     settings: dict[str, Any] = field(default_factory=dict)
-    cpu_minutes: float = 0.0
+    cpu_minutes: Annotated[float, (0,)] = 0.0
     metrics: dict[str, Any] = field(default_factory=dict)
     remarks: str = ""
     rauca: str = __version__
     called: str = ""
     hardened: dict[str, Any] = field(default_factory=dict)
+
+    def _check_whole(self, where: str) -> None:
+        if self.called and not is_plain_name(self.called):  # files of detections bear it
+            raise RaucaError(f"{where}: called is {self.called!r}, which is no name; {REMEDY}")
 
 
 def shipped_weights(name: str) -> Path:
@@ -138,7 +144,7 @@ def load_synth(name: str) -> SynthDetector:
 def save_weights(path: Path, network: nn.Module, card: DetectorCard) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
     tensors = {name: _half(t) for name, t in network.state_dict().items()}
-    save_carded(path, path.with_suffix(".json"), FORMAT, tensors, asdict(card))
+    save_carded(path, path.with_suffix(".json"), card.FORMAT, tensors, asdict(card))
 
 
 def load_weights(path: Path) -> SynthDetector:
@@ -180,23 +186,7 @@ def read_card(path: Path) -> tuple[DetectorCard, str]:
     if not path.is_file():
         raise RaucaError(f"{path}: the weights' card is missing; keep the two files together, or {REMEDY}")
     fields = read_json(path)
-    fields.format(*FORMAT)
-    digest = fields.text("sha256")
-    card = DetectorCard(
-        name=fields.text("name"),
-        class_names=tuple(str(name) for name in fields.items("class_names")),
-        size=fields.integer("size", 64, 2048),
-        data=list(fields.items("data")),
-        seed=fields.integer("seed"),
-        steps=fields.integer("steps"),
-        settings=_object(fields, "settings"),
-        cpu_minutes=fields.number("cpu_minutes", 0),
-        metrics=_object(fields, "metrics"),
-        **{n: fields.text(n) for n in ("architecture", "licence", "caution", "body", "command", "remarks", "rauca")},
-        called=_called(fields),
-        hardened=_object(fields, "hardened") if fields.has("hardened") else {},
-    )
-    fields.done()
+    digest, card = fields.text("sha256"), DetectorCard.from_json(fields)
     if len(card.class_names) > MAX_CLASSES:
         raise RaucaError(f"{path}: names {len(card.class_names)} classes; at most {MAX_CLASSES} are read; {REMEDY}")
     if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
@@ -208,15 +198,3 @@ def read_card(path: Path) -> tuple[DetectorCard, str]:
 def _half(tensor: Tensor) -> Tensor:
     tensor = tensor.detach().cpu().contiguous()
     return tensor.half() if tensor.dtype.is_floating_point else tensor
-
-
-def _called(fields: Fields) -> str:
-    """The detector's name in tables; files of detections bear it, so it must be no path."""
-    return fields.plain_name("called") if fields.has("called") and fields.text("called") else ""
-
-
-def _object(fields: Fields, name: str) -> dict[str, Any]:
-    value = fields.raw(name)
-    if not isinstance(value, dict):
-        raise RaucaError(f"{fields.where}: {name} must be a JSON object; {REMEDY}")
-    return value

@@ -45,7 +45,7 @@ class DarknetStudent(nn.Module):
         self._before: list[DarknetNetwork] = []  # in a list: no part of the module, nor of its weights
 
     @property
-    def body(self) -> nn.Module:
+    def backbone(self) -> nn.Module:
         """All of it was trained before."""
         return self.network
 

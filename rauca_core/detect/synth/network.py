@@ -33,7 +33,7 @@ class Trainable(Protocol):
     """A module that detects and learns to; images are square sRGB batches (B, 3, S, S) in [0, 1]."""
 
     @property
-    def body(self) -> nn.Module:
+    def backbone(self) -> nn.Module:
         """The pre-trained convolutions, which learn more slowly than the rest."""
         ...
 

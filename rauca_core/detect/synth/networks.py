@@ -13,10 +13,10 @@ from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.seeding import named_seed
 from ..catalogue import SOURCES
-from .body import Body
+from .backbone import DarknetBackbone
 from .network import Trainable
 
-BODY = "yolov4-tiny"
+BACKBONE = "yolov4-tiny"
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Recipe:
 
 
 RECIPES = {
-    "frcnn-synth": Recipe("Faster R-CNN (torchvision) with a feature pyramid, on the body of YOLOv4-tiny", 5e-4),
-    "detr-synth": Recipe("RT-DETR (transformers) with three decoder layers, on the body of YOLOv4-tiny", 4e-4),
+    "frcnn-synth": Recipe("Faster R-CNN (torchvision) with a feature pyramid, on the backbone of YOLOv4-tiny", 5e-4),
+    "detr-synth": Recipe("RT-DETR (transformers) with three decoder layers, on the backbone of YOLOv4-tiny", 4e-4),
 }
 
 
@@ -45,8 +45,8 @@ def find_recipe(name: str) -> Recipe:
     return RECIPES[name]
 
 
-def build_network(name: str, classes: int, body: Path | None = None, seed: int = 0) -> nn.Module:
-    """A network with drawn weights, its body's read from darknet weights unless that is None.
+def build_network(name: str, classes: int, backbone: Path | None = None, seed: int = 0) -> nn.Module:
+    """A network with drawn weights, its backbone's read from darknet weights unless that is None.
 
     Raises:
         RaucaError: unknown name; the packages of ``rauca[detectors]`` are missing, which our own need; unusable
@@ -59,7 +59,7 @@ def build_network(name: str, classes: int, body: Path | None = None, seed: int =
     find_recipe(name)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(named_seed(seed, "weights", name))
-        start = Body(assets_folder() / "detectors" / f"{BODY}.cfg", body)
+        start = DarknetBackbone(assets_folder() / "detectors" / f"{BACKBONE}.cfg", backbone)
         if name == "frcnn-synth":
             from .two_stage import TwoStage
 

@@ -1,4 +1,4 @@
-"""RT-DETR of transformers on our body: queries that attend to the image, and no anchors or suppression."""
+"""RT-DETR of transformers on our backbone: queries that attend to the image, and no anchors or suppression."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from ..frameworks.transformers_loading import import_transformers
 from ..interface import DensePredictions
-from .body import CHANNELS, STRIDES, Body
+from .backbone import CHANNELS, STRIDES, DarknetBackbone
 from .criterion import centered, corners, layer_losses, match
 from .network import Truth
 
@@ -27,12 +27,12 @@ class Transformer(nn.Module):
     Attention to the image is deformable, as in Deformable DETR, and runs in plain torch.
     """
 
-    def __init__(self, body: Body, classes: int) -> None:
+    def __init__(self, backbone: DarknetBackbone, classes: int) -> None:
         super().__init__()
-        self.detr = _detr(body, classes)
+        self.detr = _detr(backbone, classes)
 
     @property
-    def body(self) -> Body:
+    def backbone(self) -> DarknetBackbone:
         """The convolutions that it begins with."""
         return self.detr.backbone.body
 
@@ -77,7 +77,7 @@ class Transformer(nn.Module):
         return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), scores)
 
 
-def _detr(body: Body, classes: int) -> Any:
+def _detr(backbone: DarknetBackbone, classes: int) -> Any:
     """transformers' model, its backbone replaced by ours."""
     transformers: Any = import_transformers()
     config = transformers.RTDetrConfig(
@@ -92,16 +92,16 @@ def _detr(body: Body, classes: int) -> Any:
         anchor_image_size=None, activation_function="relu",
     )  # fmt: skip
     model: Any = transformers.RTDetrForObjectDetection(config).model
-    model.backbone = _Backbone(body)
+    model.backbone = _Backbone(backbone)
     return model
 
 
 class _Backbone(nn.Module):
-    """Our body as transformers calls a backbone; its masks say which pixels are padding, of which we have none."""
+    """Our backbone as transformers calls a backbone; its masks say which pixels are padding, of which we have none."""
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, backbone: DarknetBackbone) -> None:
         super().__init__()
-        self.body = body
+        self.body = backbone  # of this name in weights files
 
     def forward(self, images: Tensor, mask: Tensor) -> list[tuple[Tensor, None]]:
         return [(level, None) for level in self.body(images)]

@@ -1,4 +1,4 @@
-"""Faster R-CNN of torchvision on our body: a region proposal network, RoIAlign, and a head per region."""
+"""Faster R-CNN of torchvision on our backbone: a region proposal network, RoIAlign, and a head per region."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
-from .body import CHANNELS, STRIDES, Body
+from .backbone import CHANNELS, STRIDES, DarknetBackbone
 from .network import Truth
 
 WIDTH = 96  # of the feature pyramid
@@ -31,11 +31,16 @@ class TwoStage(nn.Module):
         classes: how many, without the background.
     """
 
-    def __init__(self, body: Body, classes: int, proposals: int = PROPOSALS) -> None:
+    def __init__(self, backbone: DarknetBackbone, classes: int, proposals: int = PROPOSALS) -> None:
         super().__init__()
         self.classes = classes
-        self.body = body
+        self.body = backbone  # of this name in weights files
         self.pyramid, self.rpn, self.roi_heads = _parts(classes, proposals)
+
+    @property
+    def backbone(self) -> DarknetBackbone:
+        """The convolutions that it begins with."""
+        return self.body
 
     def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
         """The four losses of Faster R-CNN: objectness and box of the proposals, class and box of the regions.

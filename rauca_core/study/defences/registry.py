@@ -7,10 +7,9 @@ from typing import Any
 
 from ...contract import RaucaError
 from .interface import Configured, Defence
-from .jpeg import Jpeg
 from .lgs import LocalGradientsSmoothing
 from .pad import Pad
-from .reference import BitDepth, Median, Nothing
+from .reference import BitDepth, Jpeg, Median, Nothing
 
 KINDS: dict[str, type[Configured]] = {
     kind.kind: kind for kind in (Nothing, LocalGradientsSmoothing, Pad, Jpeg, BitDepth, Median)

@@ -1,4 +1,4 @@
-"""The convolutions that our detectors begin with: a darknet network's body, without its heads."""
+"""The convolutions that our detectors begin with: a darknet network without its heads."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEM = 8
 """Layers before the first of stride 8: edges and colors, which hold for any image and stay as they were trained."""
 
 
-class Body(nn.Module):
+class DarknetBackbone(nn.Module):
     """YOLOv4-tiny up to its first head: sRGB images (B, 3, H, W) in [0, 1] -> features of stride 8, 16 and 32.
 
     Batch normalization is folded into the convolutions, so it is frozen, as usual when detectors are fine-tuned on

@@ -1,4 +1,4 @@
-"""How much neighboring windows of an image tell about each other: PAD's first heat map."""
+"""PAD's two heat maps: how much neighboring windows tell about each other, and where JPEG changes most."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+from .reference import round_trip
 
 SMALLEST_WINDOW = 8
 LEVELS = 256
@@ -69,3 +71,30 @@ def _entropy(symbols: NDArray[np.uint16]) -> NDArray[np.float64]:
     counts = np.diff(positions, append=ordered.size)
     weighted = np.bincount(positions // pixels, counts * np.log(counts), minlength=len(ordered))
     return (np.log(pixels) - weighted / pixels).reshape(shape)
+
+
+QUALITIES = range(51, 101)
+SMOOTHING_PIXELS = 17
+
+
+def recompression_map(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Mean over JPEG qualities 51 to 100 of the smoothed squared difference to the re-saved image, (H, W) in [0, 1].
+
+    At every quality the difference is averaged over 17x17 pixels and scaled to [0, 1] over the image. A region whose
+    history of compression differs from the rest stands out; so does fine texture where there is no such history.
+
+    Args:
+        pixels: (H, W, 3) 8-bit RGB.
+    """
+    total = np.zeros(pixels.shape[:2], np.float32)
+    for quality in QUALITIES:
+        difference = cv2.absdiff(pixels, round_trip(pixels, quality)).astype(np.float32)
+        squared = np.square(difference).mean(axis=2)
+        total += scaled(cv2.blur(squared, (SMOOTHING_PIXELS, SMOOTHING_PIXELS), borderType=cv2.BORDER_REFLECT))
+    return total / len(QUALITIES)
+
+
+def scaled(heat: NDArray[np.float32]) -> NDArray[np.float32]:
+    """From its own range to [0, 1]; 0 where the heat is the same everywhere."""
+    low, high = heat.min(), heat.max()
+    return (heat - low) / (high - low) if high > low else np.zeros_like(heat)
