@@ -273,11 +273,23 @@ def _transformers(name: str, repository: str) -> Source:
     return Source(name, "transformers", "coco-91", (), APACHE, network=repository, how=how)
 
 
-def _mmdet(name: str, config: str) -> Source:
+# MMDetection 3 as it installs: from source where no compiled operators fit torch, and without what would replace ours.
+MMDET_INSTALL = (
+    "pip install 'setuptools<81' wheel ninja psutil addict yapf termcolor terminaltables pyyaml matplotlib pycocotools "
+    "scipy shapely tqdm six && MMCV_WITH_OPS=1 FORCE_CUDA=0 pip install --no-deps --no-build-isolation "
+    "--no-binary mmcv mmcv==2.1.0 && pip install --no-deps mmengine==0.10.7 mmdet==3.3.0"
+)
+_OPENMMLAB = "https://download.openmmlab.com/mmdetection/v2.0"
+
+
+def _mmdet(name: str, config: str, checkpoint: str) -> Source:
+    """The package brings its configurations, from which rauca reads a dump."""
     dump = (
-        f"python -c \"from mmengine import Config; Config.fromfile('{name}/{config}.py').dump('{name}/{name}.json')\""
+        'python -c "import pathlib, mmdet, mmengine; '
+        f"path, = pathlib.Path(mmdet.__file__).parent.glob('.mim/configs/*/{config}.py'); "
+        f"mmengine.Config.fromfile(path).dump('{name}/{name}.json')\""
     )
-    how = f"mim download mmdet --config {config} --dest {name}, {dump}, then {name}={name}/"
+    how = f"curl --create-dirs -o {name}/{name}.pth {_OPENMMLAB}/{checkpoint}, {dump}, then {name}={name}/"
     return Source(name, "mmdet", "coco-80", (), APACHE, network=config, how=how)
 
 
@@ -288,8 +300,16 @@ _FRAMEWORKS = (
     _transformers("deformable-detr", "SenseTime/deformable-detr"),
     _transformers("detr", "facebook/detr-resnet-50"),
     _transformers("rt-detr", "PekingU/rtdetr_r50vd"),
-    _mmdet("dynamic-rcnn", "dynamic-rcnn_r50_fpn_1x_coco"),
-    _mmdet("sparse-rcnn", "sparse-rcnn_r50_fpn_1x_coco"),
+    _mmdet(
+        "dynamic-rcnn",
+        "dynamic-rcnn_r50_fpn_1x_coco",
+        "dynamic_rcnn/dynamic_rcnn_r50_fpn_1x/dynamic_rcnn_r50_fpn_1x-62a3f276.pth",
+    ),
+    _mmdet(
+        "sparse-rcnn",
+        "sparse-rcnn_r50_fpn_1x_coco",
+        "sparse_rcnn/sparse_rcnn_r50_fpn_1x_coco/sparse_rcnn_r50_fpn_1x_coco_20201222_214453-dc79b137.pth",
+    ),
 )
 
 

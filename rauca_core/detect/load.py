@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
+from torch import nn
 
 from ..contract import RaucaError
 from ..runtime.devices import find_device
@@ -41,7 +42,7 @@ class Resolved:
     network: str = ""
 
 
-def resolve(name_or_path: str) -> Resolved:
+def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved:
     """Find the files behind a detector's name.
 
     Args:
@@ -50,10 +51,20 @@ def resolve(name_or_path: str) -> Resolved:
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
             or, of a detector of our own, ``.safetensors`` (with its card). Class names come from a ``.names`` beside
             it; without one, from the file (ONNX, our own) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
+        classes: names in the network's order instead of those.
 
     Raises:
         RaucaError: unknown name, missing or damaged file.
     """
+    found = _find(name_or_path, named=classes is not None)
+    if classes is None:
+        return found
+    if found.family in ("transformers", "synth"):
+        raise RaucaError(f"{found.name}: a {found.family} detector's files name its classes; leave classes out")
+    return replace(found, class_names=tuple(classes))
+
+
+def _find(name_or_path: str, named: bool) -> Resolved:
     name, equals, path = name_or_path.partition("=")
     if equals and "/" not in name and not Path(name_or_path).is_file():  # a path may hold an equals sign
         source = find_source(name)
@@ -67,21 +78,45 @@ def resolve(name_or_path: str) -> Resolved:
             raise RaucaError(f"{name}: its weights must be given as {name}=PATH; get them with: {source.how}")
         verify(source)
         return _resolved(source, stored_paths(source))
-    return _by_path(Path(name))
+    return _by_path(Path(name), named)
 
 
-def load_detector(name_or_path: str, size: int | None = None, device: torch.device | str = "cpu") -> Detector:
-    """Load a detector by name or path, see :func:`resolve`.
+def load_detector(
+    detector: str | Path | nn.Module,
+    size: int | None = None,
+    device: torch.device | str = "cpu",
+    classes: Sequence[str] | None = None,
+) -> Detector:
+    """Load a detector, ready to be attacked, hardened and evaluated.
 
     Args:
+        detector: a name or path, see :func:`resolve`; or a model in memory, which is copied: torchvision's
+            ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, transformers' DETR, Deformable DETR or RT-DETR.
         size: the network's square input, pixels; None for the family's own. Graphs of a fixed size refuse others.
+        device: that the network lies on, such as ``cuda:1``; images must lie there too.
+        classes: names in the network's order, without the background; None for those of its files or its list. A
+            model of torchvision holds none: they must be given.
 
     Raises:
         RaucaError: unknown name, missing, damaged or mismatched files, a size the network cannot take, a family whose
-            package is not installed, a device that this machine does not have.
+            package is not installed, class names of another number, a device that this machine does not have.
     """
-    found = resolve(name_or_path)
-    return _MAKERS[found.family](found, size).to(find_device(device))
+    place = find_device(device)
+    if isinstance(detector, nn.Module):
+        return _of_module(detector, size, classes).to(place)
+    found = resolve(str(detector), classes)
+    return _MAKERS[found.family](found, size).to(place)
+
+
+def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None) -> Detector:
+    from .frameworks import TorchvisionDetector, TransformersDetector
+
+    name, names = type(model).__name__, None if classes is None else tuple(classes)
+    if hasattr(model, "config"):
+        return TransformersDetector.of(model, name, names, size)
+    if names is None or size is not None:
+        raise RaucaError(f"{name}: a model in memory knows its size but no class names; give classes, leave size out")
+    return TorchvisionDetector.of(model, name, names)
 
 
 def _resolved(source: Source, files: tuple[Path, ...]) -> Resolved:
@@ -99,12 +134,12 @@ def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
     return _with_prototxt(path) if source.family == "caffe-ssd" else (_existing(path),)
 
 
-def _by_path(path: Path) -> Resolved:
+def _by_path(path: Path, named: bool) -> Resolved:
     weights = _existing(path)
     family = _FAMILY_OF[weights.suffix]
     names = weights.with_suffix(".names")
     if family == "darknet":
-        for beside in (weights.with_suffix(".cfg"), names):
+        for beside in (weights.with_suffix(".cfg"), *(() if named else (names,))):
             if not beside.is_file():
                 raise RaucaError(f"{beside}: not found; it must lie beside {weights.name}, or write NETWORK={weights}")
     usual = {"tf-ssd": "coco-91", "caffe-ssd": "voc-20"}
@@ -174,7 +209,7 @@ def _mmdet(found: Resolved, size: int | None) -> Detector:
     _refuse_size(found, size)
     folder = found.files[0]
     config, checkpoint = (_only(folder, pattern) for pattern in ("*.json", "*.pth"))
-    return MmdetDetector(found.name, config, checkpoint)
+    return MmdetDetector(found.name, config, checkpoint, found.class_names)
 
 
 def _synth(found: Resolved, size: int | None) -> Detector:

@@ -22,7 +22,7 @@ from typing import IO
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.files import TEMPORARY_PREFIX, disk_errors, file_digest, require_space
-from .catalogue import SOURCES, Address, Family, PackageMember, Source, WeightsFile, find_source
+from .catalogue import MMDET_INSTALL, SOURCES, Address, Family, PackageMember, Source, WeightsFile, find_source
 
 _CHUNK = 2**20
 _CONNECT_SECONDS = 30
@@ -302,7 +302,7 @@ def _missing_package(source: Source) -> str:
     if all(find_spec(package) for package in _PACKAGES.get(source.family, ())):
         return ""
     if source.family == "mmdet":
-        return "pip install openmim && mim install mmengine mmcv mmdet"
+        return MMDET_INSTALL
     return "pip install 'rauca[detectors]'"
 
 

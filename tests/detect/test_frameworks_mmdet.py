@@ -114,7 +114,7 @@ def test_what_is_not_understood_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(importlib.util.find_spec("mmdet") is not None, reason="MMDetection is installed")
 def test_without_mmdetection_the_error_says_how_to_install_it(tmp_path: Path) -> None:
-    with pytest.raises(RaucaError, match=r"MMDetection 3 cannot be imported .*mim install"):
+    with pytest.raises(RaucaError, match=r"MMDetection 3 cannot be imported .*mmdet==3"):
         MmdetDetector("retinanet", written(tmp_path / "config.json"), tmp_path / "weights.pth")
 
 

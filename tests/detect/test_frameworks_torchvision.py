@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect import box_iou
+from rauca_core.detect import box_iou, load_detector
 from rauca_core.detect.frameworks import TorchvisionDetector
 from rauca_core.detect.nms import detections
 
@@ -216,16 +216,19 @@ def test_the_fingerprint_follows_weights_and_size_only(loaded: TorchvisionDetect
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = copy.deepcopy(detectors[SMALL].model).requires_grad_().train()
-    detector = TorchvisionDetector.of(model, "live", NAMES)
+    detector = load_detector(model, classes=NAMES)
+    assert (detector.name, detector.class_names) == ("FasterRCNN", NAMES)
     before = detector.detect(photographs(1))[0]
     assert model.training
     assert all(parameter.requires_grad for parameter in model.roi_heads.parameters())
     nn.init.zeros_(model.roi_heads.box_predictor.cls_score.weight)
     assert torch.equal(before.scores, detector.detect(photographs(1))[0].scores)
     with pytest.raises(RaucaError, match="predicts 3 categories, 2 names"):
-        TorchvisionDetector.of(model, "live", NAMES[:2])
+        load_detector(model, classes=NAMES[:2])
+    with pytest.raises(RaucaError, match="FasterRCNN: a model in memory knows its size but no class names"):
+        load_detector(model)
     with pytest.raises(RaucaError, match="Linear is none of"):
-        TorchvisionDetector.of(nn.Linear(1, 1), "line", NAMES)
+        load_detector(nn.Linear(1, 1), classes=NAMES)
 
 
 def test_weights_that_do_not_fit_are_refused_by_the_first_wrong_tensor(tmp_path: Path, small_file: Path) -> None:

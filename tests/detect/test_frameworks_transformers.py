@@ -15,6 +15,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from rauca_core.contract import RaucaError
+from rauca_core.detect import load_detector
 from rauca_core.detect.frameworks import TransformersDetector, import_transformers
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_state
@@ -171,6 +172,7 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = small_model("detr").train()
     detector = TransformersDetector.of(model, "live", ("n/a", "car", "motorcycle"), SIZE)
     assert detector.fingerprint == detectors["detr"].fingerprint
+    assert load_detector(model, SIZE, classes=("n/a", "car", "motorcycle")).fingerprint == detector.fingerprint
     assert model.training
     before = detector.dense(photographs(1)).classes
     nn.init.zeros_(model.class_labels_classifier.weight)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -15,7 +13,6 @@ from torch import Tensor
 from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import detections
-from rauca_core.detect.synth.assignment import assign
 from rauca_core.detect.synth.criterion import centered, corners, generalized_iou, layer_losses, match
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.networks import build_network
@@ -112,21 +109,6 @@ def test_flat_images_keep_everything_finite(two_stage, transformer, value):
         found = network.dense(images)
         (found.boxes.sum() + found.classes.sum()).backward()
         assert all(torch.isfinite(t).all() for t in (found.boxes, found.classes, images.grad))
-
-
-def test_assignment_is_the_cheapest():
-    rng = np.random.default_rng(0)
-    for _ in range(60):
-        rows = int(rng.integers(1, 5))
-        cost = rng.normal(size=(rows, int(rng.integers(rows, 7)))) * 10.0 ** rng.integers(-3, 4)
-        chosen = assign(cost)
-        assert len(set(chosen.tolist())) == rows
-        every = itertools.permutations(range(cost.shape[1]), rows)
-        best = min(cost[range(rows), list(columns)].sum() for columns in every)
-        assert cost[range(rows), chosen].sum() == pytest.approx(best)
-    assert assign(np.zeros((0, 3))).shape == (0,)
-    with pytest.raises(ValueError, match="3 rows"):
-        assign(np.zeros((3, 2)))
 
 
 def test_losses_are_those_of_transformers():

@@ -19,7 +19,7 @@ def test_the_list_names_every_detector_and_what_it_needs(tmp_path: Path, monkeyp
         assert source.name in shown
         if source.files:
             assert f"{source.name}: rauca weights fetch {source.name}" in shown
-    assert "mim download mmdet --config sparse-rcnn_r50_fpn_1x_coco" in shown
+    assert "sparse-rcnn_r50_fpn_1x_coco.py" in shown
 
 
 def test_a_learning_rate_of_nothing_is_refused(tmp_path: Path) -> None:

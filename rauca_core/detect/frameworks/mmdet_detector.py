@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
+from ..catalogue import MMDET_INSTALL
 from ..classes import class_list
 from ..interface import DensePredictions, Detections, check_images
 from ..nms import clipped
@@ -125,10 +126,7 @@ def import_registry() -> Any:
         return importlib.import_module("mmdet.registry").MODELS
     except (ImportError, AssertionError) as error:  # mmdet asserts the version of mmcv
         reason = " ".join(str(error).split())[:120]
-        raise RaucaError(
-            f"MMDetection 3 cannot be imported ({reason}); install it with "
-            "`pip install openmim && mim install mmengine 'mmcv>=2,<2.2' 'mmdet>=3'`"
-        ) from error
+        raise RaucaError(f"MMDetection 3 cannot be imported ({reason}); install it with: {MMDET_INSTALL}") from error
 
 
 def _sample(size: tuple[int, int], padded: tuple[int, ...]) -> Any:

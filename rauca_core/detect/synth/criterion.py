@@ -1,7 +1,7 @@
 """RT-DETR's losses: each object is answered for by one prediction, all others say that nothing is there.
 
-As in transformers, whose own criterion needs SciPy for the assignment and matches every layer anew, boxes (L1 and
-generalized IoU) count for the chosen predictions, and classes by the varifocal loss, whose goal is the overlap.
+As in transformers, boxes (L1 and generalized IoU) count for the chosen predictions, and classes by the varifocal loss,
+whose goal is the overlap.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..nms import box_iou
-from .assignment import assign
 from .network import Truth
 
 CLASS_WEIGHT, L1_WEIGHT, GIOU_WEIGHT = 1.0, 5.0, 2.0
@@ -55,6 +54,8 @@ def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
         boxes: (B, N, 4) center and size, fractions of the image.
         truths: boxes likewise.
     """
+    from scipy.optimize import linear_sum_assignment  # not at the top: only who trains needs it
+
     matches = []
     for one_logits, one_boxes, truth in zip(logits, boxes, truths, strict=True):
         area = truth.boxes[:, 2:].prod(1)
@@ -66,7 +67,8 @@ def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
         apart = torch.cdist(one_boxes, goals, p=1)
         overlap = generalized_iou(corners(one_boxes)[:, None], corners(goals)[None])
         cost = CLASS_COST * (present - absent) + L1_COST * apart - GIOU_COST * overlap
-        chosen = torch.from_numpy(assign(cost.T.double().cpu().numpy())).to(one_boxes.device)
+        _, answering = linear_sum_assignment(cost.T.double().cpu().numpy())
+        chosen = torch.from_numpy(answering).to(one_boxes.device)
         matches.append((chosen, which))
     return matches
 
