@@ -16,7 +16,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.detect.catalogue import Family
 from rauca_core.detect.weights import listing
 from rauca_core.runtime.images import read_image
 
@@ -77,7 +76,7 @@ def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path
 
 def _contenders(settings: Settings) -> Iterator[tuple[str, Maker, int]]:
     """Name, maker, and on how many images."""
-    makers: dict[Family, Callable[..., AbstractContextManager[Contender]]] = {
+    makers: dict[str, Callable[..., AbstractContextManager[Contender]]] = {
         "darknet": runtimes.darknet,
         "tf-ssd": runtimes.tensorflow,
         "caffe-ssd": runtimes.caffe,

@@ -144,7 +144,7 @@ def _by_licence(groups: Mapping[str, Sequence[Requirement]]) -> list[tuple[str, 
 def _origin(source: Source) -> str:
     """Where the weights come from, without what is done to them afterwards."""
     if source.files:
-        return "; ".join(dict.fromkeys(file.origin.description for file in source.files))
+        return "; ".join(dict.fromkeys(file.origin for file in source.files))
     return "shipped" if source.family == "synth" else f"`{source.how.split(', ')[0]}`"
 
 

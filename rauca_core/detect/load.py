@@ -11,12 +11,12 @@ from torch import nn
 
 from ..contract import RaucaError
 from ..runtime.devices import find_device
-from .catalogue import SOURCES, Family, Source, find_source
+from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
 from .interface import Detector
 from .weights import shipped_path, stored_paths, verify
 
-_FAMILY_OF: dict[str, Family] = {
+_FAMILY_OF: dict[str, str] = {
     ".weights": "darknet",
     ".pb": "tf-ssd",
     ".caffemodel": "caffe-ssd",
@@ -36,7 +36,7 @@ class Resolved:
     """
 
     name: str
-    family: Family
+    family: str
     files: tuple[Path, ...]
     class_names: tuple[str, ...] | None
     network: str = ""
@@ -239,7 +239,7 @@ def _only(folder: Path, pattern: str) -> Path:
     return found[0]
 
 
-_MAKERS: dict[Family, Callable[[Resolved, int | None], Detector]] = {
+_MAKERS: dict[str, Callable[[Resolved, int | None], Detector]] = {
     "darknet": _darknet,
     "tf-ssd": _tf_ssd,
     "caffe-ssd": _caffe_ssd,

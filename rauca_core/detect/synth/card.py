@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ...contract.assets import assets_folder
-from ...contract.schema import Record, is_plain_name, read_json
+from ...contract.schema import Fields, Record, read_json
 from ...runtime.carded_weights import read_carded, save_carded
 from ...runtime.checkpoint_files import TENSOR_DAMAGE
 from ...version import __version__
@@ -122,8 +122,8 @@ class DetectorCard(Record):
     hardened: dict[str, Any] = field(default_factory=dict)
 
     def _check_whole(self, where: str) -> None:
-        if self.called and not is_plain_name(self.called):  # files of detections bear it
-            raise RaucaError(f"{where}: called is {self.called!r}, which is no name; {REMEDY}")
+        if self.called:  # files of detections bear it
+            Fields({"called": self.called}, where).plain_name("called")
 
 
 def shipped_weights(name: str) -> Path:
