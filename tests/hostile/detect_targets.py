@@ -139,7 +139,8 @@ def _names(folder: Path) -> None:
 def _synth(folder: Path) -> None:
     """A card of ours; the weights behind it are another network's, which is found last."""
     save_file({"x": torch.zeros(2)}, folder / "w.safetensors")
-    texts = dict.fromkeys(("architecture", "licence", "caution", "backbone", "command", "remarks", "rauca", "called"), "x")
+    named = ("architecture", "licence", "caution", "backbone", "command", "remarks", "rauca", "called")
+    texts = dict.fromkeys(named, "x")
     card = {"format": "rauca-detector-weights", "version": 1, "name": "frcnn-synth", "class_names": ["car"]}
     card |= {"size": 64, "data": [], "seed": 0, "steps": 1, "settings": {}, "cpu_minutes": 1.0, "metrics": {}, **texts}
     card["sha256"] = hashlib.sha256((folder / "w.safetensors").read_bytes()).hexdigest()
