@@ -200,16 +200,8 @@ def _class_where(
     tree: bpy.types.NodeTree, chosen: bpy.types.NodeSocket, there: str, elsewhere: str
 ) -> bpy.types.NodeSocket:
     """One class where ``chosen`` is above a half, else the other: no blend along an edge between them."""
-    above = nodes.add(tree, "ShaderNodeMath")
-    above.operation = "GREATER_THAN"
-    tree.links.new(chosen, above.inputs[0])
-    above.inputs[1].default_value = 0.5
-    one, other = semantics.CLASS_IDS[there], semantics.CLASS_IDS[elsewhere]
-    number = nodes.add(tree, "ShaderNodeMath")
-    number.operation = "MULTIPLY_ADD"
-    tree.links.new(above.outputs[0], number.inputs[0])
-    number.inputs[1].default_value, number.inputs[2].default_value = float(one - other), float(other)
-    return number.outputs[0]
+    one, other = float(semantics.CLASS_IDS[there]), float(semantics.CLASS_IDS[elsewhere])
+    return nodes.compute(tree, "MULTIPLY_ADD", nodes.compute(tree, "GREATER_THAN", chosen, 0.5), one - other, other)
 
 
 def _is_paint(vehicle: SceneVehicle, material: bpy.types.Material | None) -> bool:

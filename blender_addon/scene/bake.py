@@ -15,7 +15,7 @@ from .coating import Coat, set_baked_layer
 from .images import image_linear
 from .mesh_edits import Surface, require_own_faces
 from .paint import blender_pixels, image_of_pixels
-from .vehicle_arrays import Piece
+from .vehicle_arrays import Piece, values_of
 
 CHECK_SIZE = 1024
 OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and a texel would have to be two colors
@@ -164,9 +164,8 @@ def _layer_uvs(surface: Surface, piece: Piece, span: slice, layer: str) -> NDArr
     found = mesh.uv_layers.get(layer)
     if found is None:
         raise contract.RaucaError(f"{piece.owner.name}: has no UV layer {layer!r}; all painted parts need it")
-    values = np.empty(2 * len(mesh.loops), np.float32)
-    found.uv.foreach_get("vector", values)
-    return values.reshape(-1, 2)[piece.loops[surface.paint[span]]].astype(np.float64)
+    values = values_of(found.uv, "vector", (len(mesh.loops), 2), np.float32)
+    return values[piece.loops[surface.paint[span]]].astype(np.float64)
 
 
 def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], bool]:

@@ -17,6 +17,7 @@ from .coating import PAINTED, Coat, take_off
 from .images import image_linear
 from .mesh_edits import Surface
 from .render import silenced
+from .vehicle_arrays import values_of
 
 
 def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: str, path: Path) -> None:
@@ -122,12 +123,12 @@ def _exchange(
     specs = _specs(surface, owner)
     made: set[bpy.types.Material] = set()
     painted_slot: dict[int, int] = {}
-    painted = np.zeros(len(mesh.polygons), np.float32)
+    faces = len(mesh.polygons)
+    painted = np.zeros(faces, np.float32)
     if mark := mesh.attributes.get(PAINTED):
-        mark.data.foreach_get("value", painted)
+        painted = values_of(mark.data, "value", (faces,), np.float32)
         mesh.attributes.remove(mark)
-    index = np.zeros(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("material_index", index)
+    index = values_of(mesh.polygons, "material_index", (faces,), np.int32)
     for slot in np.unique(index[painted > 0.5]):
         material = plain.painted(specs.get((int(slot), True), contract.Material("paint", "paint")))
         made.add(material)
@@ -154,13 +155,12 @@ def _exchange(
 
 def _specs(surface: Surface, owner: bpy.types.Object) -> dict[tuple[int, bool], contract.Material]:
     """The contract's material of each slot of an object, on its paint (True) and off it (False)."""
-    starts = np.cumsum([0] + [len(piece.polygon) for piece in surface.soup.pieces])
     names = [slot.material.name if slot.material else "" for slot in owner.material_slots]
     found: dict[tuple[int, bool], contract.Material] = {}
-    for piece, start, stop in zip(surface.soup.pieces, starts[:-1], starts[1:], strict=True):
+    for piece, span in surface.soup.spans():
         if piece.owner != owner:
             continue
-        pairs = np.stack([surface.soup.material[start:stop], surface.vehicle.material[start:stop]], axis=1)
+        pairs = np.stack([surface.soup.material[span], surface.vehicle.material[span]], axis=1)
         for block, spec in np.unique(pairs, axis=0):
             name = surface.soup.names[block]
             if name in names:

@@ -158,6 +158,11 @@ def turned(angle: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDAr
     return frame
 
 
+def pick(rng: np.random.Generator, names: tuple[str, ...]) -> str:
+    """One of the names."""
+    return names[int(rng.integers(len(names)))]
+
+
 def shifted(points: NDArray[np.float64], x: float, y: float, z: float) -> NDArray[np.float64]:
     """Points (..., 3) moved."""
     return points + np.array((x, y, z))

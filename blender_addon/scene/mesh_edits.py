@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import bmesh
 import bpy
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core import contract
 from .paint import UV_LAYER
-from .vehicle_arrays import PAINT_MARK, Piece, Soup, read_objects
+from .vehicle_arrays import PAINT_MARK, Piece, Soup, read_objects, values_of
 
 
 @contextlib.contextmanager
@@ -93,10 +92,8 @@ def write_layer(piece: Piece, faces: NDArray[np.bool_], uvs: NDArray[np.float32]
 
 def marked_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
     """(polygons,) True where marked as paint; of a mesh in object mode."""
-    values = np.zeros(len(mesh.polygons), np.bool_)
-    if mark := mesh.attributes.get(PAINT_MARK):
-        mark.data.foreach_get("value", values)
-    return values
+    mark, count = mesh.attributes.get(PAINT_MARK), len(mesh.polygons)
+    return np.zeros(count, np.bool_) if mark is None else values_of(mark.data, "value", (count,), np.bool_)
 
 
 def mark_faces(mesh: bpy.types.Mesh, marked: NDArray[np.bool_]) -> None:
@@ -113,9 +110,7 @@ def mark_faces(mesh: bpy.types.Mesh, marked: NDArray[np.bool_]) -> None:
 
 def selected_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
     """(polygons,) True where selected; of a mesh in object mode."""
-    values = np.zeros(len(mesh.polygons), np.bool_)
-    mesh.polygons.foreach_get("select", values)
-    return values
+    return values_of(mesh.polygons, "select", (len(mesh.polygons),), np.bool_)
 
 
 def select_faces(context: bpy.types.Context, wanted: dict[bpy.types.Object, NDArray[np.bool_]]) -> None:
@@ -173,9 +168,7 @@ class Surface:
 
     def painted_pieces(self) -> list[tuple[Piece, slice]]:
         """The pieces with paint on them, and the run of triangles that each is."""
-        starts = np.cumsum([0] + [len(piece.polygon) for piece in self.soup.pieces])
-        spans = [slice(int(i), int(j)) for i, j in pairwise(starts)]
-        return [(p, span) for p, span in zip(self.soup.pieces, spans, strict=True) if self.paint[span].any()]
+        return self.soup.painted(self.paint)
 
     def materials(self, span: slice) -> list[bpy.types.Material | None]:
         """The scene's materials on the paint of a run of triangles."""

@@ -20,10 +20,7 @@ def add(tree: bpy.types.NodeTree, kind: str, **inputs: Any) -> bpy.types.Node:
     node = tree.nodes.new(kind)
     for name, value in inputs.items():
         socket = node.inputs[name.replace("_", " ")]
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, socket)
-        else:
-            socket.default_value = value
+        feed(tree, socket, value)
     return node
 
 
@@ -38,10 +35,7 @@ def mix_color(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) ->
     node.data_type, node.clamp_factor = "RGBA", False
     # The node has a socket of every data type under the same names; these are the RGBA ones.
     for index, value in ((0, factor), (6, first), (7, second)):
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, node.inputs[index])
-        else:
-            node.inputs[index].default_value = value
+        feed(tree, node.inputs[index], value)
     return node.outputs[2]
 
 
@@ -55,8 +49,23 @@ def compute(tree: bpy.types.NodeTree, operation: str, *values: Any, clamp: bool 
     node = tree.nodes.new("ShaderNodeMath")
     node.operation, node.use_clamp = operation, clamp
     for socket, value in zip(node.inputs, values, strict=False):  # the node always has three inputs
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, socket)
-        else:
-            socket.default_value = value
+        feed(tree, socket, value)
     return node.outputs[0]
+
+
+def compute_vector(tree: bpy.types.NodeTree, operation: str, first: Any, second: Any = None) -> bpy.types.NodeSocket:
+    """A Vector Math node, e.g. ``compute_vector(tree, "SCALE", color, 0.5)``."""
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    feed(tree, node.inputs[0], first)
+    if second is not None:
+        feed(tree, node.inputs["Scale" if operation == "SCALE" else 1], second)
+    return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
+
+
+def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: Any) -> None:
+    """Link a socket to another node's output, or set its value."""
+    if isinstance(value, bpy.types.NodeSocket):
+        tree.links.new(value, socket)
+    else:
+        socket.default_value = value

@@ -19,7 +19,7 @@ def to_unwrap(reading: Reading) -> contract.Vehicle:
     Raises:
         RaucaError: the paint lies on a mesh that cannot be written to.
     """
-    require_own_faces(piece for piece, _ in painted_pieces(reading))
+    require_own_faces(piece for piece, _ in reading.soup.painted(reading.paint))
     return reading.with_uvs(np.zeros((int(reading.paint.sum()), 3, 2), np.float32), keep_textures=False)
 
 
@@ -35,7 +35,7 @@ def write_unwrapped(reading: Reading, fresh: contract.Vehicle) -> int:
     Raises:
         RaucaError: the objects are not those that were unwrapped, or cannot be written to; nothing was changed.
     """
-    spans = painted_pieces(reading)
+    spans = reading.soup.painted(reading.paint)
     require_own_faces(piece for piece, _ in spans)
     same = np.array_equal(fresh.positions, reading.soup.positions.astype(np.float32))
     if not (same and np.array_equal(fresh.triangles, reading.soup.triangles)):
@@ -67,7 +67,7 @@ def polygons_of(reading: Reading, faults: NDArray[np.bool_]) -> dict[bpy.types.O
     """
     faulty = np.zeros(len(reading.paint), np.bool_)
     faulty[reading.paint] = faults
-    spans = [(piece, span) for piece, span in painted_pieces(reading) if faulty[span].any()]
+    spans = [(piece, span) for piece, span in reading.soup.painted(reading.paint) if faulty[span].any()]
     require_own_faces(piece for piece, _ in spans)
     wanted = {}
     for piece, span in spans:
@@ -75,11 +75,6 @@ def polygons_of(reading: Reading, faults: NDArray[np.bool_]) -> dict[bpy.types.O
         polygons[piece.polygon[faulty[span]]] = True
         wanted[piece.owner] = polygons
     return wanted
-
-
-def painted_pieces(reading: Reading) -> list[tuple[Piece, slice]]:
-    """The pieces with paint on them, and the run of triangles that each is."""
-    return [(piece, span) for piece, span in reading.soup.spans() if reading.paint[span].any()]
 
 
 def _polygon_ids(reading: Reading, spans: list[tuple[Piece, slice]]) -> NDArray[np.int64]:

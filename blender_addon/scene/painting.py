@@ -11,7 +11,7 @@ from .camouflages import Paintwork
 from .coating import PAINTED, Coat, coat_of, put_on, require_coatable, take_off
 from .mesh_edits import Surface, require_own_faces, write_layer
 from .paint import UV_LAYER, float_image
-from .vehicle_arrays import PAINT_MARK, Piece
+from .vehicle_arrays import PAINT_MARK, Piece, values_of
 
 NAME_KEY, ATLAS_KEY = "rauca_camouflage", "rauca_atlas"  # custom properties of the coat's node group
 
@@ -111,17 +111,14 @@ def _whole_slots(surface: Surface, piece: Piece, span: slice) -> NDArray[np.bool
         return None
     marks = mesh.attributes.get(PAINT_MARK)
     if marks is not None and (surface.soup.marked[span] == surface.paint[span]).all():
-        marked = np.zeros(len(mesh.polygons), np.bool_)
-        marks.data.foreach_get("value", marked)
-        return marked
+        return values_of(marks.data, "value", (len(mesh.polygons),), np.bool_)
     painted = {surface.soup.names[i] for i in np.unique(surface.soup.material[span][surface.paint[span]])}
     if np.isin(np.array(surface.soup.names)[surface.soup.material[span]], list(painted)).tolist() != list(
         surface.paint[span]
     ):
         return None
     slots = [slot.material is not None and slot.material.name in painted for slot in piece.owner.material_slots]
-    index = np.zeros(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("material_index", index)
+    index = values_of(mesh.polygons, "material_index", (len(mesh.polygons),), np.int32)
     return np.array(slots, np.bool_)[np.minimum(index, len(slots) - 1)]
 
 

@@ -149,7 +149,7 @@ class Session:
         self.vehicle.place(pose)
         if self.plan.scenery.kind != "town":  # which lies on z = 0, all of it inside the box
             self.weather.fog.location = pose[:3, 3]
-        self._update()
+        self.scene.view_layers[0].update()
 
     def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:
         """What several views of a location see, whatever the weather."""
@@ -193,8 +193,3 @@ class Session:
         self.vehicle.light_lamps(weather.lamps)
         self._beams.shine(weather.lamps)
         self.place.light_windows(weather.lamps)
-
-    def _update(self) -> bpy.types.Depsgraph:
-        layer = self.scene.view_layers[0]
-        layer.update()
-        return layer.depsgraph

@@ -59,10 +59,7 @@ def draw_sky(world: bpy.types.World, weather: contract.Weather) -> None:
     else:
         color = _sky(tree, weather)
         if night > 0.0:
-            sum_ = nodes.add(tree, "ShaderNodeVectorMath")
-            tree.links.new(color, sum_.inputs[0])
-            sum_.inputs[1].default_value = [night * g for g in glow]
-            color = sum_.outputs[0]
+            color = nodes.compute_vector(tree, "ADD", color, [night * g for g in glow])
     background = nodes.add(tree, "ShaderNodeBackground", Color=color, Strength=1.0)
     tree.links.new(background.outputs[0], nodes.add(tree, "ShaderNodeOutputWorld").inputs["Surface"])
 
@@ -111,11 +108,7 @@ def _sky(tree: bpy.types.NodeTree, weather: contract.Weather) -> bpy.types.NodeS
     color = sky.outputs[0]
     if altitude < 0.0:
         natural = _twilight(altitude, 2, 1.0) * 2.0 ** exposure_stops(altitude)
-        brighter = nodes.add(tree, "ShaderNodeVectorMath")
-        brighter.operation = "SCALE"
-        tree.links.new(color, brighter.inputs[0])
-        brighter.inputs["Scale"].default_value = _twilight(altitude, 1, 1.0) / natural
-        color = brighter.outputs[0]
+        color = nodes.compute_vector(tree, "SCALE", color, _twilight(altitude, 1, 1.0) / natural)
     if cover > 0.0:
         sky.sun_intensity = sun_share(cover)
         sky.sun_size = math.radians(sun_diameter_deg(cover))
@@ -210,9 +203,5 @@ def _beside_sun(
     """0 over the sun's disc, 1 beside it."""
     radius = math.radians(sun_diameter_deg(cover) / 2)
     inner, outer = math.cos(radius * 1.05), math.cos(radius * 1.35)
-    along = nodes.add(tree, "ShaderNodeVectorMath")
-    along.operation = "DOT_PRODUCT"
-    tree.links.new(toward, along.inputs[0])
-    along.inputs[1].default_value = sun
-    from_disc = nodes.compute(tree, "SUBTRACT", inner, along.outputs["Value"])
+    from_disc = nodes.compute(tree, "SUBTRACT", inner, nodes.compute_vector(tree, "DOT_PRODUCT", toward, sun))
     return nodes.compute(tree, "DIVIDE", from_disc, inner - outer, clamp=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core import contract
 from .mesh_edits import Surface, require_own_faces
 from .render import silenced
+from .vehicle_arrays import values_of
 
 ANGLE_LIMIT_DEG = 40.0
 
@@ -37,15 +38,14 @@ def smart_project(vehicle: contract.Vehicle) -> NDArray[np.float64]:
             bpy.ops.mesh.select_all(action="SELECT")
             bpy.ops.uv.smart_project(angle_limit=math.radians(ANGLE_LIMIT_DEG), island_margin=0.002)
             bpy.ops.object.mode_set(mode="OBJECT")
-        uvs = np.empty(6 * len(faces), np.float32)
-        mesh.uv_layers[0].uv.foreach_get("vector", uvs)
+        uvs = values_of(mesh.uv_layers[0].uv, "vector", (len(faces), 3, 2), np.float32)
     finally:
         bpy.data.objects.remove(item)
         bpy.data.meshes.remove(mesh)
         for other in selected:
             other.select_set(True)
         layer.objects.active = active
-    return uvs.reshape(-1, 3, 2).astype(np.float64)
+    return uvs.astype(np.float64)
 
 
 LAYER = "baked"

@@ -15,6 +15,7 @@ from . import nodes
 from .images import read_image_blender
 from .paint import UV_LAYER, Paint, paint_material
 from .rendered import rendered
+from .vehicle_arrays import values_of
 from .vehicle_request import VehicleRequest
 from .wetness import wet
 
@@ -137,14 +138,14 @@ def untouched_shipped(objects: list[bpy.types.Object], request: VehicleRequest) 
     scaled = not np.allclose(thing.matrix_world.to_scale(), 1.0, atol=1e-4)
     if scaled or thing.modifiers or layer is None or (len(mesh.vertices), len(mesh.polygons), len(mesh.loops)) != shape:
         return None
-    wanted = (vehicle.positions, vehicle.triangles, vehicle.uvs, vehicle.material)
-    for (collection, key), array in zip(
-        ((mesh.vertices, "co"), (mesh.loops, "vertex_index"), (layer.uv, "vector"), (mesh.polygons, "material_index")),
-        wanted,
-        strict=True,
-    ):
-        found = np.empty(array.size, np.float32 if array.dtype.kind == "f" else np.int32)
-        collection.foreach_get(key, found)
-        if not np.array_equal(found, array.ravel()):
+    kept = (
+        (mesh.vertices, "co", vehicle.positions),
+        (mesh.loops, "vertex_index", vehicle.triangles),
+        (layer.uv, "vector", vehicle.uvs),
+        (mesh.polygons, "material_index", vehicle.material),
+    )
+    for items, key, array in kept:
+        kind = np.float32 if array.dtype.kind == "f" else np.int32
+        if not np.array_equal(values_of(items, key, array.shape, kind), array):
             return None
     return vehicle

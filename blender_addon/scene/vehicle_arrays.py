@@ -73,6 +73,10 @@ class Soup:
         ends = np.cumsum([len(piece.polygon) for piece in self.pieces]).tolist()
         return [(p, slice(end - len(p.polygon), end)) for p, end in zip(self.pieces, ends, strict=True)]
 
+    def painted(self, paint: NDArray[np.bool_]) -> list[tuple[Piece, slice]]:
+        """The pieces with paint (F,) on them, and the run of triangles that each is."""
+        return [(piece, span) for piece, span in self.spans() if paint[span].any()]
+
 
 def read_objects(objects: list[bpy.types.Object]) -> Soup:
     """Join the evaluated meshes of objects, and of what they instance; objects hidden from renders are left out.
@@ -134,7 +138,7 @@ def _same_faces(mesh: bpy.types.Mesh, original: bpy.types.Mesh) -> bool:
     shape = (len(mesh.vertices), len(mesh.loops), len(mesh.polygons))
     if shape != (len(original.vertices), len(original.loops), len(original.polygons)):
         return False
-    one, two = (_get(m.loops, "vertex_index", (shape[1],), np.int32) for m in (mesh, original))
+    one, two = (values_of(m.loops, "vertex_index", (shape[1],), np.int32) for m in (mesh, original))
     return bool((one == two).all())
 
 
@@ -144,16 +148,16 @@ def _triangles(
     """One mesh in world space; ``origin`` is the piece's owner, and whether it is an instance, and direct."""
     mesh.calc_loop_triangles()
     count, loops = len(mesh.loop_triangles), len(mesh.loops)
-    positions = _get(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32).astype(np.float64)
-    corners = _get(mesh.loop_triangles, "loops", (count, 3), np.int32)
-    vertex = _get(mesh.loops, "vertex_index", (loops,), np.int32)
-    normals = _get(mesh.corner_normals, "vector", (loops, 3), np.float32)[corners]
-    slot = _get(mesh.loop_triangles, "material_index", (count,), np.int32)
-    polygon = _get(mesh.loop_triangles, "polygon_index", (count,), np.int32)
+    positions = values_of(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32).astype(np.float64)
+    corners = values_of(mesh.loop_triangles, "loops", (count, 3), np.int32)
+    vertex = values_of(mesh.loops, "vertex_index", (loops,), np.int32)
+    normals = values_of(mesh.corner_normals, "vector", (loops, 3), np.float32)[corners]
+    slot = values_of(mesh.loop_triangles, "material_index", (count,), np.int32)
+    polygon = values_of(mesh.loop_triangles, "polygon_index", (count,), np.int32)
     layer = read_layer(mesh)
     uvs = np.full((loops, 2), np.nan, np.float32)
     if layer is not None:
-        uvs = _get(layer.uv, "vector", (loops, 2), np.float32)
+        uvs = values_of(layer.uv, "vector", (loops, 2), np.float32)
     linear = to_world[:3, :3]
     positions = positions @ linear.T + to_world[:3, 3]
     if np.linalg.det(linear) < 0:  # a mirrored object turns its faces inside out
@@ -173,7 +177,7 @@ def _marks(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
     mark = mesh.attributes.get(PAINT_MARK)
     if mark is None or mark.domain != "FACE" or mark.data_type != "BOOLEAN":
         return np.zeros(len(mesh.polygons), np.bool_)
-    return _get(mark.data, "value", (len(mesh.polygons),), np.bool_)
+    return values_of(mark.data, "value", (len(mesh.polygons),), np.bool_)
 
 
 def _unit(
@@ -208,7 +212,8 @@ def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> 
     )
 
 
-def _get(collection: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], kind: type) -> NDArray:
+def values_of(collection: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], kind: type) -> NDArray:
+    """An attribute of all items of a collection of Blender's, as an array of this shape and type."""
     values: NDArray = np.empty(shape, kind)
     collection.foreach_get(name, values.ravel())
     return values

@@ -14,7 +14,7 @@ from . import vehicle_paint
 from .smart_project import smart_project
 from .uv_faults import uv_verdict
 from .vehicle import NAME_KEY, untouched_shipped
-from .vehicle_arrays import SHAPES, Soup, read_objects
+from .vehicle_arrays import SHAPES, Soup, read_objects, values_of
 from .vehicle_request import TURNS, VehicleRequest, orient
 
 DEFAULT_ATLAS = 1024
@@ -249,6 +249,4 @@ def _vertices(thing: bpy.types.Object) -> NDArray[np.float64]:
     if thing.type != "MESH" or thing.mode == "EDIT":
         return np.array(evaluated.bound_box, float).reshape(-1, 3)
     vertices = evaluated.data.vertices
-    flat = np.empty(3 * len(vertices), np.float32)
-    vertices.foreach_get("co", flat)
-    return flat.reshape(-1, 3).astype(np.float64)
+    return values_of(vertices, "co", (len(vertices), 3), np.float32).astype(np.float64)

@@ -46,10 +46,7 @@ def wet(
     node = nodes.add(tree, "ShaderNodeGroup")
     node.node_tree = _group()
     for name, value in (("Color", color), ("Roughness", roughness), ("Porosity", porosity)):
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, node.inputs[name])
-        else:
-            node.inputs[name].default_value = value
+        nodes.feed(tree, node.inputs[name], value)
     return node.outputs["Color"], node.outputs["Roughness"]
 
 
@@ -96,13 +93,10 @@ def _build() -> bpy.types.NodeTree:
 
     lost = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", soaked, surface["Porosity"]), PORE_DARKENING)
     kept = nodes.compute(tree, "SUBTRACT", 1.0, lost)
-    darker = nodes.add(tree, "ShaderNodeVectorMath")
-    darker.operation = "SCALE"
-    tree.links.new(surface["Color"], darker.inputs[0])
-    tree.links.new(kept, darker.inputs["Scale"])
+    darker = nodes.compute_vector(tree, "SCALE", surface["Color"], kept)
     filmed = _towards(tree, surface["Roughness"], FILM_ROUGHNESS, film)
     glossier = _towards(tree, filmed, smooth.outputs[0], puddle)
-    nodes.add(tree, "NodeGroupOutput", Color=darker.outputs[0], Roughness=glossier)
+    nodes.add(tree, "NodeGroupOutput", Color=darker, Roughness=glossier)
     return tree
 
 

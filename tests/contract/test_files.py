@@ -87,12 +87,6 @@ def test_a_line_cut_off_by_a_crash_spoils_no_other(tmp_path):
     assert (tmp_path / "ledger").read_text().splitlines() == ["whole", '{"fra', "next"]
 
 
-def test_ledger_lines_stay_whole(tmp_path):
-    for i in range(3):
-        append_line(tmp_path / "ledger", f"line {i}")
-    assert (tmp_path / "ledger").read_text().splitlines() == ["line 0", "line 1", "line 2"]
-
-
 def test_a_disk_that_takes_half_a_line_is_told_and_the_line_comes_later(tmp_path):
     """In a process of its own, whose files may not grow past 100 bytes."""
     code = """

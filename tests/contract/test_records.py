@@ -23,7 +23,6 @@ from rauca_core.contract import (
     load_frame,
     load_passes,
     load_vehicle,
-    load_weathers,
     save_camouflage,
     save_frame,
 )
@@ -224,21 +223,6 @@ def test_weather_presets_and_fog():
     assert Weather("x", 45, 0, 50).extinction == pytest.approx(0.015)
     with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, carla, demo"):
         find_preset("sunny", assets_folder() / "weathers")
-
-
-@pytest.mark.parametrize(
-    ("weather", "message"),
-    [
-        ({"name": "../x", "sun_altitude_angle": 1, "sun_azimuth_angle": 0, "fog_density": 0}, "only letters"),
-        ({"name": "x", "sun_altitude_angle": 91, "sun_azimuth_angle": 0, "fog_density": 0}, "between -90 and 90"),
-        ({"name": "x", "sun_altitude_angle": 1, "sun_azimuth_angle": 0, "fog_density": 101}, "between 0 and 100"),
-    ],
-)
-def test_bad_weathers_are_named(tmp_path, weather, message):
-    path = tmp_path / "w.json"
-    path.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "weathers": [weather]}))
-    with pytest.raises(RaucaError, match=rf"w\.json: weathers\[0\].*{message}"):
-        load_weathers(path)
 
 
 def test_transfer_function_inverts_itself():

@@ -40,16 +40,17 @@ def test_no_unseen_weather_is_in_another_preset():
             assert other.name not in names
 
 
-def test_a_weather_survives_its_json_and_old_files_are_read():
+def test_a_weather_survives_its_json_and_may_leave_out_what_has_a_default():
     weather = find_preset("unseen", FOLDER)[-1]
     assert Weather.from_json(Fields(weather.to_json(), "w")) == weather
-    old = {"name": "x", "sun_altitude_angle": 45, "sun_azimuth_angle": 60, "fog_density": 0}
-    assert Weather.from_json(Fields(old, "w")) == Weather("x", 45.0)
+    assert Weather.from_json(Fields({"name": "x", "sun_altitude_angle": 45}, "w")) == Weather("x", 45.0)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"name": "../x"}, "name '../x' may hold only letters"),
+        ({"sun_altitude_angle": 91}, "sun_altitude_angle must be between -90 and 90"),
         ({"cloudiness": 101}, "cloudiness must be between 0 and 100"),
         ({"fog_falloff": -1}, "fog_falloff must be between"),
         ({"precipitation": "much"}, "precipitation must be a finite number"),
@@ -67,12 +68,8 @@ def test_carlas_own_presets_are_brought_over():
     weathers = {w.name: w for w in find_preset("carla", FOLDER)}
     assert len(weathers) == 21
     hard = weathers["HardRainNight"]
-    assert (hard.precipitation, hard.precipitation_deposits, hard.wind_intensity, hard.fog_density) == (
-        100,
-        90,
-        100,
-        100,
-    )
+    wet = (hard.precipitation, hard.precipitation_deposits, hard.wind_intensity, hard.fog_density)
+    assert wet == (100, 90, 100, 100)
     assert (hard.sun_altitude_angle, hard.cloudiness, hard.wetness, hard.fog_falloff) == (-90, 100, 100, 0.1)
     assert weathers["ClearNoon"].sun_azimuth_angle == 1.0  # CARLA's -1, clockwise
     assert preset_notes("carla", FOLDER) == []

@@ -7,17 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..massing import MeshParts, shifted, turned
+from ..massing import MeshParts, pick, shifted, turned
 from .districts import District
 from .facades import Style, front, glass_front, panes
 
 ROOFS = ("tiles red", "tiles brown", "slate")
 SHUTTERS = ("", "", "door green", "door brown", "trim")
-
-
-def pick(rng: np.random.Generator, names: tuple[str, ...]) -> str:
-    """One of the names."""
-    return names[int(rng.integers(len(names)))]
 
 
 def town_house(parts: MeshParts, rng: np.random.Generator, district: District, width: float, near: bool) -> None:

@@ -26,7 +26,7 @@ class Style:
         bay_m: least distance between windows' middles.
         window_m: width and height of a window.
         sill_m: of the window above its floor.
-        ground: what the lowest storey has: homes (windows and a door), shops, blank.
+        ground: what the lowest storey has: homes (windows and a door), shops, or windows alone.
         trim: material of sills and bands.
         shutters: their material; empty for none.
         balconies: every so many bays has balconies; 0 none.
@@ -53,9 +53,6 @@ def front(
         low = storey * style.storey_m
         if storey == 0 and style.ground == "shops" and deep:
             _shops(parts, width, style, rng)
-            continue
-        if storey == 0 and style.ground == "blank":
-            _wall(parts, style.wall, [(0.0, width, low, low + style.storey_m)])
             continue
         door = int(rng.integers(len(middles))) if storey == 0 and style.ground == "homes" and deep else -1
         openings = _openings(middles, low, style, door)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..massing import MeshParts, shifted, turned
+from ..massing import MeshParts, pick, shifted, turned
 from .site import Site
 
 # Corners of a sign's plate, its rim and its face.
@@ -33,7 +33,7 @@ def build_furniture(site: Site) -> None:
         along = -55.0
         while along < 55.0:
             along += rng.uniform(3.0, 11.0)
-            _stand(site, rng, district.furniture[int(rng.integers(len(district.furniture)))], along, side)
+            _stand(site, rng, pick(rng, district.furniture), along, side)
 
 
 def _stand(site: Site, rng: np.random.Generator, name: str, along: float, side: int) -> None:
@@ -98,13 +98,13 @@ def _bench(parts: MeshParts, rng: np.random.Generator) -> None:
 
 
 def _bin(parts: MeshParts, rng: np.random.Generator) -> None:
-    material = ("plastic green", "plastic black", "galvanised")[int(rng.integers(3))]
+    material = pick(rng, ("plastic green", "plastic black", "galvanised"))
     parts.column(material, (0, 0, 0.06), 0.24, 0.8, 9, 1.15)
     parts.column("plastic black", (0, 0, 0.86), 0.29, 0.08, 9, 0.7)
 
 
 def _wheelie(parts: MeshParts, rng: np.random.Generator) -> None:
-    material = ("plastic green", "plastic black", "sign blue")[int(rng.integers(3))]
+    material = pick(rng, ("plastic green", "plastic black", "sign blue"))
     parts.extrusion(material, [(-0.27, 0.08), (0.25, 0.08), (0.31, 1.0), (-0.33, 0.95)], -0.27, 0.27)
     parts.extrusion("plastic black", [(-0.36, 0.95), (0.35, 1.0), (0.3, 1.06), (-0.36, 1.03)], -0.29, 0.29)
 
@@ -155,7 +155,7 @@ def _hydrant(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def _post_box(parts: MeshParts, rng: np.random.Generator) -> None:
     parts.column("galvanised", (0, 0, 0), 0.05, 1.0, 6)
-    color = ("post yellow", "post red", "sign blue")[int(rng.integers(3))]
+    color = pick(rng, ("post yellow", "post red", "sign blue"))
     parts.extrusion(color, [(-0.25, 0.75), (0.25, 0.75), (0.25, 1.3), (0.0, 1.42), (-0.25, 1.3)], -0.18, 0.18)
 
 
@@ -182,7 +182,7 @@ def _barrier(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def _skip(parts: MeshParts, rng: np.random.Generator) -> None:
     """A refuse container with sloping ends."""
-    color = ("post yellow", "plastic green", "sign blue")[int(rng.integers(3))]
+    color = pick(rng, ("post yellow", "plastic green", "sign blue"))
     parts.extrusion(color, [(-0.9, 0.1), (0.9, 0.1), (1.5, 1.2), (-1.5, 1.2)], -0.75, 0.75)
     parts.box("plastic black", (-1.4, -0.7, 1.15), (1.4, 0.7, 1.21))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import seeding
-from ..massing import MeshParts, shifted
+from ..massing import MeshParts, pick, shifted
 from .materials import Materials
 from .site import Site
 
@@ -62,8 +62,7 @@ class Nursery:
             parts = MeshParts()
             (_conifer if kind == "conifer" else _broadleaf)(parts, KINDS[kind], rng)
             self._meshes[key] = parts.to_mesh(f"rauca {kind} tree {model}", self._materials)
-        tree = bpy.data.objects.new(name, self._meshes[key])
-        return tree
+        return bpy.data.objects.new(name, self._meshes[key])
 
 
 def build_greenery(site: Site) -> None:
@@ -87,11 +86,9 @@ def _avenue(site: Site, rng: np.random.Generator, side: int, every: float = 0.0)
     district = site.layout.district
     every = every or district.tree_every_m
     aside = site.layout.outer_m + 1.2 if district.pavement_m < 4 else district.road_half_m + 1.4
-    if (
-        district.pavement_m and district.front_m[0] < aside + 2.5
-    ):  # a narrow street has them at the kerb, where it widens
+    if district.pavement_m and district.front_m[0] < aside + 2.5:  # a narrow street has them at the kerb
         aside = district.road_half_m + 1.0
-    kind = district.trees[int(rng.integers(len(district.trees)))]
+    kind = pick(rng, district.trees)
     for along in np.arange(-75.0, 76.0, every).tolist():
         if rng.random() < 0.75:
             _tree(site, rng, kind, along + rng.uniform(-1.5, 1.5), side * aside)
@@ -102,7 +99,7 @@ def _scatter(site: Site, rng: np.random.Generator, side: int, count: int) -> Non
     fields = site.layout.sides[side] == "fields"
     low = site.layout.outer_m + (2.5 if not fields else 3.0)
     for _ in range(count):
-        kind = district.trees[int(rng.integers(len(district.trees)))]
+        kind = pick(rng, district.trees)
         _tree(site, rng, kind, rng.uniform(-70, 70), side * (low + 42.0 * rng.random() ** (1.0 if fields else 1.8)))
 
 
@@ -163,7 +160,7 @@ def _pickets(parts: MeshParts, length: float) -> None:
 
 
 def _broadleaf(parts: MeshParts, kind: Kind, rng: np.random.Generator) -> None:
-    leaves = kind.leaves[int(rng.integers(len(kind.leaves)))]
+    leaves = pick(rng, kind.leaves)
     (trunk, radius), (half_width, half_height) = kind.trunk_m, kind.crown_m
     middle = np.array([0.0, 0.0, trunk + half_height * 0.85])
     if trunk:

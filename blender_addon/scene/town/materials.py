@@ -99,20 +99,14 @@ def _jointed(tree: bpy.types.NodeTree, spec: Surface, color: bpy.types.NodeSocke
         Brick_Width=width,
         Row_Height=height,
     )
-    product = nodes.add(tree, "ShaderNodeVectorMath")
-    product.operation = "MULTIPLY"
-    tree.links.new(color, product.inputs[0])
-    tree.links.new(stones.outputs["Color"], product.inputs[1])
-    return product.outputs[0]
+    return nodes.compute_vector(tree, "MULTIPLY", color, stones.outputs["Color"])
 
 
 def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
     """A pane in its frame: curtains by day behind some, light after dark behind others."""
     uv = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=nodes.add(tree, "ShaderNodeUVMap").outputs[0]).outputs
-    cell = nodes.add(tree, "ShaderNodeVectorMath")
-    cell.operation = "FLOOR"
-    tree.links.new(nodes.add(tree, "ShaderNodeUVMap").outputs[0], cell.inputs[0])
-    chance = nodes.add(tree, "ShaderNodeTexWhiteNoise", Vector=cell.outputs[0])
+    cell = nodes.compute_vector(tree, "FLOOR", nodes.add(tree, "ShaderNodeUVMap").outputs[0])
+    chance = nodes.add(tree, "ShaderNodeTexWhiteNoise", Vector=cell)
     chance.noise_dimensions = "2D"
     frame = _frame(tree, spec, uv["X"], uv["Y"])
     other = nodes.add(tree, "ShaderNodeSeparateColor", Color=chance.outputs["Color"]).outputs

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..massing import MeshParts, shifted
+from ..massing import MeshParts, pick, shifted
 from .site import Site
 
 ENAMELS = ("enamel white", "enamel white", "enamel red", "enamel blue", "enamel green", "enamel yellow")
@@ -25,10 +25,6 @@ class Model:
     make: Maker
     length_m: float
     width_m: float
-
-
-def _pick(rng: np.random.Generator, names: tuple[str, ...]) -> str:
-    return names[int(rng.integers(len(names)))]
 
 
 def _wheel(parts: MeshParts, x: float, y: float, radius: float, width: float) -> None:
@@ -48,7 +44,7 @@ def truck(parts: MeshParts, rng: np.random.Generator) -> None:
     """A box truck: cab over the engine, a tall load box behind."""
     length, width, top = 8.2, 2.4, rng.uniform(3.1, 3.7)
     rear, cab_rear, nose = -length / 2, length / 2 - 1.9, length / 2
-    cab, load = _pick(rng, ENAMELS), _pick(rng, LIVERIES)
+    cab, load = pick(rng, ENAMELS), pick(rng, LIVERIES)
     half = width / 2
     parts.box("chassis", (rear + 0.1, -0.45, 0.5), (nose - 0.3, 0.45, 0.85))
     parts.box(load, (rear, -half, 0.95), (cab_rear - 0.15, half, top))
@@ -81,7 +77,7 @@ def tipper(parts: MeshParts, rng: np.random.Generator) -> None:
     length, width = 7.4, 2.45
     rear, nose, half = -length / 2, length / 2, width / 2
     cab_rear = nose - 1.8
-    cab, bin_color = _pick(rng, ENAMELS), _pick(rng, ("enamel red", "enamel yellow", "enamel blue", "chassis"))
+    cab, bin_color = pick(rng, ENAMELS), pick(rng, ("enamel red", "enamel yellow", "enamel blue", "chassis"))
     parts.box("chassis", (rear + 0.3, -0.45, 0.55), (nose - 0.3, 0.45, 0.95))
     tray = [(rear, 1.15), (cab_rear - 0.2, 1.0), (cab_rear - 0.1, 2.3), (rear - 0.15, 2.2)]
     for y in (-half, half - 0.08):
@@ -111,7 +107,7 @@ def bus(parts: MeshParts, rng: np.random.Generator) -> None:
     """A city bus: a band of windows all around, two doors on the right."""
     length, width, top = 11.2, 2.55, 3.05
     rear, nose, half = -length / 2, length / 2, width / 2
-    body, skirt = _pick(rng, ENAMELS[2:]), _pick(rng, ENAMELS)
+    body, skirt = pick(rng, ENAMELS[2:]), pick(rng, ENAMELS)
     profile = [(rear, 0.35), (nose, 0.35), (nose + 0.02, 1.2), (nose - 0.18, top - 0.15), (nose - 0.4, top),
                (rear + 0.3, top), (rear, top - 0.25)]  # fmt: skip
     parts.extrusion(body, profile, -half, half)
@@ -146,7 +142,7 @@ def _screen(parts: MeshParts, low: tuple[float, float], high: tuple[float, float
 
 def motorcycle(parts: MeshParts, rng: np.random.Generator) -> None:
     """A roadster on its stand."""
-    color = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel yellow"))
+    color = pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel yellow"))
     for x in (-0.72, 0.72):
         _tyre(parts, x, 0.31, 0.075, "vehicle tyre")
         parts.beam("chrome", (x, -0.05, 0.31), (x, 0.05, 0.31), 0.17, 10)
@@ -174,7 +170,7 @@ def motorcycle(parts: MeshParts, rng: np.random.Generator) -> None:
 
 def bicycle(parts: MeshParts, rng: np.random.Generator) -> None:
     """A town bicycle."""
-    color = _pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel white"))
+    color = pick(rng, ("enamel red", "enamel black", "enamel blue", "enamel green", "enamel white"))
     for x in (-0.52, 0.52):
         _tyre(parts, x, 0.34, 0.024, "vehicle tyre")
         for angle in np.arange(6) * math.pi / 6:
