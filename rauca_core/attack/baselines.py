@@ -22,7 +22,7 @@ def random_camouflage(path: Path, vehicle: Vehicle, size: int = 1024, seed: int 
     Args:
         path: of the JSON to write; the PNG goes beside it.
         size: side of the UV map, texels.
-        cell: side of a cell, texels; the published baseline is 1. ``made`` also tells its side in metres.
+        cell: side of a cell, texels; the published baseline is 1.
 
     Raises:
         RaucaError: ``cell`` or ``size`` out of range.
@@ -34,8 +34,7 @@ def random_camouflage(path: Path, vehicle: Vehicle, size: int = 1024, seed: int 
     uv_map = colors.repeat(cell, 0).repeat(cell, 1)[:size, :size]
     pyramid = Pyramid.of(vehicle, size)
     texels = pyramid.from_map(torch.from_numpy(np.ascontiguousarray(uv_map.transpose(2, 0, 1))))
-    metres = cell * texel_metres(vehicle, size)
-    made = {"seed": seed, "cell_texels": cell, "cell_metres": round(metres, 5)}
+    made = {"seed": seed, "cell_texels": cell}
     camouflage = Camouflage("random", vehicle.name, vehicle.atlas_id, size, "random", made)
     save_camouflage(path, camouflage, map_png(pyramid, texels))
     return camouflage
@@ -49,14 +48,3 @@ def plain_camouflage(path: Path, vehicle: Vehicle, srgb: tuple[int, int, int], s
     camouflage = Camouflage("plain", vehicle.name, vehicle.atlas_id, size, "plain", {"srgb": list(srgb)})
     save_camouflage(path, camouflage, png_bytes(pixels))
     return camouflage
-
-
-def texel_metres(vehicle: Vehicle, size: int) -> float:
-    """Side of a texel on the body, metres: the square root of painted area over its area in the atlas."""
-    paint = vehicle.paint_faces()
-    corners = vehicle.positions[vehicle.triangles[paint]].astype(np.float64)
-    uvs = vehicle.uvs[paint].astype(np.float64) * size
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
-    texels = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum()
-    return float(np.sqrt(area / max(texels, 1e-12)))

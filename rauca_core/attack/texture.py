@@ -7,6 +7,8 @@ leaves the range, and slows down near its ends.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -31,59 +33,31 @@ if TYPE_CHECKING:
 FURTHEST = 0.98  # of tanh's range that a start may take: at its ends there is no way back
 
 
-class Limit(Protocol):
-    """Between a free parameter and sRGB values in [0, 1], of any shape."""
+@dataclass(frozen=True)
+class Limit:
+    """Between a free parameter and sRGB values in [0, 1], of any shape.
 
-    def start(self, values: Tensor) -> Tensor:
-        """The parameter that stands for ``values``."""
-        ...
+    Attributes:
+        start: values -> the parameter that stands for them.
+        values: parameter -> sRGB values in [0, 1], differentiable.
+        after_step: mends the parameter in place, after a step.
+    """
 
-    def values(self, parameter: Tensor) -> Tensor:
-        """sRGB values in [0, 1], differentiable."""
-        ...
-
-    def after_step(self, parameter: Tensor) -> None:
-        """Mend the parameter in place, after a step."""
-        ...
-
-
-class Project:
-    """The parameter is the value."""
-
-    def start(self, values: Tensor) -> Tensor:
-        return values.clone()
-
-    def values(self, parameter: Tensor) -> Tensor:
-        return saturate(parameter)  # a texel at the very end still has its gradient
-
-    def after_step(self, parameter: Tensor) -> None:
-        with torch.no_grad():
-            parameter.clamp_(0.0, 1.0)
+    start: Callable[[Tensor], Tensor]
+    values: Callable[[Tensor], Tensor]
+    after_step: Callable[[Tensor], object]
 
 
-class Clamp(Project):
-    """The parameter may leave the range."""
-
-    def after_step(self, parameter: Tensor) -> None:
-        pass
-
-
-class Tanh:
-    """(tanh + 1) / 2 of the parameter."""
-
-    def start(self, values: Tensor) -> Tensor:
-        return torch.atanh((2 * values - 1) * FURTHEST)
-
-    def values(self, parameter: Tensor) -> Tensor:
-        return (parameter.tanh() + 1) / 2
-
-    def after_step(self, parameter: Tensor) -> None:
-        pass
-
-
-LIMITS: dict[str, Limit] = {"project": Project(), "clamp": Clamp(), "tanh": Tanh()}
-
-
+LIMITS: dict[str, Limit] = {
+    # Clipped as `saturate` does it, a texel at the very end still has its gradient.
+    "project": Limit(torch.clone, saturate, lambda parameter: parameter.detach().clamp_(0.0, 1.0)),
+    "clamp": Limit(torch.clone, saturate, lambda parameter: None),
+    "tanh": Limit(
+        lambda values: torch.atanh((2 * values - 1) * FURTHEST),
+        lambda parameter: (parameter.tanh() + 1) / 2,
+        lambda parameter: None,
+    ),
+}
 GREY = 0.5
 
 

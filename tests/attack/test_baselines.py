@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rauca_core.attack import plain_camouflage, random_camouflage
-from rauca_core.attack.baselines import texel_metres
 from rauca_core.contract import RaucaError, Vehicle, load_camouflage
 from rauca_core.render.mipmap import texel_coverage
 from rauca_core.runtime.images import read_image
@@ -24,9 +23,6 @@ def test_random_paint_is_uniform_per_cell(box_vehicle: Vehicle, tmp_path: Path) 
     assert cells.max() > 252
     camouflage.check_fits(box_vehicle.atlas_id, "test")
     assert camouflage.made["cell_texels"] == 4
-    # 0.4 of the map, 102.4 texels, spans walls of 4 x 1.5 m and 2 x 1.5 m.
-    assert camouflage.made["cell_metres"] == pytest.approx(4 * np.sqrt(18 / 4) / 102.4, rel=1e-4)
-    assert texel_metres(box_vehicle, 512) == pytest.approx(camouflage.made["cell_metres"] / 8, rel=1e-3)
     random_camouflage(tmp_path / "b.json", box_vehicle, size=256, seed=1, cell=4)
     random_camouflage(tmp_path / "c.json", box_vehicle, size=256, seed=2, cell=4)
     assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()

@@ -82,26 +82,6 @@ def test_attention_falls_when_nothing_else_counts(dataset: Dataset, detector: An
     assert seen[-1].attack < 0.9 * seen[0].attack
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_resumed_method_ends_in_the_same_bits(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
-    run_optimization(dataset, [detector], settings(method), tmp_path / "whole")
-
-    class PowerCutError(Exception):
-        pass
-
-    def cut(report: Any) -> None:
-        if report.step == 4:
-            raise PowerCutError
-
-    with pytest.raises(PowerCutError):
-        run_optimization(dataset, [detector], settings(method), tmp_path / "parts", on_step=cut)
-    run_optimization(dataset, [detector], settings(method), tmp_path / "parts", resume=True)
-    one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
-    assert torch.equal(one, two)
-    pictures = [(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")]
-    assert pictures[0] == pictures[1]
-
-
 @pytest.mark.parametrize("method", ["active", "dta", "fca", "das"])
 def test_uv_map_shows_what_was_optimized(
     dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle, detector: Any, tmp_path: Path, method: str

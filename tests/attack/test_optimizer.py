@@ -13,15 +13,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import OptimizerSettings, make_settings, read_history, run_optimization
-from rauca_core.attack import ensemble as ensemble
+from rauca_core.attack import (
+    METHODS,
+    OptimizerSettings,
+    ensemble,
+    make_settings,
+    read_history,
+    run_optimization,
+    settings_of,
+)
 from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.contract import Dataset, FramePasses, RaucaError, Vehicle, load_camouflage, load_frame, save_frame
+from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
 from rauca_core.contract.seeding import named_seed
 from rauca_core.runtime.images import read_image
 
@@ -57,11 +64,21 @@ def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, small_detector: An
     assert list((tmp_path / "out" / "tensorboard").iterdir())
 
 
-@pytest.mark.parametrize(("limit", "decay"), [("project", 1.0), ("project", 0.05), ("clamp", 1.0), ("tanh", 1.0)])
-def test_resumed_run_ends_in_the_same_bits(
-    dataset: Dataset, small_detector: Any, tmp_path: Path, limit: str, decay: float
-) -> None:
-    chosen = settings(limit=limit, decay=decay)
+PALETTE, GREY = ("#101010", "#4b5320", "#c8c0a0", "#f0f0f0"), {"reference": "#8c8c8c"}
+RESUMED: dict[str, dict[str, Any]] = {
+    "falling rate": {"decay": 0.05},
+    **{limit: {"limit": limit} for limit in ("project", "clamp", "tanh")},
+    **{method: settings_of(method) for method in METHODS},
+    "palette": {"natural": Naturalness(palette=PALETTE)},
+    "bound": {"natural": Naturalness(**GREY, max_delta_e=15)},
+    "all": {"natural": Naturalness(palette=PALETTE, feature_cm=50, **GREY, max_delta_e=50)},
+}
+
+
+@pytest.mark.parametrize("case", RESUMED)
+def test_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, case: str) -> None:
+    small_detector.attention_layer = small_detector.first
+    chosen = settings(**({"limit": "project", "lr": 0.03} | RESUMED[case]))
     run_optimization(dataset, [small_detector], chosen, tmp_path / "whole")
 
     class PowerCutError(Exception):
@@ -73,19 +90,13 @@ def test_resumed_run_ends_in_the_same_bits(
 
     with pytest.raises(PowerCutError):
         run_optimization(dataset, [small_detector], chosen, tmp_path / "parts", on_step=cut)
-    steps = []
-    again = run_optimization(
-        dataset,
-        [small_detector],
-        chosen,
-        tmp_path / "parts",
-        lambda r: steps.append(r.step),
-        resume=True,
-    )
+    steps: list[int] = []
+    parts = tmp_path / "parts"
+    again = run_optimization(dataset, [small_detector], chosen, parts, lambda r: steps.append(r.step), resume=True)
     assert steps == [4, 5, 6, 7, 8]  # the checkpoint was made after step 3
-    assert torch.equal(texels(tmp_path / "whole"), texels(tmp_path / "parts"))
+    assert torch.equal(texels(tmp_path / "whole"), texels(parts))
     assert again.with_suffix(".png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
-    for one, two in zip(read_history(tmp_path / "whole"), read_history(tmp_path / "parts"), strict=True):
+    for one, two in zip(read_history(tmp_path / "whole"), read_history(parts), strict=True):
         assert {k: one[k] for k in ("step", "loss", "score")} == {k: two[k] for k in ("step", "loss", "score")}
 
 
@@ -117,7 +128,6 @@ def test_runs_outside_the_main_thread(dataset: Dataset, small_detector: Any, tmp
 
 
 def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
-    bad = dataset.frames()[4].id
     broken, calls = small_detector.dense, []
 
     def dense(images: torch.Tensor) -> Any:
@@ -131,26 +141,6 @@ def test_nan_stops_and_names_the_frame(dataset: Dataset, small_detector: Any, tm
     with pytest.raises(RaucaError, match=r"step 1: .* not finite on frame L00-"):
         run_optimization(dataset, [small_detector], settings(batch=6), tmp_path / "out")
     assert calls == [6]
-
-    frame = load_frame(dataset.frame_folder(bad))
-    maps = np.full((64, 64, 3), np.nan, np.float32)
-    flat = np.zeros((64, 64), np.float32)
-    save_frame(
-        dataset.frame_folder(bad), frame, FramePasses(flat[..., None].repeat(3, 2), flat, flat, flat, maps, maps)
-    )
-    small_detector.dense = broken
-    with pytest.raises(RaucaError, match=f"{bad}/passes.npz: A holds NaN"):
-        run_optimization(dataset, [small_detector], settings(batch=6), tmp_path / "other")
-
-
-def test_projection_keeps_every_texel_alive(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
-    shared = {"steps": 30, "lr": 0.2, "checkpoint_every": 30}
-    run_optimization(dataset, [small_detector], settings(**shared), tmp_path / "project")
-    run_optimization(dataset, [small_detector], settings(**shared, limit="clamp"), tmp_path / "clamp")
-    projected, clamped = texels(tmp_path / "project"), texels(tmp_path / "clamp")
-    assert projected.min() >= 0
-    assert projected.max() <= 1
-    assert clamped.min() < 0 or clamped.max() > 1
 
 
 def test_frames_without_a_box_are_skipped(
@@ -198,8 +188,9 @@ def test_wrong_conditions_are_refused(
     run_optimization(dataset, [small_detector], settings(steps=1), out)
     with pytest.raises(RaucaError, match="resume it or choose another folder"):
         run_optimization(dataset, [small_detector], settings(), out)
-    with pytest.raises(RaucaError, match="another lr, seed;"):
-        run_optimization(dataset, [small_detector], settings(lr=0.5, seed=9), out, resume=True)
+    for other, named in (({"lr": 0.5, "seed": 9}, "lr, seed"), ({"natural": Naturalness(feature_cm=50)}, "natural")):
+        with pytest.raises(RaucaError, match=f"another {named};"):
+            run_optimization(dataset, [small_detector], settings(**other), out, resume=True)
     run_optimization(dataset, [small_detector], settings(steps=2), out, resume=True)
     made = (out / "camouflage.json").read_bytes()
     with pytest.raises(RaucaError, match="after step 2, beyond --steps 1; ask for more"):

@@ -15,14 +15,12 @@ from typer.testing import CliRunner
 from pipelines.cli import app
 from pipelines.naturalness import make_naturalness
 from rauca_core.attack import make_settings, read_history, run_optimization
-from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.colors import distances
 from rauca_core.attack.naturalness.palette import palette_bytes
 from rauca_core.attack.naturalness.reference import distance_of_map, fingerprint, reference_texels
 from rauca_core.attack.naturalness.texture import Constraints
-from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run
 from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_camouflage, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes
@@ -96,29 +94,6 @@ def test_the_loss_told_is_that_of_the_hard_map(dataset: Dataset, small_detector:
     assert run.advance().attack == free.advance().attack
     run.close()
     free.close()
-
-
-@pytest.mark.parametrize("case", ["palette", "all", "bound"])
-def test_a_resumed_run_ends_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path, case: str) -> None:
-    settings = make_settings(**(SMALL | {"natural": CASES[case]}))
-    run_optimization(dataset, [small_detector], settings, tmp_path / "whole")
-
-    class PowerCutError(Exception):
-        pass
-
-    def cut(report: Any) -> None:
-        if report.step == 4:
-            raise PowerCutError
-
-    with pytest.raises(PowerCutError):
-        run_optimization(dataset, [small_detector], settings, tmp_path / "parts", on_step=cut)
-    run_optimization(dataset, [small_detector], settings, tmp_path / "parts", resume=True)
-    one, two = (load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"] for name in ("whole", "parts"))
-    assert torch.equal(one, two)
-    assert len({(tmp_path / name / "camouflage.png").read_bytes() for name in ("whole", "parts")}) == 1
-    other = make_settings(**(SMALL | {"natural": CASES["patches"]}))
-    with pytest.raises(RaucaError, match="natural"):
-        run_optimization(dataset, [small_detector], other, tmp_path / "parts", resume=True)
 
 
 def test_a_weight_draws_the_paint_to_the_reference(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
