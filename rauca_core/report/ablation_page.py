@@ -14,10 +14,10 @@ from ..study.results import MEAN, Estimate
 from ..study.study import Entry
 from .figures import paint_styles
 from .frames import FramePicker
-from .page import SUFFIXES, Bullets, Facts, Grid, Heading, Page, Part, Picture, Section, write_page
+from .page import Bullets, Facts, Grid, Heading, Page, Part, Picture, Section
 from .pictures import maps_of
 from .published import PaperTable, paper_tables
-from .sections import anchors_of, limitations, provenance, published_aside
+from .sections import published_aside, write_study_page
 from .study_tables import detector_columns, sourced, unique, weathers_title
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
@@ -45,19 +45,17 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
     if verdicts:
         tables.append(_gaps(found, verdicts))
         orderings = [_orderings(found, verdicts, tables[-1])]
-    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
     sections = [
         *orderings,
         Section(main.title, [main], _reading(found)),
         *compared,
         _pictures(found),
         _settings(found),
-        provenance(study, base, beside, {}, timings_s=found.timings_s),
-        limitations(study, [_LIMIT]),
     ]
     styles = paint_styles(found.titles.values())
-    page = Page(experiment.title, experiment.question, _lead(verdicts), sections, styles, anchors_of(study, base))
-    return write_page(out, page, tables, study.command, _about(found, verdicts))
+    page = Page(experiment.title, experiment.question, _lead(verdicts), sections, styles)
+    about = _about(found, verdicts)
+    return write_study_page(study, out, page, tables, about, {}, timings_s=found.timings_s, limits=[_LIMIT])
 
 
 def _lead(verdicts: Sequence[Verdict]) -> list[str]:

@@ -10,8 +10,8 @@ from ..study.hardening import Gain, Gains
 from ..study.results import Estimate
 from ..study.study import Entry, Study
 from .frames import FramePicker
-from .page import SUFFIXES, Bullets, Grid, Page, Section, write_page
-from .sections import anchors_of, provenance
+from .page import Grid, Page, Section
+from .sections import write_study_page
 from .study_tables import sourced
 from .table import Cell, Column, Row, Table, listing, printed
 
@@ -51,20 +51,15 @@ def write_hardening(gains: Sequence[Gains], entries: Sequence[Entry], out: Path,
     """
     study, base = Study(notes.command, tuple(entries)), out.parent
     tables = [hardening_table(one, entry, base, notes) for one, entry in zip(gains, entries, strict=True)]
-    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
     sections = [
         *(Section(table.title, [table], _reading(one)) for table, one in zip(tables, gains, strict=True)),
         *(_pictures(entry, notes) for entry in entries),
-        provenance(study, base, beside, notes.facts),
-        Section("What this does not say", [Bullets(notes.limitations)]),
     ]
-    page = Page(
-        f"{notes.before}, hardened", "", [_sentence(one) for one in gains], sections, {}, anchors_of(study, base)
-    )
+    page = Page(f"{notes.before}, hardened", "", [_sentence(one) for one in gains], sections)
     about = {
         "before": notes.before, "after": notes.after, "made": dict(notes.notes), "settings": dict(notes.facts),
     }  # fmt: skip
-    return write_page(out, page, tables, notes.command, about)
+    return write_study_page(study, out, page, tables, about, notes.facts, limits=notes.limitations)
 
 
 def hardening_table(gains: Gains, entry: Entry, base: Path, notes: HardeningNotes) -> Table:

@@ -7,17 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
-from pathlib import Path
-from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from ..contract.files import write_bytes
 from ..version import __version__
 from .figures import Style, color_rules, themed, themed_color
 from .table import Cell, Column, Table, interval, laid_out, shown
-from .writers import tables_csv, tables_json, tables_latex
+from .writers import TEMPLATES
 
 
 @dataclass(frozen=True)
@@ -142,32 +139,11 @@ class Page:
         return template.render(page=self, colors=Markup(color_rules()), version=__version__)
 
 
-SUFFIXES = (".html", ".csv", ".json", ".tex")
-
-
-def write_page(
-    out: Path, page: Page, tables: Sequence[Table], command: str, about: Mapping[str, Any], latex: bool = True
-) -> list[Path]:
-    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
-
-    Args:
-        about: more fields of the JSON.
-
-    Returns:
-        What was written, the page first.
-    """
-    written = {".html": page.html().encode(), ".csv": tables_csv(tables), ".json": tables_json(tables, command, about)}
-    if latex:
-        written[".tex"] = tables_latex(tables, command)
-    for suffix, data in written.items():
-        write_bytes(out.with_suffix(suffix), data)
-    return [out.with_suffix(suffix) for suffix in written]
-
-
 @cache
 def _environment() -> Environment:
-    loader = FileSystemLoader(Path(__file__).with_name("templates"), encoding="utf-8")
-    found = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found = Environment(
+        loader=TEMPLATES, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     found.filters |= {
         "base64": lambda data: base64.b64encode(data).decode("ascii"),
         "breakable": lambda text: Markup(escape(text).replace("-", "-<wbr>")),

@@ -1,20 +1,74 @@
-"""Sections that pages of several kinds share."""
+"""What pages of every kind of study share: their files, where their numbers come from, what they do not say."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from ..contract.files import write_bytes
 from ..study.families import family_of, in_table_order, is_own
 from ..study.study import Entry, Study
-from .page import Aside, Bullets, Commands, Facts, Figure, Figures, Heading, Note, Part, Picture, Section
+from .page import Aside, Bullets, Commands, Facts, Figure, Figures, Heading, Note, Page, Part, Picture, Section
 from .pictures import maps_of
 from .published import PaperTable, odd_averages
 from .study_tables import defence_title, results_file, unique, vehicles_of, weathers_title, white_box_of
 from .table import Cell, Column, Row, Table, listing
+from .writers import tables_csv, tables_json, tables_latex
 
 MAX_MAPS = 8
+
+
+def write_study_page(
+    study: Study,
+    out: Path,
+    page: Page,
+    tables: Sequence[Table],
+    about: Mapping[str, Any],
+    settings: Mapping[str, object],
+    commands: Sequence[str] = (),
+    timings_s: Mapping[str, float] | None = None,
+    limits: Sequence[str] = (),
+    latex: bool = True,
+) -> list[Path]:
+    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
+
+    Args:
+        page: without the sections that all pages end with.
+        about: more fields of the JSON.
+        settings: name -> value, as the reader should see them.
+        commands: behind the page's numbers, beside the study's own.
+        timings_s: stage -> seconds.
+        limits: sentences added to what no page says.
+
+    Returns:
+        What was written, the page first.
+    """
+    files = {".csv": tables_csv(tables), ".json": tables_json(tables, study.command, about)}
+    if latex:
+        files[".tex"] = tables_latex(tables, study.command)
+    base, beside = out.parent, [out.with_suffix(suffix).name for suffix in files]
+    closing = [provenance(study, base, beside, settings, commands, timings_s), limitations(study, limits)]
+    whole = replace(page, sections=[*page.sections, *closing], anchors=anchors_of(study, base))
+    written = {".html": whole.html().encode(), **files}
+    for suffix, data in written.items():
+        write_bytes(out.with_suffix(suffix), data)
+    return [out.with_suffix(suffix) for suffix in written]
+
+
+def limitations(study: Study, more: Sequence[str]) -> Section:
+    general = [
+        "Rendered frames are not photographs: what holds here need not hold for a real vehicle, camera and paint.",
+        "The intervals say how much the numbers would move with other draws of what the bootstrap draws; other towns, "
+        "other vehicles and other optimization runs are not part of them.",
+        "Every image holds one target; a detection of its class anywhere else counts as a false positive.",
+    ]
+    fewest = min(len(entry.results.frames) for entry in study.entries)
+    if fewest < 100:
+        general.append(f"{fewest} frames are few: read small differences with care.")
+    return Section("Limitations", [Bullets([*general, *more])])
 
 
 def published_aside(paper: PaperTable) -> Aside:
@@ -42,19 +96,6 @@ def maps(entries: Sequence[Entry]) -> list[Section]:
     return [Section("UV maps", [Figures("maps", drawn)], note)] if drawn else []
 
 
-def limitations(study: Study, more: Sequence[str]) -> Section:
-    general = [
-        "Rendered frames are not photographs: what holds here need not hold for a real vehicle, camera and paint.",
-        "The intervals say how much the numbers would move with other draws of what the bootstrap draws; other towns, "
-        "other vehicles and other optimization runs are not part of them.",
-        "Every image holds one target; a detection of its class anywhere else counts as a false positive.",
-    ]
-    fewest = min(len(entry.results.frames) for entry in study.entries)
-    if fewest < 100:
-        general.append(f"{fewest} frames are few: read small differences with care.")
-    return Section("Limitations", [Bullets([*general, *more])])
-
-
 def anchors_of(study: Study, base: Path) -> dict[str, str]:
     """File of results, relative to ``base`` -> id of its row on the page."""
     return {results_file(entry, base): f"data-{number}" for number, entry in enumerate(study.entries, start=1)}
@@ -65,17 +106,10 @@ def provenance(
     base: Path,
     beside: Sequence[str],
     settings: Mapping[str, object],
-    commands: Sequence[str] = (),
-    timings_s: Mapping[str, float] | None = None,
+    commands: Sequence[str],
+    timings_s: Mapping[str, float] | None,
 ) -> Section:
-    """Where every number comes from: commands, files, detectors, settings.
-
-    Args:
-        base: the page's folder.
-        beside: names of the files that hold the page's numbers.
-        commands: more than the study's own.
-        timings_s: stage -> seconds.
-    """
+    """Where every number comes from: commands, files, detectors, settings."""
     first = study.entries[0].results
     counted = {
         "lowest score counted": first.settings.score_threshold,

@@ -14,10 +14,10 @@ from ..study.results import MEAN, Results
 from ..study.study import Entry, Study
 from .figures import Style, curve_svg, history_svg, is_ring, paint_styles
 from .frames import FramePicker, strongest_paint
-from .page import SUFFIXES, Drawing, Figure, Figures, Heading, Page, Part, Section, write_page
+from .page import Drawing, Figure, Figures, Heading, Page, Part, Section
 from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .sections import anchors_of, limitations, maps, provenance, published_aside
+from .sections import maps, published_aside, write_study_page
 from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
 from .table import Table, is_normal, is_random, printed
 
@@ -60,19 +60,17 @@ def write_report(study: Study, out: Path, notes: ReportNotes | None = None, late
     notes, base = notes or ReportNotes(), out.parent
     tables, curves = tables_of(study, base), curves_of(study, base)
     styles = paint_styles(dict.fromkeys(paint for entry in study.entries for paint in entry.results.paints))
-    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1 : 4 if latex else 3]]
     sections = [
         *_tables(tables, study),
         *_pictures(study),
         *_curves(curves, styles),
         *maps(study.entries),
         *_training(notes.histories),
-        provenance(study, base, beside, notes.settings, notes.commands, notes.timings_s),
-        limitations(study, notes.limitations),
     ]
-    page = Page(notes.title, scope(study), headline(study), sections, styles, anchors_of(study, base))
+    page = Page(notes.title, scope(study), headline(study), sections, styles)
     every = [*tables, *(curve for some in curves.values() for curve in some)]
-    return write_page(out, page, every, study.command, {}, latex)
+    told = notes.settings, notes.commands, notes.timings_s, notes.limitations
+    return write_study_page(study, out, page, every, {}, *told, latex)
 
 
 def scope(study: Study) -> str:

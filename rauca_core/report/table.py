@@ -103,6 +103,11 @@ class Table:
         """Whether its blocks stand side by side, as in the paper; wider tables stack them."""
         return len(self.columns) * len(self.blocks) <= _WIDEST
 
+    @property
+    def has_intervals(self) -> bool:
+        cells = (cell for block in self.blocks for row in block.rows for cell in row.cells)
+        return any(cell is not None and cell.low is not None for cell in cells)
+
     def groups(self) -> list[tuple[str, int]]:
         """Headings above the columns and how many columns each spans."""
         spans: list[tuple[str, int]] = []
@@ -193,6 +198,7 @@ class Layout:
     Attributes:
         blocks, groups: headings above the columns, with how many each spans; empty where there are none.
         columns, opening: across all blocks that stand side by side, and which of them open a group.
+        times: how many blocks stand side by side.
         strips: rows below each other, each strip under its title.
     """
 
@@ -200,6 +206,7 @@ class Layout:
     groups: list[tuple[str, int]]
     columns: tuple[Column, ...]
     opening: list[bool]
+    times: int
     strips: list[tuple[str, list[Line]]]
 
 
@@ -213,7 +220,7 @@ def laid_out(table: Table) -> Layout:
     if times > 1:
         strips = [("", _joined(table, [lines for _, lines in strips]))]
     above = titles if any(title for title, _ in titles) else []
-    return Layout(above, groups, table.columns * times, _opening(table) * times, strips)
+    return Layout(above, groups, table.columns * times, _opening(table) * times, times, strips)
 
 
 def _joined(table: Table, blocks: list[list[Line]]) -> list[Line]:

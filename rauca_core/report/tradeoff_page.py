@@ -18,8 +18,8 @@ from ..study.results import Estimate
 from ..study.study import Entry, Study
 from .figures import GREY, PALETTE, Style, curve_svg
 from .frames import FramePicker
-from .page import SUFFIXES, Drawing, Figure, Figures, Page, Section, write_page
-from .sections import anchors_of, maps, provenance
+from .page import Drawing, Figure, Figures, Page, Section
+from .sections import maps, write_study_page
 from .study_tables import sourced, weathers_title
 from .table import Block, Cell, Column, Row, Table, listing
 
@@ -111,19 +111,17 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         for sweep in _sweeps(curve, entry, found, base)
     ]
     picker, attacked = FramePicker(curve.entries[:1]), curve.attacked[0]
-    beside = [out.with_suffix(suffix).name for suffix in SUFFIXES[1:]]
     sections = [
         *(_sweep(sweep, results.clusters) for sweep in sweeps),
         Section(numbers.title, [numbers], READING),
         *maps(curve.entries[:1]),
         Section(f"What {attacked} sees", [picker.grid(attacked)], picker.reading),
-        provenance(study, base, beside, {}),
     ]
     lead = (
         f"{len(curve.points)} camouflages against {', '.join(curve.attacked)}, each judged on {len(results.frames)} "
         f"held-out views rendered by Cycles. AP@0.5: lower is better hidden. Black-box: {others}, never attacked here."
     )
-    page = Page("What naturalness costs", "", [lead], sections, STYLES, anchors_of(study, base))
+    page = Page("What naturalness costs", "", [lead], sections, STYLES)
     about = {
         "reference": None if curve.reference is None else curve.reference.reference,
         "white_box": list(curve.attacked),
@@ -131,7 +129,7 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         "frames": {entry.weathers: len(entry.results.frames) for entry in curve.entries},
         "intervals": f"95 %, bootstrap over {results.cluster_count} {results.clusters}",
     }
-    return write_page(out, page, [numbers, *sweeps], curve.command, about)
+    return write_study_page(study, out, page, [numbers, *sweeps], about, {})
 
 
 READING = (

@@ -6,11 +6,15 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from .table import BEST, SECOND, Cell, Column, Place, Table, interval, laid_out, shown
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from .table import BEST, SECOND, Cell, Column, Layout, Table, interval, laid_out, shown
 
 FORMAT = ("rauca-tables", 2)
+TEMPLATES = FileSystemLoader(Path(__file__).with_name("templates"), encoding="utf-8")
 RANKS = {BEST: "best", SECOND: "second"}
 HEADER = (
     "table", "block", "row", "group", "column", "kind", "own", "white_box", "value", "low", "high", "rank", "file",
@@ -62,20 +66,12 @@ def _source(cell: Cell) -> dict[str, Any]:
     return {"file": cell.source.file if cell.source else "", "keys": list(cell.source.keys) if cell.source else []}
 
 
-_PREAMBLE = r"""\documentclass{article}
-\usepackage[T1]{fontenc}
-\usepackage[utf8]{inputenc}
-\usepackage[margin=2cm]{geometry}
-\usepackage{booktabs,graphicx}
-\begin{document}
-"""
 _SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
     ">": r"\textgreater{}", "|": r"\textbar{}", '"': r"\textquotedbl{}", "“": "``", "”": "''", "–": "--", "’": "'",
     **{character: f"\\{character}" for character in "&%$#_{}"},
     **{character: f"{{{character}}}" for character in "[]*"},  # after a line's end they would be its options
 }  # fmt: skip
-_WIDE = 8  # columns that fit a page at full size
 
 
 def escape_latex(text: str) -> str:
@@ -88,68 +84,31 @@ def tables_latex(tables: Sequence[Table], command: str) -> bytes:
 
     Best in bold, second underlined, intervals in small type below.
     """
-    remark = f"% Written by: {' '.join(command.split())}\n"
-    return (remark + _PREAMBLE + "\n".join(map(_float, tables)) + "\\end{document}\n").encode()
+    found = Environment(
+        "<%", "%>", "<<", ">>", "<#", "#>", loader=TEMPLATES, finalize=_finished, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    found.filters |= {
+        "aligned": _aligned,
+        "interval": lambda place: interval(place.cell, place.column),
+        "label": lambda key: "".join(c if c.isascii() and c.isalnum() else "-" for c in key),
+        "laid_out": laid_out,
+        "one_line": lambda text: _Plain(" ".join(text.split())),
+        "shown": lambda place: shown(place.cell, place.column),
+    }
+    return found.get_template("tables.tex").render(tables=tables, command=command).encode()
 
 
-def _float(table: Table) -> str:
-    tabular = _tabular(table)
-    if len(table.columns) * (len(table.blocks) if table.beside else 1) > _WIDE:
-        tabular = f"\\resizebox{{\\linewidth}}{{!}}{{%\n{tabular}}}\n"
-    label = "".join(c if c.isascii() and c.isalnum() else "-" for c in table.key)
-    caption = " ".join(filter(None, (escape_latex(table.caption or table.title), *_notes(table))))
-    return (
-        f"\\begin{{table}}[p]\n\\centering\n\\caption{{{caption}}}\n\\label{{tab:{label}}}\n\\small\n"
-        f"{tabular}\\end{{table}}\n"
-    )
+class _Plain(str):
+    """Text that a LaTeX document takes as it is."""
 
 
-def _notes(table: Table) -> Iterator[str]:
-    if table.ranked:
-        yield r"Lowest in bold, second underlined."
-    if any(cell and cell.low is not None for block in table.blocks for row in block.rows for cell in row.cells):
-        yield r"Below each value: its 95\,\% interval."
-    if any(column.white_box for column in table.columns):
-        yield r"\textsuperscript{w}\,White-box."
-    if any(column.own for column in table.columns):
-        yield r"\textsuperscript{s}\,Our own, trained on synthetic images."
+def _finished(value: object) -> object:
+    """Every value of the template, escaped."""
+    return value if isinstance(value, _Plain) else escape_latex(str(value))
 
 
-def _tabular(table: Table) -> str:
-    layout, width = laid_out(table), len(table.columns)
+def _aligned(layout: Layout) -> _Plain:
     letters = ["l" if column.textual else "r" for column in layout.columns]
-    aligned = "|".join("".join(letters[start : start + width]) for start in range(0, len(letters), width))
-    names = "".join(f" & {escape_latex(column.name)}{_marks(column)}" for column in layout.columns)
-    head = _spanning(layout.blocks) + _spanning(layout.groups) + f"{escape_latex(table.corner)}{names} \\\\\n"
-    strips = []
-    for title, lines in layout.strips:
-        spanned = f"\\multicolumn{{{width + 1}}}{{l}}{{\\textit{{{escape_latex(title)}}}}} \\\\\n" if title else ""
-        strips.append(spanned + "".join(_line(line.name, line.places) for line in lines))
-    body = "\\midrule\n".join(strips)
-    return f"\\begin{{tabular}}{{l{aligned}}}\n\\toprule\n{head}\\midrule\n{body}\\bottomrule\n\\end{{tabular}}\n"
-
-
-def _marks(column: Column) -> str:
-    letters = "w" * column.white_box + "s" * column.own
-    return f"\\textsuperscript{{{letters}}}" if letters else ""
-
-
-def _spanning(spans: Sequence[tuple[str, int]]) -> str:
-    """Headings that span columns, with a rule under each."""
-    cells, rules, at = "", "", 2
-    for title, width in spans:
-        cells += f" & \\multicolumn{{{width}}}{{c}}{{{escape_latex(title)}}}"
-        rules += f"\\cmidrule(lr){{{at}-{at + width - 1}}}" if title else ""
-        at += width
-    return f"{cells} \\\\\n{rules}\n" if spans else ""
-
-
-def _line(name: str, places: Sequence[Place]) -> str:
-    """A row's values and, where there are any, their intervals in a line below."""
-    values, ends = [], []
-    for place in places:
-        value, found = escape_latex(shown(place.cell, place.column)), interval(place.cell, place.column)
-        values.append({BEST: f"\\textbf{{{value}}}", SECOND: f"\\underline{{{value}}}"}.get(place.rank, value))
-        ends.append(f"{{\\tiny {escape_latex('–'.join(found))}}}" if found else "")
-    lines = f"{escape_latex(name)} & {' & '.join(values)} \\\\\n"
-    return lines + (f" & {' & '.join(ends)} \\\\\n" if any(ends) else "")
+    width = len(letters) // layout.times
+    return _Plain("|".join("".join(letters[start : start + width]) for start in range(0, len(letters), width)))
