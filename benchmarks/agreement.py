@@ -8,20 +8,26 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from pipelines.evaluate import render_camouflages
-from pipelines.renderers import reference_job
-from rauca_core.contract import Dataset, load_camouflage
+from pipelines.console import progress_bars
+from rauca_core.contract import Dataset
+from rauca_core.study import recipes
 from rauca_core.study.agreement import measure_agreement
+from rauca_core.study.demo import REFERENCE_EVERY, REFERENCE_SAMPLES
+from rauca_core.study.engine import Engine
+from rauca_core.study.store import Store, store_around
 
 from .harness import Line, Panel, Results, Settings, save_figure
 
 
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:
     """Measure each sample count on the same frames, in one process; writes ``out`` (.json) and a plot beside it."""
-    renders = out.parent / f"{out.stem}-cycles"
-    render_camouflages(reference_job(dataset, camouflage, renders))
-    folder = renders / load_camouflage(camouflage)[0].name
-    opened, results = Dataset(dataset), Results("agreement", Settings(dataset=str(dataset), samples=samples))
+    opened = Dataset(dataset)
+    frames = [frame.id for frame in opened.frames()[::REFERENCE_EVERY]]
+    views, paint = recipes.views_in(dataset), recipes.camouflage_in(camouflage, camouflage.stem)
+    with progress_bars() as on_progress:
+        engine = Engine(Store(out.parent / f"{out.stem}-cycles", store_around(dataset)), on_progress=on_progress)
+        (folder,) = engine.make(recipes.renders(views, paint, frames, REFERENCE_SAMPLES))
+    results = Results("agreement", Settings(dataset=str(dataset), samples=samples))
     measure_agreement(opened, camouflage, folder, samples=1)  # compiles the kernels, which is not what is measured
     for n in samples:
         results.add("samples", name=f"{n}x{n}", **asdict(measure_agreement(opened, camouflage, folder, samples=n)))

@@ -12,9 +12,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from pipelines.console import progress_bar
+from pipelines.console import goes_on_by_itself, progress_bar
 from pipelines.dataset_options import dataset_job, dataset_parser
-from pipelines.going_on import goes_on_by_itself
 from rauca_core.contract import (
     Dataset,
     Progress,

@@ -19,16 +19,18 @@ from rich.text import Text
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.runtime.blender import run_blender
 
-from .ablate_command import ablate
-from .bench_commands import bench_app, vehicle_arguments
+from .ablate import ablate
+from .bench_commands import bench_app
+from .cache import cache_app
 from .console import console, output, progress_bar
-from .dataset_commands import PASS_ON, Blender, dataset_app
+from .dataset_commands import PASS_ON, dataset_app
 from .dataset_options import apply_job, apply_parser
+from .demo import demo
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
-from .evaluate_command import evaluate
+from .evaluate import evaluate
 from .extras import missing
-from .harden_command import harden
+from .harden import harden
 from .naturalness import (
     FeatureSize,
     MaxDeltaE,
@@ -39,7 +41,9 @@ from .naturalness import (
     ReferenceWidth,
     natural_settings,
 )
-from .tradeoff_command import tradeoff
+from .options import Blender
+from .report import report
+from .tradeoff import tradeoff
 
 app = typer.Typer(
     name="rauca",
@@ -52,10 +56,13 @@ app.add_typer(efe_app, name="efe")
 app.add_typer(detectors_app, name="detectors")
 app.add_typer(weights_app, name="weights")
 app.add_typer(bench_app, name="bench")
+app.add_typer(cache_app, name="cache")
 app.command()(evaluate)
 app.command()(tradeoff)
 app.command()(ablate)
 app.command()(harden)
+app.command()(demo)
+app.command()(report)
 
 
 def run(*command: str) -> None:
@@ -175,34 +182,6 @@ def optimize(
     detectors = detector or ["yolov3-tiny"]
     path = optimize_camouflage(dataset, detectors, settings, out, resume, json_progress, device)
     console.print(f"camouflage: {path}")
-
-
-@app.command()
-def report(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="folder of a study, or one laid out as the demo's")],
-    latex: Annotated[bool, typer.Option("--latex", help="write the tables as LaTeX too, to STUDY/report.tex")] = False,
-    pictures: Annotated[Path | None, typer.Option(help="save the main figures to this folder too")] = None,
-) -> None:
-    """Write STUDY/report.html, and its numbers as report.csv and report.json, from what STUDY holds."""
-    from .report import picture_run, report_run
-
-    console.print(f"report: {report_run(study, latex)}")
-    for path in picture_run(study, pictures) if pictures else ():
-        console.print(f"picture: {path}")
-
-
-@app.command()
-def demo(
-    out: Annotated[Path, typer.Option(help="folder of the run; run again to resume")] = Path("runs/demo"),
-    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or an .obj, .glb or .blend")] = "sedan",
-    paint_mask: Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")] = None,
-    paint_material: Annotated[str | None, typer.Option(help="name of the material to camouflage")] = None,
-    blender: Blender = None,
-) -> None:
-    """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About half an hour on two cores."""
-    from .demo import DemoChoice, run_demo
-
-    run_demo(DemoChoice(out, vehicle_arguments(vehicle, paint_mask, paint_material), blender))
 
 
 @app.command()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
+import sys
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -80,3 +83,41 @@ def step_line(progress: Progress) -> str:
     """One step for a log."""
     left = "" if progress.left_s is None else f", about {format_duration(progress.left_s)} left"
     return f"[{progress.done}/{progress.total}] {progress.last}{left}"
+
+
+@contextlib.contextmanager
+def progress_bars() -> Iterator[Callable[[str, Progress], None]]:
+    """A bar for each thing that a study does in turn; yields what it tells its progress.
+
+    Raises:
+        RaucaError: in place of a stop inside: the same command goes on.
+    """
+    with goes_on_by_itself(), contextlib.ExitStack() as stack:
+        shown: dict[str, Callable[[Progress], None]] = {}
+
+        def show(title: str, progress: Progress) -> None:
+            if title not in shown:
+                stack.pop_all().close()
+                shown.clear()
+                shown[title] = stack.enter_context(progress_bar(title))
+            shown[title](progress)
+
+        try:
+            yield show
+        except KeyboardInterrupt:
+            raise StoppedError("interrupted; what was finished is kept") from None
+
+
+@contextlib.contextmanager
+def goes_on_by_itself() -> Iterator[None]:
+    """Within: a stop is told with what to do for commands that go on where an earlier run of theirs stopped."""
+    try:
+        yield
+    except StoppedError as stop:
+        raise RaucaError(f"{stop.where}; run the same command again to go on") from None
+
+
+def command_line(short: bool = False) -> str:
+    """What the user typed; ``short``: paths by their last names, as machines differ."""
+    words = sys.argv[1:]
+    return shlex.join(["rauca", *((Path(w).name if short and "/" in w else w) for w in words)])

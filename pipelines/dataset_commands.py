@@ -24,9 +24,9 @@ from rauca_core.dataset_tools import (
 from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
 
-from .console import console, output, progress_bar
+from .console import console, goes_on_by_itself, output, progress_bar
 from .dataset_options import dataset_job, dataset_parser
-from .going_on import goes_on_by_itself
+from .options import Blender
 from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser
 
 dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
@@ -34,7 +34,6 @@ dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_a
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 MERGED: dict[str, Any] = {"conflict_handler": "resolve", "allow_abbrev": False}  # both parents know --help
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the data set")]
-Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 
 
 @dataset_app.command("make", context_settings=PASS_ON)

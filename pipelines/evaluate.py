@@ -1,64 +1,165 @@
-"""Measure AP@0.5 of detectors on paints: re-render in Blender, detect, report.
-
-``python pipelines/evaluate.py --help`` or ``rauca evaluate --help`` lists the options.
-"""
+"""``rauca evaluate``: from what the user types to a study, and its tables."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from pipelines.console import progress_bar
-from rauca_core.contract import Dataset, Progress, RenderCamouflages, load_camouflage
-from rauca_core.detect import load_detector
-from rauca_core.runtime.blender import run_blender
-from rauca_core.study import DetectionSettings, Results, reference_images
-from rauca_core.study import measure as measure_views
-from rauca_core.study.contestants import NORMAL
-from rauca_core.study.images_of import ImageOf
+import typer
+from rich.table import Table
+
+from rauca_core.contract import RaucaError
+
+from .console import command_line, console, output, progress_bars
+from .options import Blender, Slurm, executor_of, split_names
+
+if TYPE_CHECKING:
+    from rauca_core.study.study import Study
+    from rauca_core.study.views import HeldOut
+
+Given = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="[DATASET|CAMOUFLAGE]...", help="views to evaluate on instead of new ones; more camouflages"
+    ),
+]
+Camouflages = Annotated[
+    list[str] | None, typer.Option(help="camouflage .json, or LABEL=FILE; several, comma separated or repeated")
+]
+Out = Annotated[Path, typer.Option(help="folder of the study; run again to resume")]
+Detectors = Annotated[
+    list[str] | None, typer.Option("--detectors", "--detector", help="names or paths, comma separated; or all")
+]
+Weathers = Annotated[list[str] | None, typer.Option(help="seen, unseen, both, or a preset's name or .json file")]
+Defences = Annotated[
+    list[str] | None,
+    typer.Option("--defences", "--defence", help="none, lgs, pad, jpeg, bits, median; comma separated"),
+]
+Vehicles = Annotated[
+    list[str] | None, typer.Option(help="vehicle folder or shipped name; found by the camouflage's UV atlas if shipped")
+]
 
 
-def render_camouflages(
-    job: RenderCamouflages, blender: Path | None = None, title: str = "re-rendering in camouflage"
+def evaluate(
+    out: Out,
+    given: Given = None,
+    camouflage: Camouflages = None,
+    detectors: Detectors = None,
+    weathers: Weathers = None,
+    defences: Defences = None,
+    vehicle: Vehicles = None,
+    scale: Annotated[str, typer.Option(help="quick (32 frames per weather set), standard (128) or full (1024)")] = (
+        "standard"
+    ),
+    frames: Annotated[int | None, typer.Option(min=1, help="frames per weather set, instead of a scale")] = None,
+    ring: Annotated[
+        str, typer.Option(help="street (0 to 24 degrees up, 5 to 16 m away) or paper (0 to 67.5 degrees, 5 to 20 m)")
+    ] = "street",
+    elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; the ring's by default")] = None,
+    distances: Annotated[
+        str | None,
+        typer.Option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
+    ] = None,
+    size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
+    samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
+    views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
+    random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
+    random_seed: Annotated[int, typer.Option(min=0)] = 1,
+    random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
+    resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
+    device: Annotated[str, typer.Option(help="of the detectors")] = "cpu",
+    scene: Annotated[Path | None, typer.Option(help="the .blend that DATASET was made in, if it was")] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(help="keep views, renders and detections here, for other studies; OUT/store if left out"),
+    ] = None,
+    slurm: Slurm = None,
+    blender: Blender = None,
 ) -> None:
-    """Render a data set's views in camouflages, with Cycles, never with the neural renderer."""
-    with progress_bar(title) as move:
-        run_blender(job, move, blender)
+    """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
+    from rauca_core.study.evaluate import RandomPaint
+    from rauca_core.study.evaluate import evaluate as run
 
-
-def measure(
-    dataset: Path,
-    camouflages: Sequence[Path],
-    renders: Path,
-    detectors: Sequence[str],
-    out: Path,
-    category: str = "car",
-    size: int | None = None,
-) -> Results:
-    """Detect in the renders and write ``out/results.json``.
-
-    Args:
-        category: the class that detectors are asked for.
-        size: of the detectors' square input, pixels; their own by default.
-    """
-    opened = Dataset(dataset)
-    paints: Mapping[str, Path | ImageOf] = {
-        NORMAL: reference_images(opened),
-        **{name: renders / name for name in (load_camouflage(path)[0].name for path in camouflages)},
-    }
-    loaded = [load_detector(name, size) for name in detectors]
-    with progress_bar("detecting") as move:
-        return measure_views(
-            opened,
-            paints,
-            loaded,
-            out,
-            on_progress=lambda what, done, total: move(Progress(done, total, what)),
-            settings=DetectionSettings(category),
+    files = [path for path in given or () if path.suffix in (".json", ".png")]
+    datasets = [path for path in given or () if path not in files]
+    if datasets and weathers:
+        raise RaucaError("--weathers: a data set brings its own weathers; drop one of the two")
+    with progress_bars() as on_progress:
+        study = run(
+            [*split_names(camouflage), *files],
+            split_names(detectors),
+            out=out,
+            vehicle=split_names(vehicle),
+            weathers=split_names(weathers) or ["both"],
+            views=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
+            datasets=datasets,
+            defences=split_defences(defences) or ["none"],
+            random=RandomPaint(random_seed, random_cell) if random else None,
+            resamples=resamples,
+            device=device,
+            blender=blender,
+            scene=scene,
+            store=store,
+            executor=executor_of(slurm),
+            on_progress=on_progress,
+            command=command_line(),
         )
+    _print(study, out)
 
 
-if __name__ == "__main__":
-    from pipelines.cli import run
+def split_defences(given: Sequence[str] | None) -> list[str]:
+    """Defences, comma separated, whose parameters have commas too: ``none,lgs:block=9,overlap=3`` are two."""
+    names: list[str] = []
+    for part in split_names(given):
+        if names and ":" in names[-1] and "=" in part and ":" not in part:
+            names[-1] += f",{part}"
+        else:
+            names.append(part)
+    return names
 
-    run("evaluate")
+
+def _held_out(
+    frames: int | None,
+    scale: str,
+    ring_name: str,
+    elevations: str | None,
+    distances: str | None,
+    size: int,
+    samples: int,
+    seed: int | None,
+) -> HeldOut:
+    from rauca_core.study.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
+
+    named = find_ring(ring_name)
+    ring = replace(
+        named,
+        elevations_deg=_numbers("--elevations", elevations) or named.elevations_deg,
+        distances_m=_numbers("--distances", distances) or named.distances_m,
+    )
+    count = frames_of_scale(scale) if frames is None else frames
+    town = TOWN_SEED if seed is None else seed
+    return HeldOut(count, ring, size=size, samples=samples, seed=town, fit=distances is None)
+
+
+def _numbers(option: str, text: str | None) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(",")) if text else ()
+    except ValueError:
+        raise RaucaError(f"{option} {text}: not a comma separated list of numbers") from None
+
+
+def _print(study: Study, out: Path) -> None:
+    """AP of every entry, a table each."""
+    wide = output()
+    for entry in study.entries:
+        table = entry.results.table
+        title = f"{entry.vehicle}, {entry.weathers}, defence {entry.defence}: AP@0.5 of class {entry.category}"
+        shown = Table("paint", *next(iter(table.values())), title=title)
+        for paint, row in table.items():
+            shown.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
+        wide.print(shown)
+    clusters = {f"{e.results.cluster_count} {e.results.clusters}" for e in study.entries}
+    wide.print(f"in brackets: 95 % interval by a bootstrap over {', '.join(sorted(clusters))}")
+    console.print(f"study: {out}", highlight=False, soft_wrap=True)

@@ -7,19 +7,13 @@ is no loss: the same command submits what is missing.
 from __future__ import annotations
 
 import argparse
-import shutil
-import subprocess
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rauca_core.contract import MakeDataset, Progress, RaucaError, Shard, frame_states, save_job
-from rauca_core.runtime.blender import blender_command, reason_of
-
-POLL_S = 3.0
-SHARED_DISK_LAG_S = 30.0  # a network file system may show a task's result this long after its end
+from rauca_core.runtime.blender import blender_command
+from rauca_core.runtime.cluster import Cluster, failure
 
 
 def slurm_parser() -> argparse.ArgumentParser:
@@ -67,8 +61,8 @@ def render_on_slurm(
         raise RaucaError("--shard: with --slurm every shard is submitted; give --shards N instead")
     if options.shards < 1:
         raise RaucaError(f"--shards {options.shards}: must be at least 1")
-    if shutil.which("sbatch") is None:
-        raise RaucaError("--slurm: there is no sbatch here; run this on a login node of a Slurm cluster")
+    cluster = Cluster("slurm", options.partition, options.time, options.memory, options.cpus)
+    cluster.require()
     logs = Path(f"{folder.absolute()}.slurm")
     shards = [Shard(index, options.shards) for index in range(1, options.shards + 1)]
     commands = []
@@ -76,73 +70,20 @@ def render_on_slurm(
         path = logs / f"shard-{shard.index}.json"
         commands.append(blender_command(path, blender))
         save_job(path, replace(job, shard=shard))
-    jobs = _submit(options, logs, commands)
-    array = str(jobs[0].job_id).partition("_")[0]
+    tasks = cluster.submit(commands, logs)
+    array = str(tasks[0].job_id).partition("_")[0]
     if options.no_wait:
         return array
-    try:
-        _wait(jobs, array, job, move)
-    except KeyboardInterrupt:
-        raise RaucaError(f"interrupted; job {array} goes on without us, `scancel {array}` ends it") from None
-    failed = [f"{shard}: {reason}" for shard, job in zip(shards, jobs, strict=True) if (reason := _failure(job))]
+    cluster.wait(tasks, lambda waiting: tell_frames(job, f"{waiting} of {len(tasks)} tasks left", move))
+    failed = [f"{shard}: {reason}" for shard, task in zip(shards, tasks, strict=True) if (reason := failure(task))]
     if failed:
-        raise RaucaError(f"{folder}: {len(failed)} of {len(jobs)} shards failed, {failed[0]} (logs in {logs})")
+        raise RaucaError(f"{folder}: {len(failed)} of {len(tasks)} shards failed, {failed[0]} (logs in {logs})")
     return array
 
 
-def run_shard(command: Sequence[str]) -> str:
-    """What a task runs; returns why it failed, or nothing."""
-    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
-    print(done.stderr, flush=True)
-    return reason_of("make_dataset", done.returncode, done.stderr.splitlines()) if done.returncode else ""
-
-
-def _submit(options: argparse.Namespace, logs: Path, commands: list[list[str]]) -> list[Any]:
-    try:
-        import submitit
-    except ImportError:
-        raise RaucaError("--slurm: submitit is missing; `pip install rauca[slurm]`") from None
-    executor = submitit.AutoExecutor(folder=logs, cluster="slurm")
-    executor.update_parameters(
-        name="rauca", timeout_min=options.time, mem_gb=options.memory, cpus_per_task=options.cpus,
-        slurm_array_parallelism=len(commands),
-    )  # fmt: skip
-    if options.partition:
-        executor.update_parameters(slurm_partition=options.partition)
-    try:
-        return list(executor.map_array(run_shard, commands))
-    except submitit.core.utils.FailedJobError as error:
-        raise RaucaError(f"--slurm: the cluster refused the job: {' '.join(str(error).split())}") from None
-
-
-def _wait(jobs: list[Any], array: str, asked_for: MakeDataset, move: Callable[[Progress], None]) -> None:
-    asked = {frame.id for frame in asked_for.wanted()}
-    while True:
-        waiting = [job for job in jobs if not job.paths.result_pickle.exists()]
-        if (asked_for.out / "dataset.json").is_file():
-            states = frame_states(asked_for.out)
-            settled = sum(state != "failed" for frame, state in states.items() if frame in asked)
-            move(Progress(settled, len(asked), f"{len(waiting)} of {len(jobs)} tasks left"))
-        if not waiting:
-            return
-        if not _listed(array):
-            time.sleep(SHARED_DISK_LAG_S)
-            return
-        time.sleep(POLL_S)
-
-
-def _listed(array: str) -> bool:
-    """Whether any task of an array is pending or running; asks squeue, as accounting may be off."""
-    asked = subprocess.run(["squeue", "--noheader", "--jobs", array], capture_output=True, text=True, check=False)
-    if asked.returncode:
-        return "Invalid job id" not in asked.stderr  # else the controller is out of reach for now
-    return bool(asked.stdout.strip())
-
-
-def _failure(job: Any) -> str:
-    """Why a task failed; empty if it did not."""
-    if not job.paths.result_pickle.exists():
-        return f"the task ended without a result; see {job.paths.stderr}"
-    if error := job.exception():
-        return " ".join(str(error).split())
-    return str(job.result())
+def tell_frames(job: MakeDataset, last: str, move: Callable[[Progress], None]) -> None:
+    """The progress of all tasks together: frames of the job that are settled, whoever rendered them."""
+    if (job.out / "dataset.json").is_file():
+        asked = {frame.id for frame in job.wanted()}
+        settled = sum(state != "failed" for frame, state in frame_states(job.out).items() if frame in asked)
+        move(Progress(settled, len(asked), last))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -28,28 +27,8 @@ _DEFENCES = {NO_DEFENCE: "No defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG
 
 
 def frame_of(study: Study) -> Any:
-    """A row per vehicle, weathers, defence, paint and detector, with ``"mean"`` as the last detector of each paint.
-
-    Returns:
-        A `pandas.DataFrame` where pandas is installed, else a list of dicts with the same names: ``vehicle``,
-        ``weathers``, ``defence``, ``paint``, ``detector``, ``ap`` (AP@0.5, 0 to 1), ``low`` and ``high`` (its 95 %
-        interval) and ``n`` (frames).
-    """
-    rows = [
-        {
-            "vehicle": entry.vehicle, "weathers": entry.weathers, "defence": entry.defence, "paint": paint,
-            "detector": detector, "ap": found.ap, "low": found.low, "high": found.high,
-            "n": len(entry.results.frames),
-        }
-        for entry in study.entries
-        for paint, row in entry.results.table.items()
-        for detector, found in row.items()
-    ]  # fmt: skip
-    if importlib.util.find_spec("pandas") is None:
-        return rows
-    import pandas
-
-    return pandas.DataFrame(rows)
+    """The study as a data frame, see :meth:`Study.table`."""
+    return study.table()
 
 
 def weathers_title(weathers: str) -> str:

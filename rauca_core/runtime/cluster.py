@@ -47,6 +47,11 @@ class Cluster:
         self.wait(jobs, look)
         return [failure(job) for job in jobs]
 
+    def require(self) -> None:
+        """Raise :class:`RaucaError` where there is no Slurm."""
+        if self.kind == "slurm" and shutil.which("sbatch") is None:
+            raise RaucaError("--slurm: there is no sbatch here; run this on a login node of a Slurm cluster")
+
     def submit(self, commands: Sequence[Sequence[str]], logs: Path) -> list[Any]:
         """Submit commands as one array; returns submitit's jobs.
 
@@ -56,8 +61,7 @@ class Cluster:
         Raises:
             RaucaError: there is no Slurm or submitit here, or the cluster refuses the job.
         """
-        if self.kind == "slurm" and shutil.which("sbatch") is None:
-            raise RaucaError("--slurm: there is no sbatch here; run this on a login node of a Slurm cluster")
+        self.require()
         try:
             import submitit
         except ImportError:

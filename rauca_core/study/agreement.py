@@ -20,6 +20,7 @@ from ..render import Pyramid, Taps, TapSettings, build_taps, composite, linear_t
 from ..render.cache import tap_key
 from ..runtime.images import read_image
 
+FILE_NAME = "agreement.json"
 FORMAT = ("rauca-agreement", 1)
 SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
 

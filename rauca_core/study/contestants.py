@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..contract import Camouflage, RaucaError, load_camouflage, load_vehicle, save_camouflage
+from ..contract import Camouflage, RaucaError, load_camouflage, save_camouflage
 from ..contract.assets import assets_folder
 from ..contract.schema import read_json
 from ..runtime.images import read_image
@@ -96,26 +96,6 @@ def read_vehicle_choice(folder: Path) -> VehicleChoice:
     """What a vehicle folder says of itself."""
     fields = read_json(folder / "vehicle.json")
     return VehicleChoice(fields.plain_name("name"), fields.text("category"), fields.text("atlas_id"), folder)
-
-
-def check_vehicle(dataset: Path, vehicle: VehicleChoice, option: str) -> None:
-    """Refuse a data set that was begun with another vehicle; its plan knows a vehicle by name and UV atlas alone.
-
-    Args:
-        option: that names the folder of all, for the user to choose another.
-    """
-    if not (dataset / "vehicle" / "vehicle.json").is_file():  # not begun, or damaged and about to be written again
-        return
-    given = load_vehicle(vehicle.folder, read_image)
-    try:
-        kept = load_vehicle(dataset / "vehicle", read_image)
-    except RaucaError:  # damaged: a job that needs it says so, and what is rendered already does not
-        return
-    if changed := kept.changed(given):
-        raise RaucaError(
-            f"{dataset}: holds another vehicle of the name {vehicle.name} (changed: {', '.join(changed)}); choose "
-            f"another {option}"
-        )
 
 
 def match(

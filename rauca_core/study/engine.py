@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ..contract import RaucaError
 from .artifact import Artifact
 from .executors import Executor, Here, Task
 from .job import Machine, OnProgress, quiet
@@ -32,6 +33,7 @@ class Engine:
         self._executor = executor or Here()
         self.made: Counter[str] = Counter()
         self.seconds: dict[str, float] = {}
+        self._finished: dict[str, Path] = {}
 
     def make(self, *wanted: Artifact) -> tuple[Path, ...]:
         """The folders of artifacts, made where they are not finished; what they are made from comes first.
@@ -45,7 +47,7 @@ class Engine:
                 self.made.update(job.kind for job in task.artifacts)
             for title, seconds in self._executor.run(tasks, self.machine, self.on_progress):
                 self.seconds[title] = round(self.seconds.get(title, 0.0) + seconds, 2)
-        return tuple(self.store.find(artifact) or self._unfinished(artifact) for artifact in wanted)
+        return tuple(map(self._folder, wanted))
 
     def _levels(self, wanted: Sequence[Artifact]) -> Iterator[list[Artifact]]:
         """What is to be made, each level from nothing but earlier ones; a finished artifact needs no inputs."""
@@ -55,7 +57,7 @@ class Engine:
         def look(artifact: Artifact) -> int:
             key = f"{artifact.kind}/{artifact.digest}"
             if key not in depth:
-                if self.store.find(artifact) is not None:
+                if self._find(artifact) is not None:
                     depth[key] = 0
                 else:
                     missing[key] = artifact
@@ -67,11 +69,23 @@ class Engine:
             yield [artifact for key, artifact in missing.items() if depth[key] == level]
 
     def _task(self, group: list[Artifact]) -> Task:
-        inputs = [tuple(self.store.find(one) or self._unfinished(one) for one in a.inputs) for a in group]
+        inputs = [tuple(map(self._folder, artifact.inputs)) for artifact in group]
         return Task(tuple(group), tuple(self.store.place(a) for a in group), tuple(inputs))
 
-    def _unfinished(self, artifact: Artifact) -> Path:
-        raise AssertionError(f"{self.store.place(artifact)}: its maker ended and it is not whole")
+    def _find(self, artifact: Artifact) -> Path | None:
+        """The folder of a finished artifact; it is looked at once, as its files are many."""
+        key = f"{artifact.kind}/{artifact.digest}/{artifact.options}"
+        if key not in self._finished and (found := self.store.find(artifact)) is not None:
+            self._finished[key] = found
+        return self._finished.get(key)
+
+    def _folder(self, artifact: Artifact) -> Path:
+        found = self._find(artifact)
+        if found is None:
+            raise RaucaError(
+                f"{self.store.place(artifact)}: its maker ended and it is not whole; run the command again"
+            )
+        return found
 
 
 def _groups(artifacts: Sequence[Artifact]) -> list[list[Artifact]]:

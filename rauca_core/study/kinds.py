@@ -59,7 +59,6 @@ KINDS = {
     ),
     "paint": _heavy("optimized camouflages", "optimizing", makers.make_paint, makers.has_camouflage),
     "random": _light("random camouflages", "drawing random paint", makers.make_random, makers.has_camouflage),
-    "map": _light("copies of camouflages", "copying camouflages", makers.make_map, makers.has_camouflage),
     "renders": Kind(
         "views in camouflage", "re-rendering in camouflage", makers.make_renders, makers.has_renders,
         group=makers.rendered_together,
@@ -68,6 +67,9 @@ KINDS = {
     "detections": Kind(
         "what detectors found", "detecting", makers.make_detections, makers.has_detections,
         group=makers.detected_together,
+    ),
+    "agreement": _light(
+        "neural renders against Cycles", "comparing renderers", makers.make_agreement, makers.has_agreement
     ),
     "hardened": _heavy("hardened detectors", "hardening", makers.make_hardened, makers.has_hardened),
 }  # fmt: skip

@@ -33,11 +33,14 @@ from ..runtime.checkpoint_files import POINTER
 from ..runtime.cpu import threads
 from ..runtime.images import is_whole, read_image
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
+from .agreement import FILE_NAME as AGREEMENT
+from .agreement import measure_agreement, save_agreement
 from .artifact import Artifact, read_recipe
 from .defences import make_defence
 from .defended import defended_images
 from .detecting import Pictures, detect_everywhere
 from .detection_cache import DetectionCache, DetectionSettings
+from .harden_rounds import run_hardening
 from .job import Job
 
 CAMOUFLAGE = "camouflage.json"
@@ -135,14 +138,6 @@ def make_random(job: Job) -> None:
     random_camouflage(job.folder / CAMOUFLAGE, load_vehicle(job.inputs[0], read_image), **job.artifact.settings)
 
 
-def make_map(job: Job) -> None:
-    """Copy a camouflage under its label, so that a study holds what it judged."""
-    record, image = load_camouflage(Path(job.artifact.options["source"]))
-    if file_digest(image) != job.artifact.settings["uv_map"]:
-        raise RaucaError(f"{image}: has changed since the study began; run the command again")
-    save_camouflage(job.folder / CAMOUFLAGE, replace(record, name=job.artifact.label), image.read_bytes())
-
-
 def has_renders(artifact: Artifact, folder: Path) -> bool:
     """Whether the images of all wanted frames are there, and none is damaged."""
     return all(is_whole(folder / f"{frame}.png") for frame in artifact.options["frames"])
@@ -159,7 +154,7 @@ def make_renders(jobs: Sequence[Job]) -> None:
     with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
         paints = []
         for job in jobs:
-            record, image = load_camouflage(job.inputs[1] / CAMOUFLAGE)
+            record, image = load_camouflage(job.inputs[1])
             paints.append(Path(temporary) / f"{len(paints)}.json")
             save_camouflage(paints[-1], replace(record, name=job.folder.name), image.read_bytes())
             for damaged in (path for path in job.folder.glob("*.png") if not is_whole(path)):
@@ -246,12 +241,25 @@ def views_behind(folder: Path) -> Path:
     return folder
 
 
+def has_agreement(artifact: Artifact, folder: Path) -> bool:
+    return (folder / AGREEMENT).is_file()
+
+
+def make_agreement(job: Job) -> None:
+    """Compare the neural renderer with Cycles: by coverage on all frames, by color on those that were rendered."""
+    dataset, camouflage, rendered = job.inputs
+    job.report(Progress(0, 1, job.artifact.label))
+    save_agreement(job.folder / AGREEMENT, measure_agreement(Dataset(dataset), camouflage, rendered))
+
+
 def has_hardened(artifact: Artifact, folder: Path) -> bool:
-    raise NotImplementedError
+    return any(path.with_suffix(".json").is_file() for path in folder.glob("hardened-*.safetensors"))
 
 
 def make_hardened(job: Job) -> None:
-    raise NotImplementedError
+    """Harden a detector, or go on where an earlier process stopped."""
+    with threads(job.machine.threads):
+        run_hardening(dict(job.artifact.options), job.folder, job.machine, job.report)
 
 
 def _images_behind(folder: Path, ids: Sequence[str]) -> Pictures:

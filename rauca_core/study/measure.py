@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,16 +18,22 @@ import torch
 
 from ..contract import Dataset, Frame, RaucaError
 from ..contract.files import file_digest
-from ..detect import Detector, canonical, class_index
+from ..detect import Detector, canonical, class_index, find_class, load_detector
+from ..detect.listing import ready_names
 from .average_precision import Sample
 from .defences import Defence
 from .defended import NO_DEFENCE, defended_images
 from .detecting import Pictures, detect_everywhere
 from .detection_cache import DetectionCache, DetectionSettings
+from .families import is_own
 from .images_of import ImageOf, locate
 from .results import MEAN, FrameRow, ImageRow, Results, save_results
 from .scores import Bootstrap, clusters_of, score_groups, score_table
 
+ALL = "all"
+LOG = logging.getLogger(__name__)
+Chosen = tuple[str, Detector]
+"""A detector, and what it was named by."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -135,6 +142,38 @@ def tabulate(
     )
     save_results(out / "results.json", results)
     return results
+
+
+def detectors_for(
+    given: Sequence[Detector | str], categories: Sequence[str], device: str, published: bool = False
+) -> dict[str, list[Chosen]]:
+    """The detectors that each category of vehicle is shown to, each loaded once and with what it was named by.
+
+    Args:
+        given: loaded ones, or names and files, which must know every category; ``all``, or nothing, for every one that
+            is ready, but for those that do not know a category.
+        published: of the ready ones only those that were not trained on this project's images.
+
+    Raises:
+        RaucaError: none is ready, or a detector that was given does not know a category.
+    """
+    named = list(dict.fromkeys(one for one in given if one != ALL))
+    ready = [name for name in ready_names() if name not in named] if ALL in given or not given else []
+    ready = [name for name in ready if not (published and is_own(name))]
+    if not named and not ready:
+        raise RaucaError("--detectors: none is ready; get weights with `rauca weights fetch --all`")
+    loaded: list[Chosen] = [
+        (one, load_detector(one, device=device)) if isinstance(one, str) else (one.name, one.to(device))
+        for one in [*named, *ready]
+    ]
+    result = {}
+    for category in dict.fromkeys(categories):
+        blind = {n for n, d in loaded if n in ready and find_class(d.class_names, category) is None}
+        for name in sorted(blind):
+            LOG.warning("%s: knows no class %r, left out there", name, category)
+        result[category] = [(name, detector) for name, detector in loaded if name not in blind]
+        check_detectors([detector for _, detector in result[category]], category)
+    return result
 
 
 def check_detectors(detectors: Sequence[Detector], category: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,11 @@ def part_of(whole: Artifact, label: str, frames: Sequence[str]) -> Artifact:
     return Artifact("part", label, {"frames": list(frames)}, (whole,))
 
 
+def extractor(training: Artifact, epochs: int) -> Artifact:
+    """The published extractor of light, trained on a data set."""
+    return Artifact("extractor", training.label, {"epochs": epochs}, (training,))
+
+
 def paint(
     training: Artifact,
     settings: OptimizerSettings,
@@ -99,7 +104,7 @@ def camouflage_in(path: Path, label: str) -> Artifact:
     """A finished camouflage, known by its UV map: whoever made it, renders of it are the same."""
     record, image = load_camouflage(path)
     settings = {"uv_map": file_digest(image), "atlas_id": record.atlas_id, "size": record.size}
-    return Artifact("map", label, settings, options={"source": str(path.absolute())})
+    return Artifact("map", label, settings, place=path.absolute())
 
 
 def renders(views: Artifact, camouflage: Artifact, frames: Sequence[str], samples: int | None = None) -> Artifact:
@@ -112,6 +117,11 @@ def renders(views: Artifact, camouflage: Artifact, frames: Sequence[str], sample
     settings = {} if samples is None else {"samples": samples}
     options = {"frames": list(frames), "scene": views.options.get("scene")}
     return Artifact("renders", camouflage.label, settings, (views, camouflage), options)
+
+
+def agreement(views: Artifact, camouflage: Artifact, reference: Artifact) -> Artifact:
+    """How far neural renders of views in a camouflage are from those of Cycles, given some of these."""
+    return Artifact("agreement", camouflage.label, {}, (views, camouflage, reference))
 
 
 def defended(images: Artifact, defence: Defence, frames: Sequence[str]) -> Artifact:
@@ -128,6 +138,14 @@ def detections(
     settings = {"name": detector.name, "fingerprint": detector.fingerprint, "kept": dict(kept.__dict__)}
     options = {"detector": typed, "frames": list(frames), "batch": batch}
     return Artifact("detections", f"{detector.name}-{images.label}", settings, (images,), options)
+
+
+def hardened(
+    detector: str, datasets: Sequence[Path], identity: Mapping[str, Any], options: Mapping[str, Any]
+) -> Artifact:
+    """A detector hardened on data sets; ``identity`` is what its training depends on."""
+    label = Path(detector).stem
+    return Artifact("hardened", label, dict(identity), tuple(map(views_in, datasets)), options)
 
 
 def _plan_settings(plan: Plan) -> dict[str, Any]:

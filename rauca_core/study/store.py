@@ -51,6 +51,18 @@ def store_around(place: Path) -> list[Path]:
     return [folder.parent.parent] if (folder / RECIPE).is_file() and folder.parent.name in VERSIONS else []
 
 
+def link(path: Path, target: Path) -> None:
+    """Let a folder of the store be found under a plain name, where the disk knows links."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aim = os.path.relpath(target.resolve(), path.parent.resolve())
+    if path.is_symlink():
+        if os.readlink(path) == aim:
+            return
+        path.unlink()
+    with contextlib.suppress(OSError):
+        path.symlink_to(aim, target_is_directory=True)
+
+
 def user_cache() -> Path:
     """The store that all studies of this user look into, beside the weights of detectors."""
     return weights_folder().parent

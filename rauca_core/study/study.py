@@ -10,8 +10,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -56,22 +57,54 @@ class Entry:
 
 @dataclass(frozen=True)
 class Study:
-    """``command`` is what was typed, to repeat or resume the study; ``entries`` in the order they were asked for."""
+    """What was evaluated.
+
+    Attributes:
+        command: what was typed, to repeat or resume the study.
+        entries: in the order they were asked for.
+        notes: what a report should tell beside the numbers: fields of ``ReportNotes``.
+    """
 
     command: str
     entries: tuple[Entry, ...]
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    def table(self) -> Any:
+        """A row per vehicle, weathers, defence, paint and detector, with ``"mean"`` as the last detector of each paint.
+
+        Returns:
+            A `pandas.DataFrame` where pandas is installed, else a list of dicts with the same names: ``vehicle``,
+            ``weathers``, ``defence``, ``paint``, ``detector``, ``ap`` (AP@0.5, 0 to 1), ``low`` and ``high`` (its 95 %
+            interval) and ``n`` (frames).
+        """
+        rows = [
+            {
+                "vehicle": entry.vehicle, "weathers": entry.weathers, "defence": entry.defence, "paint": paint,
+                "detector": detector, "ap": found.ap, "low": found.low, "high": found.high,
+                "n": len(entry.results.frames),
+            }
+            for entry in self.entries
+            for paint, row in entry.results.table.items()
+            for detector, found in row.items()
+        ]  # fmt: skip
+        if importlib.util.find_spec("pandas") is None:
+            return rows
+        import pandas
+
+        return pandas.DataFrame(rows)
 
     def of(self, **wanted: str) -> tuple[Entry, ...]:
         """Entries whose fields have the wanted values: ``study.of(defence="none", vehicle="sedan")``."""
         return tuple(e for e in self.entries if all(getattr(e, name) == value for name, value in wanted.items()))
 
 
-def save_study(path: Path, command: str, entries: Sequence[Entry]) -> None:
+def save_study(path: Path, command: str, entries: Sequence[Entry], notes: Mapping[str, Any] | None = None) -> None:
     """Write ``study.json`` atomically; the results that it names were written before."""
     name, version = FORMAT
     path = Path(path)
     rows = [_row(entry, path.parent) for entry in entries]
-    write_json(path, {"format": name, "version": version, "command": command, "entries": rows})
+    opening = {"format": name, "version": version, "command": command, "entries": rows}
+    write_json(path, {**opening, "notes": notes} if notes else opening)
 
 
 def load_study(path: Path) -> Study:
@@ -84,7 +117,8 @@ def load_study(path: Path) -> Study:
     fields = read_json(path)
     fields.format(*FORMAT)
     rows = [Fields(row, f"{path}: entries[{i}]") for i, row in enumerate(fields.items("entries"))]
-    study = Study(fields.text("command"), tuple(_entry(row, path.parent) for row in rows))
+    notes = fields.nested("notes").without("") if fields.has("notes") else {}
+    study = Study(fields.text("command"), tuple(_entry(row, path.parent) for row in rows), notes)
     fields.done()
     if not study.entries or len({entry.key for entry in study.entries}) != len(study.entries):
         raise RaucaError(f"{path}: entries must be at least one, each of its own vehicle, weathers and defence")

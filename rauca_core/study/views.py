@@ -6,14 +6,20 @@ The plan is as large as the published ones: 8 azimuths, 4 elevations and 4 dista
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Plan, Quality, RaucaError, Ring, Weather
+from ..contract import Plan, Quality, RaucaError, Ring, Weather, find_preset, preset_notes
+from ..contract.assets import assets_folder
 
+LOG = logging.getLogger(__name__)
+
+PRESETS = {"seen": "enhanced", "unseen": "unseen"}  # the paper's weathers of training, and 16 others
 SCALES = {"quick": 32, "standard": 128, "full": 1024}  # frames per weather set
 TOWN_SEED = 20_000  # far from the small seeds that people train with
 _AZIMUTHS = tuple(45.0 * step for step in range(8))
@@ -85,3 +91,29 @@ def find_ring(name: str) -> Ring:
     if name not in RINGS:
         raise RaucaError(f"--ring {name}: unknown; choose {' or '.join(RINGS)}, and --elevations and --distances")
     return RINGS[name]
+
+
+def weather_sets(names: Sequence[str]) -> list[str]:
+    """Weathers of held-out views, each once and with a file name of its own; their folders are called by it.
+
+    Args:
+        names: ``seen``, ``unseen``, ``both``, or presets by name or file.
+
+    Raises:
+        RaucaError: an unknown preset, or two of one name.
+    """
+    chosen = [part for name in names for part in (("seen", "unseen") if name == "both" else (name,))]
+    called: dict[str, str] = {}
+    for name in chosen:
+        weathers_named(name)
+        if (other := called.setdefault(Path(name).stem, name)) != name:
+            raise RaucaError(f"--weathers {name}: has the name of {other}; results are told apart by it, rename one")
+    return list(called.values())
+
+
+def weathers_named(name: str) -> tuple[Weather, ...]:
+    """The weathers of a set; raises :class:`RaucaError` listing all presets when there is none of that name."""
+    preset, folder = PRESETS.get(name, name), assets_folder() / "weathers"
+    for note in preset_notes(preset, folder):
+        LOG.warning("note: %s", note)
+    return tuple(find_preset(preset, folder))

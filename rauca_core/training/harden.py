@@ -120,6 +120,11 @@ def harden(
     return target
 
 
+def identity_of(wanted: Hardening) -> dict[str, Any]:
+    """What a hardening depends on, as JSON; raises :class:`RaucaError` for a mistake in it, before any work."""
+    return _Rounds(wanted, origin_of(wanted.detector)).identity
+
+
 def _claim(out: Path, identity: dict[str, Any], resume: bool) -> None:
     """Start a folder, or see that it holds this very hardening."""
     record = out / RECORD

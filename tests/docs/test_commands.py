@@ -19,9 +19,10 @@ from PIL import Image
 
 from pipelines.cli import app
 from pipelines.dataset_options import apply_parser, dataset_parser
-from pipelines.evaluate_command import split_defences, split_names, weather_sets
+from pipelines.evaluate import split_defences
 from pipelines.methods import chosen_settings
 from pipelines.naturalness import natural_settings
+from pipelines.options import split_names
 from pipelines.slurm import slurm_parser
 from rauca_core.attack import make_settings
 from rauca_core.contract import find_preset
@@ -32,7 +33,7 @@ from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
 from rauca_core.study.ablations import experiment_named
 from rauca_core.study.defences import make_defence
-from rauca_core.study.views import find_ring, frames_of_scale
+from rauca_core.study.views import find_ring, frames_of_scale, weather_sets
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -168,7 +169,7 @@ def _check_vehicle(name: str) -> None:
 
 
 def _check_sets(names: list[str]) -> None:
-    weather_sets(split_names(names), has_datasets=False)
+    weather_sets(split_names(names))
 
 
 def _each(check: Callable[[str], Any]) -> Callable[[Any], None]:

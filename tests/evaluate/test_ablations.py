@@ -15,14 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.ablate import Ablation, Repeat, _optimize, own_settings, settings_of_repeat
-from pipelines.ablate_workspace import Workspace
+from benchmarks.stability.detectors import SmallDetector
+from rauca_core.attack import METHODS, make_settings, settings_of
 from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
 from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
 from rauca_core.runtime.images import read_image
 from rauca_core.study import measure, reference_images
+from rauca_core.study.ablate import Ablation
 from rauca_core.study.ablations import (
     DEFAULT,
     EXPERIMENTS,
@@ -60,37 +61,47 @@ FRAMES, BOX = 24, (10.0, 10.0, 50.0, 40.0)
 
 
 @pytest.fixture
-def asked(tmp_path: Path) -> Ablation:
-    sedan = find_vehicles(["sedan"])[0]
-    workspace = Workspace(tmp_path / "data", sedan, DEFAULT)
+def asked() -> Ablation:
     beta = experiment_named("beta")
-    return Ablation("", beta, beta.variants, 1, DEFAULT, tmp_path / "out", workspace, {}, ())
+    return Ablation(beta, beta.variants, 1, DEFAULT, find_vehicles(["sedan"])[0])
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_variant_is_an_optimization_of_its_own(asked: Ablation, name: str) -> None:
     experiment = experiment_named(name)
-    own = [own_settings(asked, variant) for variant in experiment.variants]
+    own = [asked.own_settings(variant) for variant in experiment.variants]
     assert all(own[i] != own[j] for i in range(len(own)) for j in range(i))
     assert sum(variant.quick for variant in experiment.variants) >= 2
     assert experiment.seeds * len(experiment.variants) <= 9  # what fits two hours
     for variant in experiment.variants:
-        settings = settings_of_repeat(asked, Repeat(variant, 3, "label"))
+        settings = asked.settings(variant, 3, "label")
         assert (settings.seed, settings.name, settings.steps) == (3, "label", DEFAULT.steps)
         assert variant.training in TRAINING_SETS
 
 
-def test_a_run_is_kept_by_how_long_its_extractor_was_trained(asked: Ablation, monkeypatch: pytest.MonkeyPatch) -> None:
-    keys: list[str] = []
-    monkeypatch.setattr(Workspace, "training", lambda *_: Path("set"))
-    monkeypatch.setattr(Workspace, "published_extractor", lambda *_: Path("efe"))
-    monkeypatch.setattr(Workspace, "run", lambda workspace, name, key, work: keys.append(json.dumps(key)))
+@pytest.mark.parametrize("method", METHODS)
+def test_a_row_named_after_a_method_is_that_method(asked: Ablation, method: str) -> None:
+    """But for the ablation's size, what is optimized is what `rauca optimize --method` optimizes."""
+    variant = experiment_named("baselines").variant(method)
+    same = {"steps": DEFAULT.steps, "batch": DEFAULT.batch, "map_size": DEFAULT.map_size}
+    assert asked.settings(variant).identity() == make_settings(**settings_of(method, **same)).identity()
+
+
+def test_a_camouflage_is_kept_by_how_long_its_extractor_was_trained(asked: Ablation) -> None:
+    digests = []
     for light in ("published", "exact"):
         variant = next(v for v in experiment_named("environment").variants if v.settings.get("light", "exact") == light)
         for epochs in (DEFAULT.extractor_epochs, QUICK.extractor_epochs):
             sizes = replace(DEFAULT, extractor_epochs=epochs)
-            _optimize(replace(asked, sizes=sizes), Repeat(variant, 0, "x"))
-    assert [len(set(keys[:2])), len(set(keys[2:]))] == [2, 1]
+            digests.append(replace(asked, sizes=sizes).paint(variant, 0, "x", [("small", SmallDetector())]).digest)
+    assert [len(set(digests[:2])), len(set(digests[2:]))] == [2, 1]
+
+
+def test_what_two_ablations_call_otherwise_is_one(asked: Ablation) -> None:
+    white_box = [("small", SmallDetector())]
+    one, two = experiment_named("augmentation").variant("with-roa"), experiment_named("renderer").variant("e2e-taps")
+    assert asked.paint(one, 0, "a", white_box).digest == asked.paint(two, 0, "b", white_box).digest
+    assert asked.paint(one, 1, "a", white_box).digest != asked.paint(two, 0, "b", white_box).digest
 
 
 def test_rows_beside_the_papers_are_rows_of_the_paper() -> None:

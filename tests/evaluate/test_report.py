@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipelines.report import report_run
+from pipelines.report import write_study_report
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.reference import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
@@ -108,10 +108,10 @@ def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Det
 
 def test_another_process_in_another_folder_writes_the_same_bytes(study: Study, tmp_path: Path) -> None:
     """No date, no path, no order of a set gets in."""
-    report_run(tmp_path / "study", latex=True)
+    write_study_report(tmp_path / "study", latex=True)
     moved = tmp_path / "elsewhere"
     shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere", "report.*"))
-    code = "from pathlib import Path; from pipelines.report import report_run; report_run(Path('study'), True)"
+    code = "from pathlib import Path; from pipelines.report import write_study_report as w; w(Path('study'), True)"
     other = {"PYTHONHASHSEED": "3", "TZ": "Asia/Tokyo", "PYTHONPATH": str(Path(__file__).parents[2])}
     subprocess.run([sys.executable, "-c", code], cwd=moved, env={**os.environ, **other}, check=True, timeout=300)
     for suffix in (".html", ".csv", ".json", ".tex"):
@@ -173,7 +173,7 @@ def test_what_does_not_belong_together_is_refused(study: Study, tmp_path: Path) 
 def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> None:
     folder = tmp_path / "study"
     for file, content, message in (
-        ("study.json", None, "has no results.json or study.json"),
+        ("study.json", None, "has no study.json"),
         ("study.json", "{", "study.json"),
         ("study.json", '{"format": "rauca-study", "version": 99}', "study.json"),
         ("seen/none/results.json", None, "results.json"),
@@ -183,11 +183,11 @@ def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> Non
         whole = (folder / file).read_text()
         (folder / file).unlink() if content is None else (folder / file).write_text(content)
         with pytest.raises(RaucaError, match=re.escape(message)) as caught:
-            report_run(folder)
+            write_study_report(folder)
         assert "\n" not in str(caught.value)
         (folder / file).write_text(whole)
     assert not list(folder.glob("report.*"))
-    assert report_run(folder).is_file()
+    assert write_study_report(folder).is_file()
 
 
 def test_the_average_without_our_own_detectors_has_the_same_intervals(

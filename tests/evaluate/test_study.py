@@ -9,10 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.stability.drawn import make_dataset
-from pipelines import report
-from rauca_core.contract import RaucaError, Vehicle
-from rauca_core.report import ReportNotes
+from rauca_core.contract import RaucaError
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.results import AXES, Estimate, FrameRow, Group, ImageRow, Results, load_results, save_results
 from rauca_core.study.study import Entry, load_study, save_study
@@ -63,16 +60,8 @@ def test_a_study_survives_the_disk_and_a_move(tmp_path: Path) -> None:
     assert "/" not in json.loads((tmp_path / "study" / "study.json").read_text())["entries"][0]["results"][:1]
     (tmp_path / "study").rename(tmp_path / "moved")
     assert load_study(tmp_path / "moved" / "study.json").entries[1].results == replace(entries[1].results)
-
-
-def test_a_run_folder_is_about_the_class_that_was_measured(
-    tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    make_dataset(tmp_path / "held-out", box_vehicle, 64, (40.0,))
-    save_results(tmp_path / "results.json", replace(some_results(0.5, "none"), settings=DetectionSettings("boat")))
-    monkeypatch.setattr(report, "_notes", lambda *_: ReportNotes())
-    monkeypatch.setattr(report, "write_report", lambda study, *_: [study.entries[0].category])
-    assert report.report_run(tmp_path) == "boat"
+    save_study(tmp_path / "moved" / "study.json", "x", load_study(tmp_path / "moved").entries, {"title": "T"})
+    assert load_study(tmp_path / "moved").notes == {"title": "T"}
 
 
 def test_damaged_studies_are_named(tmp_path: Path) -> None:

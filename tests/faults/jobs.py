@@ -103,11 +103,11 @@ def _evaluated(out: Path) -> Content:
     results = {str(path.relative_to(out)): json.loads(path.read_text()) for path in out.glob("box/*/*/results.json")}
     for result in results.values():  # images are told by where they lie, too, and that is another place in each test
         result["images"] = {paint: [image["sha256"] for image in rows] for paint, rows in result["images"].items()}
-    return files(out, "box/*/*/images/*") | results
+    return files(out, "store/defended/*/*.png") | results
 
 
 def _detected(out: Path) -> int:
-    return sum(len(path.read_bytes().splitlines()) for path in out.glob("box/*/*/detections/*.jsonl"))
+    return sum(len(path.read_bytes().splitlines()) for path in out.glob("store/detections/*/*.jsonl"))
 
 
 def _rendered(out: Path) -> int:

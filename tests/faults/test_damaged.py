@@ -7,17 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
 from rauca_core.contract import RaucaError
-from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.dataset_tools import check_dataset
 from rauca_core.environment import load_extractor
 from rauca_core.runtime.images import read_image
-from rauca_core.study.renders import discard_damaged
 from tests.faults.jobs import EVALUATE, MAKE, NO_BLENDER, OPTIMIZE, POINTER, TRAIN, Content, Inputs, Job
 from tests.faults.running import rauca
 
@@ -142,19 +139,8 @@ def test_what_an_evaluation_keeps(inputs: Inputs, finished: Folder, whole: Whole
     """Defended images and detections are made again where they are damaged."""
     out = tmp_path / "out"
     shutil.copytree(finished(EVALUATE), out)
-    flip(next(out.glob("box/*/*/images/*.png")))
-    cut(next(out.glob("box/*/none/detections/*.jsonl")))
+    flip(next(out.glob("store/defended/*/*.png")))
+    cut(next(out.glob("store/detections/*/*.jsonl")))
     ended = rauca(EVALUATE.words(inputs, out), tmp_path / "log")
     assert ended.code == 0, ended.said
     assert EVALUATE.content(out) == whole(EVALUATE)
-
-
-def test_renders_of_a_camouflage(tmp_path: Path) -> None:
-    """Those that are damaged are removed, so that Blender renders them again; the others stay."""
-    pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 3), np.uint8)
-    for frame in ("whole", "flipped", "cut"):
-        write_bytes(tmp_path / f"{frame}.png", png_bytes(pixels))
-    flip(tmp_path / "flipped.png")
-    cut(tmp_path / "cut.png")
-    discard_damaged(tmp_path, ["whole", "flipped", "cut", "not rendered yet"])
-    assert [path.name for path in tmp_path.iterdir()] == ["whole.png"]

@@ -1,105 +1,78 @@
-"""The whole main job at thumbnail scale: real Blender, real detector, real report."""
+"""The whole main job at thumbnail scale: real Blender, real detector, real report; and what others reuse of it."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from benchmarks.stability.drawn import make_dataset
-from pipelines import demo
-from pipelines.demo import DemoChoice, DemoScale, run_demo
-from rauca_core.attack import random_camouflage
-from rauca_core.contract import load_camouflage, load_vehicle
-from rauca_core.runtime.images import read_image
-from rauca_core.study import load_results
+from pipelines.cli import app
+from pipelines.report import write_study_report
+from rauca_core.contract import Ring, Vehicle, load_camouflage
+from rauca_core.study.demo import DemoScale, demo
+from rauca_core.study.study import load_study
+from tests.evaluate.drawn_blender import DrawnBlender, drawn_blender
+from tests.published import published_weights
 
+__all__ = ["drawn_blender"]
 SMALL = DemoScale(
-    frames="--weathers demo --size 128 --samples 2",
-    train="--azimuths 3 --elevations 10 --distances 6",
-    held_out="--azimuths 2 --elevations 10 --distances 6",
+    size=128,
+    samples=2,
+    train=Ring((0.0, 120.0, 240.0), (10.0,), (6.0,)),
+    train_locations=1,
+    held_out=Ring((0.0, 180.0), (10.0,), (6.0,)),
     steps=4,
     batch=2,
 )
+STANDARD = ("yolov3-tiny", "yolov4-tiny", "yolov2-tiny")
 
 
-def test_stages_follow_the_camouflage(tmp_path, monkeypatch):
-    done, color = [], ["red"]
-
-    def stands_for(name, product=None):
-        def work(*given, **_):
-            done.append(name)
-            path = product(*given) if product else tmp_path / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text("{}")
-            path.with_suffix(".png").write_text(color[0])
-
-        monkeypatch.setattr(demo, name, work)
-
-    stands_for("fetch")
-    stands_for("run_blender", lambda job, *_: job.out / "dataset.json")
-    stands_for("load_vehicle")
-    stands_for("random_camouflage", lambda path, *_, **__: path)
-    stands_for("optimize_camouflage", lambda data, detectors, settings, out: out / "camouflage.json")
-    stands_for("render_camouflages", lambda job, blender: job.out / "rauca")
-    stands_for("measure", lambda *given: tmp_path / "results.json")
-    stands_for("compare_renderers", lambda *given: tmp_path / "agreement.json")
-    stands_for("report_run")
-    monkeypatch.setattr(demo, "read_vehicle_choice", lambda folder: SimpleNamespace(target="car"))
-
-    def run():
-        done.clear()
-        run_demo(DemoChoice(tmp_path, ["--vehicle", "sedan"]))
-        return done[:-1]
-
-    assert len(run()) == 11
-    assert run() == []
-    (tmp_path / "rauca" / "camouflage.json").unlink()
-    color[0] = "blue"
-    assert run() == ["optimize_camouflage", "render_camouflages", "measure", "compare_renderers"]
-
-
-def test_the_demo_runs_resumes_and_reports(tmp_path):
+def test_the_demo_runs_resumes_and_reports(tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-    choice = DemoChoice(tmp_path / "run", ["--vehicle", "sedan"], scale=SMALL)
-    report = run_demo(choice)
-    page = report.read_text()
+    published_weights(*STANDARD)
+    out = tmp_path / "run"
+    study = demo(out, scale=SMALL)
+    page = write_study_report(out).read_text()
     for paint in ("normal", "random", "rauca"):
         assert paint in page
-    results = load_results(choice.out / "results.json")
+    results = study.entries[0].results
     assert set(results.table) == {"normal", "random", "rauca"}
     assert len(results.frames) == 2 * 3
-    assert set(results.detectors) == {"yolov3-tiny", "yolov4-tiny", "yolov2-tiny"}
-    assert load_camouflage(choice.out / "rauca" / "camouflage.json")[0].method == "ours"
-    agreement = json.loads((choice.out / "agreement.json").read_text())
+    assert set(results.detectors) == set(STANDARD)
+    assert load_camouflage(out / "rauca" / "camouflage.json")[0].method == "ours"
+    agreement = json.loads((out / "agreement.json").read_text())
     assert agreement["mean_iou"] > 0.97  # at 128 px; at the demo's own size it is above 0.995
 
-    stamps = {p: p.stat().st_mtime_ns for p in choice.out.rglob("*.png")}
-    run_demo(choice)
-    assert {p: p.stat().st_mtime_ns for p in choice.out.rglob("*.png")} == stamps
+    stamps = {p: p.stat().st_mtime_ns for p in out.rglob("*.png")}
+    assert demo(out, scale=SMALL).entries == study.entries
+    assert {p: p.stat().st_mtime_ns for p in out.rglob("*.png")} == stamps
 
 
-def test_a_boat_is_hidden_and_measured_as_a_boat(tmp_path, box_vehicle, monkeypatch):
-    boat, seen = replace(box_vehicle, category="boat"), {}
+def test_an_evaluation_on_the_demos_folder_renders_nothing(tmp_path: Path, drawn_blender: DrawnBlender) -> None:
+    published_weights(*STANDARD)
+    demo(tmp_path / "run", scale=replace(SMALL, size=64))
+    before = dict(drawn_blender.frames)
+    assert before == {"make_dataset": 9 + 6, "render_camouflages": 6 * 2 + 1}
+    held_out, camouflage = tmp_path / "run" / "held-out", tmp_path / "run" / "rauca" / "camouflage.json"
+    asked = [held_out, "--camouflage", camouflage, "--detectors", "yolov3-tiny", "--out", tmp_path / "study"]
+    done = CliRunner().invoke(app, ["evaluate", *map(str, asked)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert dict(drawn_blender.frames) == before
+    assert not (tmp_path / "study" / "store").exists()
+    (again,), (first,) = load_study(tmp_path / "study").entries, load_study(tmp_path / "run").entries
+    for paint in ("normal", "rauca"):
+        assert again.results.table[paint]["yolov3-tiny"] == first.results.table[paint]["yolov3-tiny"]
 
-    def drawn(job, *_):
-        make_dataset(job.out, boat, 64, (40.0,))
 
-    def optimized(dataset, detectors, settings, out, resume):
-        seen["hidden"] = settings.target
-        random_camouflage(out / "camouflage.json", load_vehicle(dataset / "vehicle", read_image), 64)
-
-    def evaluated(*_, settings, **more):
-        seen["measured"] = settings.category
-
-    monkeypatch.setattr("pipelines.demo.run_blender", drawn)
-    monkeypatch.setattr("pipelines.demo.optimize_camouflage", optimized)
-    monkeypatch.setattr("pipelines.evaluate.evaluate", evaluated)
-    for work in ("render_camouflages", "compare_renderers", "fetch"):
-        monkeypatch.setattr(f"pipelines.demo.{work}", lambda *_: None)
-    monkeypatch.setattr("pipelines.evaluate.load_detector", lambda *_: None)
-    monkeypatch.setattr("pipelines.demo.report_run", lambda out: out)
-    run_demo(DemoChoice(tmp_path / "run", ["--vehicle", "boat"], scale=SMALL))
-    assert seen == {"hidden": "boat", "measured": "boat"}
+def test_a_boat_is_hidden_and_measured_as_a_boat(
+    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender
+) -> None:
+    published_weights(*STANDARD)
+    replace(box_vehicle, category="boat").save(tmp_path / "boat")
+    study = demo(tmp_path / "run", str(tmp_path / "boat"), scale=replace(SMALL, size=64))
+    made = load_camouflage(tmp_path / "run" / "rauca" / "camouflage.json")[0].made
+    assert made["settings"]["target"] == "boat"
+    assert study.entries[0].results.settings.category == "boat"

@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from pipelines.protocol import Request
 from rauca_core.contract import Camouflage, RaucaError, load_vehicle, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
 from rauca_core.runtime.images import read_image
-from rauca_core.study.study import load_study
+from rauca_core.study.evaluate import Judges
+from rauca_core.study.study import Study, load_study
 from tests.published import published_weights
 
 SEDAN = assets_folder() / "vehicles" / "sedan"
@@ -62,7 +62,8 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
     stamps = {path: path.stat().st_mtime_ns for path in out.rglob("*.png")}
     evaluate(*asked)
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*.png")} == stamps
-    before = {path: path.read_bytes() for path in (out / "sedan" / "single" / "renders" / "plain").glob("*.png")}
+    renders = out / "sedan" / "single" / "renders" / "plain"
+    before = {path: path.read_bytes() for path in renders.glob("*.png")}
     paint(plain, (0, 0, 255))  # another map under the same name
     evaluate(*asked)
     assert before
@@ -105,8 +106,13 @@ def test_mistakes_are_told_before_anything_is_rendered(
 
 @pytest.mark.usefixtures("_weights")
 def test_two_spellings_of_a_defence_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Request] = []
-    monkeypatch.setattr("pipelines.protocol.run_study", lambda request: seen.append(request) or [])
+    seen: list[Judges] = []
+
+    def stand_in(engine: object, out: Path, places: object, paints: object, judges: Judges, command: str) -> Study:
+        seen.append(judges)
+        return Study(command, ())
+
+    monkeypatch.setattr("rauca_core.study.evaluate.judge", stand_in)
     spelled = "none,jpeg,jpeg:quality=75,lgs:block=9,overlap=3,lgs:overlap=3,block=9"
     asked = ["--vehicle", "sedan", "--detectors", "yolov4-tiny", "--defences", spelled, "--out", tmp_path]
     evaluate(*asked)
@@ -114,7 +120,7 @@ def test_two_spellings_of_a_defence_are_one(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_commas_of_a_defence_stay_with_it() -> None:
-    from pipelines.evaluate_command import split_defences
+    from pipelines.evaluate import split_defences
 
     assert split_defences(["none,lgs:block=9,overlap=3,pad", "jpeg:quality=50"]) == [
         "none",

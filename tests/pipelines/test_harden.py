@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.stability.drawn import make_dataset
-from pipelines import harden as hardening
 from pipelines.cli import app
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Camouflage, RaucaError, Vehicle, load_vehicle, save_camouflage
+from rauca_core.contract import Camouflage, RaucaError, Vehicle, load_camouflage, load_vehicle, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.runtime.images import read_image
 
@@ -52,7 +50,6 @@ GOOD = ["frcnn-synth", "--data", "data", "--held-out", "one=one.json"]
         ([*GOOD, "--share", "1"], "share: "),
         ([*GOOD, "--precision", "int8"], "precision: "),
         ([*GOOD, "--attack-steps", "0"], "nothing to harden against"),
-        ([*GOOD, "--resume"], "out: holds no hardening; start it without resuming"),
         (["ssd-mobilenet-v2x", *GOOD[1:]], "ssd-mobilenet-v2x"),
     ],
 )
@@ -79,32 +76,27 @@ def hardened(folder: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     def judge(*_: object) -> None:
         raise RaucaError("judged")
 
-    monkeypatch.setattr(hardening, "_evaluate", judge)
+    monkeypatch.setattr("rauca_core.study.harden.judge", judge)
     arguments = [*GOOD, "--data", "others", "--out", "out", "--threads", "1", *SHORT]
     with pytest.raises(RaucaError, match="judged"):
         harden(*arguments, "--adaptive-steps", "1")
-    return [*arguments, "--resume"]
+    return arguments
 
 
-def test_a_longer_adaptive_attack_goes_on_where_the_shorter_one_ended(folder: Path, hardened: list[str]) -> None:
-    adaptive = folder / "out" / "adaptive" / "box"
-    with pytest.raises(RaucaError, match="judged"):
-        harden(*hardened, "--adaptive-steps", "3")
-    assert json.loads((adaptive / "camouflage.json").read_text())["made"]["steps"] == 3
-    steps = [json.loads(line)["step"] for line in (adaptive / "history.jsonl").read_text().splitlines()]
-    assert steps == [1, 2, 3]
-    with pytest.raises(RaucaError, match=r"box/camouflage.json: took 3 steps, not 2; ask for as many, or remove .*box"):
-        harden(*hardened, "--adaptive-steps", "2")
-
-
-def test_what_a_round_was_trained_on_cannot_be_held_out(hardened: list[str]) -> None:
-    made = "out/round-1/attack/camouflage.json"
-    with pytest.raises(RaucaError, match=f"{made}: the same UV map as {made}; what is trained on cannot be held out"):
-        harden(*hardened, "--held-out", f"x={made}")
-
-
-def test_held_out_camouflages_of_another_vehicle_would_attack_other_data(hardened: list[str]) -> None:
-    with pytest.raises(RaucaError, match="holds a hardening with another choice of data sets to attack on"):
-        harden(*hardened, "--held-out", "three=three.json")
+def test_what_is_hardened_is_not_hardened_again(folder: Path, hardened: list[str]) -> None:
+    (made,) = (folder / "out" / "store" / "hardened").iterdir()
+    stamps = {path: path.stat().st_mtime_ns for path in made.rglob("*.*") if path.name != "recipe.json"}
     with pytest.raises(RaucaError, match="judged"):
         harden(*hardened, "--adaptive-steps", "1", "--held-out", "two=two.json")
+    assert {path: path.stat().st_mtime_ns for path in made.rglob("*.*") if path.name != "recipe.json"} == stamps
+    assert (folder / "out" / "hardened-frcnn-synth.safetensors").is_file()
+    assert load_camouflage(folder / "out" / "adaptive" / "box" / "camouflage.json")[0].made["steps"] == 1
+    with pytest.raises(RaucaError, match="judged"):  # of another vehicle: other data sets are attacked
+        harden(*hardened, "--adaptive-steps", "1", "--held-out", "three=three.json")
+    assert len(list(made.parent.iterdir())) == 2
+
+
+def test_what_a_round_was_trained_on_cannot_be_held_out(folder: Path, hardened: list[str]) -> None:
+    (made,) = (folder / "out" / "store" / "hardened").glob("*/round-1/attack/camouflage.json")
+    with pytest.raises(RaucaError, match=r"camouflage.json: the same UV map as .*; what is trained on cannot be held"):
+        harden(*hardened, "--adaptive-steps", "1", "--held-out", f"x={made}")

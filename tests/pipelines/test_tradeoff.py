@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -11,10 +12,10 @@ from typer.testing import CliRunner
 from benchmarks.stability.detectors import SmallDetector
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from pipelines.tradeoff import Sizes, TradeOff, points, run_tradeoff
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.contract import Dataset, RaucaError, Vehicle
-from rauca_core.report import Curve
+from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
+from rauca_core.study.study import Study
+from rauca_core.study.tradeoff import Sizes, TradeOff, points, tradeoff
 
 
 def test_points_differ_in_one_thing_each() -> None:
@@ -33,57 +34,38 @@ def small(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
     return make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
 
 
-@pytest.fixture
-def asked(small: Dataset, tmp_path: Path) -> TradeOff:
-    sizes = Sizes(steps=2, batch=1, map_size=64, subsamples=1)
-    return TradeOff("rauca", small, tmp_path / "out", points(None, (), ()), ("a",), ("a", "b"), ("seen",), sizes)
+class Named(SmallDetector):
+    """Answers to a name other than what was typed."""
+
+    def __init__(self, name: str, fingerprint: str) -> None:
+        super().__init__()
+        self.name, self.fingerprint = name, fingerprint
 
 
-@pytest.fixture
-def curves(monkeypatch: pytest.MonkeyPatch) -> list[Curve]:
-    """What is written of studies that are not made; detectors answer to a name other than what was typed."""
-    curves: list[Curve] = []
-
-    def named(typed: str, *_: object) -> SmallDetector:
-        detector = SmallDetector()
-        detector.name = f"{typed}-net"
-        return detector
-
-    for module in ("optimize_camouflage", "tradeoff"):
-        monkeypatch.setattr(f"pipelines.{module}.load_detector", named)
-    monkeypatch.setattr("pipelines.tradeoff.run_study", lambda request: [])
-    monkeypatch.setattr("pipelines.tradeoff.write_curve", lambda curve, out: curves.append(curve) or [out])
-    return curves
-
-
-def test_finished_points_are_taken_up_where_all_is_the_same(
-    asked: TradeOff, curves: list[Curve], tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+def test_points_are_optimized_once_and_anew_for_what_changes(
+    small: Dataset, tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run_tradeoff(asked)
-    finished = {path: path.stat().st_mtime_ns for path in asked.out.rglob("*.*")}
-    run_tradeoff(asked)
-    assert {path: path.stat().st_mtime_ns for path in asked.out.rglob("*.*")} == finished
-    assert [curve.attacked for curve in curves] == [("a-net",)] * 2  # as the study's columns are called
+    detectors = Named("a-net", "01"), Named("b-net", "02")
+    monkeypatch.setattr("rauca_core.study.tradeoff.judge", lambda *_: Study("", ()))
+    sizes = Sizes(steps=2, batch=1, map_size=64, subsamples=1)
+
+    def run(data: Dataset = small, white_box: Named = detectors[0], **chosen: Any) -> TradeOff:
+        asked = {"sizes": sizes, "attacked": [white_box], "detectors": [detectors[1]], "threads": 1} | chosen
+        return tradeoff(data, points(None, (), ()), tmp_path / "out", **asked)
+
+    found = run()
+    assert found.attacked == ("a-net",)  # as the study's columns are called
+    assert load_camouflage(found.camouflages["free"])[0].made["settings"]["target"] == "car"
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "store" / "paint").rglob("*.png")}
+    assert run() == found
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "store" / "paint").rglob("*.png")} == stamps
 
     fewer = make_dataset(tmp_path / "fewer", box_vehicle, 64, (70.0,))
-    longer = replace(asked.sizes, steps=3)
-    for other, what in (
-        (replace(asked, dataset=fewer), "frames"),
-        (replace(asked, seed=5), "seed"),
-        (replace(asked, sizes=longer), "number of steps"),
-    ):
-        with pytest.raises(RaucaError, match=f"points/free: made with another {what}; choose another --out"):
-            run_tradeoff(other)
-    monkeypatch.setattr(SmallDetector, "fingerprint", "4567")
-    with pytest.raises(RaucaError, match="made with another detectors"):
-        run_tradeoff(asked)
-
-
-def test_what_is_hidden_is_what_is_measured(asked: TradeOff, tmp_path: Path, box_vehicle: Vehicle) -> None:
     boat = make_dataset(tmp_path / "boat", replace(box_vehicle, category="boat"), 64, (40.0,))
-    (free,) = asked.points
-    assert asked.settings(free).target == "car"
-    assert replace(asked, dataset=boat).settings(free).target == "boat"
+    others = [run(fewer), run(seed=5), run(sizes=sizes.but(steps=3)), run(white_box=Named("c", "03")), run(boat)]
+    assert len({found.camouflages["free"], *(other.camouflages["free"] for other in others)}) == 6
+    assert load_camouflage(others[-1].camouflages["free"])[0].made["settings"]["target"] == "boat"
+    assert (tmp_path / "out" / "points" / "free").resolve() == others[-1].camouflages["free"].parent.resolve()
 
 
 @pytest.mark.parametrize(

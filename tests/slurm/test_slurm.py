@@ -6,13 +6,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
-from pipelines import slurm
 from pipelines.cli import app
+from pipelines.slurm import tell_frames
 from rauca_core.contract import (
     LedgerEntry,
     MakeDataset,
@@ -67,8 +66,6 @@ def test_progress_counts_the_frames_that_were_asked_for(tmp_path):
     for frame in [*part[:2], *strangers[:4]]:  # the strangers are of an earlier run
         append_entry(tmp_path, LedgerEntry(frame, "occluded", visible=0.1))
     job = MakeDataset(tmp_path, PLAN, frames=tuple(part))
-    (tmp_path / "result").touch()
-    ended = SimpleNamespace(paths=SimpleNamespace(result_pickle=tmp_path / "result"))
     moves: list[Progress] = []
-    slurm._wait([ended], "7", job, moves.append)
+    tell_frames(job, "1 of 2 tasks left", moves.append)
     assert [(move.done, move.total) for move in moves] == [(2, 3)]

@@ -1,0 +1,182 @@
+"""The main job on one screen: data sets -> optimize -> re-render -> measure, on one vehicle and by three detectors.
+
+``rauca demo`` runs it; run again to resume. In its folder lie ``study.json`` and what `evaluate` describes, and links
+to what was made on the way: ``train``, ``held-out``, ``rauca`` and ``random``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..attack import make_settings, read_history, settings_of
+from ..contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, load_camouflage
+from ..contract.schema import read_json
+from ..detect import fetch, load_detector
+from ..runtime.folder_lock import alone_in
+from . import recipes
+from .agreement import FILE_NAME as AGREEMENT
+from .artifact import Artifact
+from .contestants import RANDOM, find_vehicles, read_vehicle_choice
+from .engine import Engine
+from .evaluate import Judges, Place, judge
+from .executors import Executor
+from .job import Machine, OnProgress, quiet
+from .makers import CAMOUFLAGE
+from .store import Store, link, user_cache
+from .study import FILE_NAME, Study, save_study
+from .views import weathers_named
+
+WHITE_BOX = "yolov3-tiny"
+BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
+SEED = 1
+RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
+# Of the training frames, one in so many is rendered anew in the camouflage to judge the neural renderer; unfiltered
+# and with many samples, since a denoised render of few is further from the truth than the prediction it would judge.
+REFERENCE_EVERY, REFERENCE_SAMPLES = 24, 128
+OURS = "rauca"  # what the optimized camouflage is called
+
+TRAIN = Ring((0.0, 90.0, 180.0, 270.0), (6.0, 20.0), (7.0,), 45.0, 6.0, 0.3, 0.3)
+HELD_OUT = Ring((0.0, 60.0, 120.0, 180.0, 240.0, 300.0), (6.0, 20.0), (6.0, 8.0), 10.0, 5.0, 0.1, 0.3)
+
+
+@dataclass(frozen=True)
+class DemoScale:
+    """How much the demo renders and optimizes; the default fits two cores and half an hour.
+
+    Attributes:
+        size, samples: frames are square, pixels; Cycles samples per pixel.
+        train, held_out: cameras and locations; the held-out views are in another town, from other cameras.
+        method: one of `attack.methods`.
+    """
+
+    size: int = 320
+    samples: int = 8
+    train: Ring = TRAIN
+    train_locations: int = 4
+    held_out: Ring = HELD_OUT
+    method: str = "ours"
+    steps: int = 600
+    batch: int = 4
+
+
+def demo(
+    out: Path | str,
+    vehicle: str = "sedan",
+    *,
+    paint_mask: Path | None = None,
+    paint_material: str | None = None,
+    scale: DemoScale | None = None,
+    device: str = "cpu",
+    blender: Path | None = None,
+    executor: Executor | None = None,
+    on_progress: OnProgress = quiet,
+    command: str = "",
+) -> Study:
+    """Run or resume the demo.
+
+    Args:
+        vehicle: a shipped one's name, a vehicle folder, or an .obj, .glb or .blend.
+        paint_mask, paint_material: where the paint of such a file is.
+    """
+    out, size = Path(out), scale or DemoScale()
+    engine = Engine(Store(out / "store", [user_cache()]), Machine(device, blender=blender), on_progress, executor)
+    with alone_in(out):
+        for number, name in enumerate((WHITE_BOX, *BLACK_BOX)):
+            on_progress("fetching weights", Progress(number, 3, name))
+            fetch(name)
+        detectors = [(name, load_detector(name, device=device)) for name in (WHITE_BOX, *BLACK_BOX)]
+        engine.machine.with_detectors(detector for _, detector in detectors)
+        body = engine_vehicle(engine, vehicle, paint_mask, paint_material)
+        assert body.place is not None
+        choice = read_vehicle_choice(body.place)
+        choice = replace(choice, category=choice.target)
+        train = _views(body, size, "train", size.train, size.train_locations)
+        held_out = _views(body, size, "held-out", size.held_out, 1)
+        wanted = {"steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
+        settings = make_settings(**settings_of(size.method, **wanted, target=choice.target, name=OURS))
+        paint = recipes.paint(train, settings, [detectors[0][1]], [WHITE_BOX])
+        random = recipes.random_paint(body, 1024, SEED, RANDOM_CELL)
+        folders = dict(
+            zip(("train", "held-out", RANDOM, OURS), engine.make(train, held_out, random, paint), strict=True)
+        )
+        for name, folder in folders.items():
+            link(out / name, folder)
+        paints = {name: folders[name] / CAMOUFLAGE for name in (RANDOM, OURS)}
+        judges = Judges({choice.category: detectors})
+        study = judge(engine, out, [Place("held-out views", choice, held_out)], {choice: paints}, judges, command)
+        agreement = _agreement(engine, train, folders["train"], paints[OURS])
+        link(out / AGREEMENT, agreement)
+        study = replace(study, notes=_notes(out, study, folders, agreement, engine))
+        save_study(out / FILE_NAME, command, study.entries, study.notes)
+    return study
+
+
+def engine_vehicle(
+    engine: Engine, vehicle: str, paint_mask: Path | None = None, paint_material: str | None = None
+) -> Artifact:
+    """A vehicle by a shipped name, its folder, or a file that Blender reads first."""
+    if Path(vehicle).is_file():
+        (folder,) = engine.make(recipes.vehicle_file(Path(vehicle), paint_mask, paint_material))
+        return recipes.vehicle_in(folder)
+    if paint_mask or paint_material:
+        raise RaucaError(f"--vehicle {vehicle} brings its own paint; drop the paint option")
+    return recipes.vehicle_in(find_vehicles([vehicle])[0].folder)
+
+
+def _views(body: Artifact, size: DemoScale, label: str, ring: Ring, locations: int) -> Artifact:
+    assert body.place is not None
+    choice, training = read_vehicle_choice(body.place), label == "train"
+    plan = Plan(
+        label, choice.name, choice.atlas_id, size.size, Quality(size.samples), training, weathers_named("demo"), ring,
+        locations, (140, 140, 140), 0.5, SEED if training else SEED + 1, "",
+    )  # fmt: skip
+    return recipes.data_set(label, plan, body, [frame for frame, *_ in plan.frame_ids()])
+
+
+def _agreement(engine: Engine, train: Artifact, folder: Path, paint: Path) -> Path:
+    """How far the neural renderer is from Cycles on the training frames."""
+    frames = [frame.id for frame in Dataset(folder).frames()[::REFERENCE_EVERY]]
+    camouflage = recipes.camouflage_in(paint, f"{OURS}-reference")
+    reference = recipes.renders(train, camouflage, frames, REFERENCE_SAMPLES)
+    (made,) = engine.make(recipes.agreement(train, camouflage, reference))
+    return made / AGREEMENT
+
+
+def _notes(out: Path, study: Study, folders: Mapping[str, Path], agreement: Path, engine: Engine) -> dict[str, Any]:
+    """What the report tells beside the numbers."""
+    history, run = read_history(folders[OURS]), out.as_posix()
+    made = load_camouflage(folders[OURS] / CAMOUFLAGE)[0].made
+    dataset, trained = Dataset(folders["held-out"]), Dataset(folders["train"])
+    plan = dataset.plan
+    return {
+        "title": f"Camouflage on the {plan.vehicle_name}",
+        "histories": {OURS: {term: [row[term] for row in history] for term in ("attack", "score")}},
+        "settings": {
+            "vehicle": plan.vehicle_name,
+            "Blender": plan.blender,
+            "training frames": f"{len(trained.frames())} at {plan.size} px, {plan.quality.samples} samples",
+            "held-out frames": f"{len(dataset.frames())}, another town and other cameras, rendered by Cycles",
+            "weathers": ", ".join(weather.name for weather in plan.weathers),
+            **{name: value for name, value in made.items() if isinstance(value, str | int | float)},
+            **_spoken(agreement),
+        },
+        "commands": [
+            f"rauca report {run}",
+            f"rauca bench agreement {run}/train --camouflage {run}/rauca/camouflage.json",
+        ],
+        "timings_s": {**study.notes.get("timings_s", {}), **engine.seconds},
+    }
+
+
+def _spoken(agreement: Path) -> dict[str, str]:
+    """What the comparison of the two renderers found."""
+    found = read_json(agreement)
+    overlap = f"mean IoU {found.number('mean_iou'):.4f}, worst {found.number('worst_iou'):.4f}"
+    shown = {"paint coverage, ours against Cycles": overlap}
+    if not (found.is_null("inside_db") or found.is_null("edge_db")):
+        color = f"{found.number('inside_db'):.1f} dB inside, {found.number('edge_db'):.1f} dB on edges"
+        shown["camouflage, predicted against Cycles"] = color
+    return shown
