@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from rauca_core.contract import RaucaError
+from rauca_core.contract import Progress, RaucaError
 
-from .console import console, output
+from .console import command_line, console, output, progress_bar
+
+if TYPE_CHECKING:
+    from rauca_core.training.fit import Fit
+    from rauca_core.training.loop import RoundReport
+    from rauca_core.training.measure import Findings
 
 detectors_app = typer.Typer(help="Detectors: what is ready, what the others need.", no_args_is_help=True)
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
@@ -72,12 +77,20 @@ def detectors_train(
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
     """Train a detector of our own, two-stage or transformer, on plain cars in data sets."""
-    from .train_detector import Wish, train_detector
+    from rauca_core.detect.synth.networks import find_recipe
+    from rauca_core.study.harden_rounds import score
+    from rauca_core.training.fit import Fit
+    from rauca_core.training.settings import make_detector_settings
 
     chosen = {"steps": steps, "batch": batch, "lr": lr, "size": size, "round": every, "precision": precision}
     chosen |= {"seed": seed, "threads": threads}
-    wish = Wish(name, datasets, out, test or [], chosen, start, classes, remarks, device)
-    weights, found = train_detector(wish, resume)
+    given = {option: value for option, value in chosen.items() if value is not None}
+    settings = make_detector_settings(**{"lr": find_recipe(name).lr, **given})
+    told = [one.strip() for one in classes.split(",") if one.strip()]
+    command = command_line(short=True)
+    weights, found = _train(
+        Fit(name, datasets, out, settings, score, test or [], start, told, command, remarks, device), resume
+    )
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():
         table.add_row(group, f"{ap:.3f}", str(found.frames[group]))
@@ -119,3 +132,23 @@ def weights_fetch(names: Names = None, everything: All = False, folder: From = N
         for error in errors.values():
             console.print(str(error), style="red", soft_wrap=True)
         raise RaucaError(f"{len(errors)} of {len(wanted)} could not be fetched: {', '.join(errors)}; see above")
+
+
+def _train(wanted: Fit, resume: bool) -> tuple[Path, Findings]:
+    """Train with a progress bar; returns the weights' path and the last test."""
+    from rauca_core.training.fit import fit
+    from rauca_core.training.measure import ALL
+
+    said = ""
+    with progress_bar("training") as move:
+
+        def show_step(done: int, steps: int, loss: float) -> None:
+            move(Progress(done, steps, f"loss {loss:.3f}  {said}"))
+
+        def show_round(report: RoundReport[Findings]) -> None:
+            nonlocal said
+            said = f"AP@0.5 {report.findings.ap50[ALL]:.3f}"
+            if not console.is_terminal:
+                console.print(f"step {report.step}/{report.steps}  loss {report.loss:.3f}  {said}")
+
+        return fit(wanted, resume, show_round, show_step)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
-from rauca_core.contract import RaucaError
+from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.color import TEST, find_colors
 from rauca_core.contract.files import png_bytes, write_bytes, write_json
 
-from .console import console, output, progress_bar
+from .console import command_line, console, output, progress_bar
+
+if TYPE_CHECKING:
+    from rauca_core.training.extractor_fit import Fit
+    from rauca_core.training.extractor import EpochReport
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
@@ -66,7 +71,7 @@ def efe_train(
         test,
         chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
         start,
-        ("train", remarks),
+        remarks,
         resume,
         device,
     )
@@ -104,7 +109,7 @@ def efe_finetune(
         test,
         chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
         start,
-        ("finetune", remarks),
+        remarks,
         resume,
         device,
     )
@@ -163,16 +168,36 @@ def _train(
     tests: list[Path] | None,
     chosen: dict[str, object],
     start: Path | None,
-    card: tuple[str, str],
+    remarks: str,
     resume: bool,
     device: str | None,
 ) -> None:
-    """``card`` names the command, and brings remarks."""
     from rauca_core.training.extractor_fit import Fit
     from rauca_core.training.extractor_settings import make_training_settings
 
-    from .train_efe import command_line, train_efe
-
     settings = make_training_settings(**chosen)
-    wanted = Fit(datasets, out, settings, tests or (), start, command_line(card[0]), card[1], device)
-    console.print(f"weights: {train_efe(wanted, resume)}")
+    wanted = Fit(datasets, out, settings, tests or (), start, command_line(short=True), remarks, device)
+    console.print(f"weights: {_fit(wanted, resume)}")
+
+
+def _fit(wanted: Fit, resume: bool) -> Path:
+    """Train with a progress bar; returns the weights' path."""
+    from rauca_core.training.extractor_fit import fit
+
+    said = ""
+    console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
+    with progress_bar("training") as move:
+
+        def show_step(done: int, steps: int) -> None:
+            move(Progress(done, steps, said))
+
+        def show_epoch(report: EpochReport) -> None:
+            nonlocal said
+            said = f"epoch {report.epoch}/{report.epochs}  error {report.error:.4f}  best {report.best:.4f}"
+            if not console.is_terminal:
+                console.print(said)
+
+        weights, outcome = fit(wanted, resume, show_epoch, show_step)
+    ended = f"converged at epoch {outcome.converged}" if outcome.converged else f"{len(outcome.errors) - 1} epochs"
+    console.print(f"{ended}; best at {outcome.best_epoch}, mean absolute error {min(outcome.errors):.4f}")
+    return weights

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from pipelines.extras import EXTRAS, missing
+from pipelines.cli import EXTRAS, missing
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (

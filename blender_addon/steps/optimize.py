@@ -195,7 +195,7 @@ def _command(
     settings: bpy.types.PropertyGroup, python: Path, detectors: list[str], dataset: Path, folder: Path
 ) -> list[str]:
     # -P: a folder named pipelines where Blender was started must not stand in for rauca's.
-    command = [str(python), "-P", "-m", "pipelines.optimize_camouflage", str(dataset), "--out", str(folder)]
+    command = [str(python), "-P", "-m", "pipelines", "optimize", str(dataset), "--out", str(folder)]
     for name in detectors:
         command += ["--detector", name]
     command += ["--steps", str(settings.steps), "--batch", str(settings.batch), "--map-size", str(settings.map_size)]

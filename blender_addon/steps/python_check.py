@@ -33,9 +33,9 @@ except Exception as error:
     sys.exit(0)
 try:
     import inspect, rauca_core
-    from pipelines.optimize_camouflage import optimize_camouflage
+    from pipelines.optimize import optimize
     from rauca_core.detect.weights import ready_names
-    speaks = "json_progress" in inspect.signature(optimize_camouflage).parameters
+    speaks = "json_progress" in inspect.signature(optimize).parameters
     tell(rauca=rauca_core.__version__, speaks=speaks, detectors=ready_names())
 except Exception as error:
     tell(rauca_lacks=str(getattr(error, "name", "")), rauca_error=str(error))

@@ -20,8 +20,8 @@ from PIL import Image
 from pipelines.cli import app
 from pipelines.dataset_options import apply_parser, dataset_parser
 from pipelines.evaluate import split_defences
-from pipelines.methods import chosen_settings
 from pipelines.naturalness import natural_settings
+from pipelines.optimize import chosen_settings
 from pipelines.options import split_names
 from pipelines.slurm import slurm_parser
 from rauca_core.attack import make_settings
@@ -40,7 +40,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PROGRAMS = ("rauca", "make", "python", "torchrun", "blender")
 OBJECTS_IN_BLENDER = ("rauca ...", "rauca lamp")  # names of things in a scene, not commands
 # Programs of pipelines/ that stand for a rauca command.
-SCRIPTS = {"optimize_camouflage": ["optimize"], "train_efe": ["efe", "train"], "make_dataset": ["dataset", "make"]}
+SCRIPTS = {"make_dataset": ["dataset", "make"]}
 ROOT_COMMAND: Any = typer.main.get_command(app)
 
 
@@ -87,6 +87,8 @@ def rauca_arguments(line: Line) -> list[str] | None:
     program, *words = line.words
     if program == "rauca":
         return words
+    if "-m" in words and words[words.index("-m") + 1 :][:1] == ["pipelines"]:
+        return words[words.index("-m") + 2 :]
     script = next((word for word in words if word.startswith("pipelines/")), None)
     if script is None or (name := Path(script).stem) not in SCRIPTS:
         return None

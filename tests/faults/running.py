@@ -21,7 +21,7 @@ CLONE_NEWNS, CLONE_NEWUSER = 0x00020000, 0x10000000
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
     [
-        *("pipelines.cli", "pipelines.train_efe", "pipelines.optimize_camouflage", "pipelines.protocol"),
+        *("pipelines.cli", "rauca_core.study.evaluate"),
         *("rauca_core.study.defences", "rauca_core.detect.darknet", "torch.utils.tensorboard", "cv2"),
         *("numba.experimental", "numba.np.arrayobj", "numba.np.linalg"),  # at the first step
     ]

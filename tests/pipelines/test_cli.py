@@ -51,7 +51,7 @@ def test_the_command_line_answers_without_torch():
 
 
 @pytest.mark.parametrize("chosen", [None, "ACTIVE"])
-@pytest.mark.parametrize("program", ["cli", "optimize_camouflage"])
+@pytest.mark.parametrize("program", ["cli", "optimize"])
 def test_waiting_threads_sleep_unless_the_user_says_otherwise(program, chosen):
     """OpenMP looks once, when torch is loaded."""
     command = f"""

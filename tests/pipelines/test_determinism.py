@@ -37,7 +37,7 @@ def optimized(data: Path, where: Path, threads: int, hash_seed: int, seed: int =
     """The folder of ``rauca optimize``, run in ``where`` by a process of its own."""
     arguments = ["--out", "out", "--steps", STEPS, "--batch", 2, "--map-size", 64, "--samples", 2, "--seed", seed]
     arguments += ["--threads", threads, "--sampler", sampler]
-    command = [sys.executable, "-m", "pipelines.optimize_camouflage", data, *arguments]
+    command = [sys.executable, "-m", "pipelines", "optimize", data, *arguments]
     environment = {
         **os.environ, "PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": str(Path(__file__).parents[2]),
         "OMP_NUM_THREADS": str(threads),

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-import pipelines.optimize_camouflage as command
+import pipelines.optimize as command
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
 from rauca_core.attack import OptimizerSettings, make_settings
@@ -24,7 +24,7 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
 
     def settings(*options: str, category: str = "car") -> OptimizerSettings:
         data, seen = make_dataset(tmp_path / category, replace(box_vehicle, category=category), 64, (40.0,)), []
-        monkeypatch.setattr(command, "optimize_camouflage", lambda *given: seen.append(given[2]) or Path("c.json"))
+        monkeypatch.setattr(command, "run_optimization", lambda *given: seen.append(given[2]) or Path("c.json"))
         result = CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
         assert result.exit_code == 0
         return seen[0]

@@ -155,7 +155,7 @@ def test_mistakes_are_told(
     monkeypatch: pytest.MonkeyPatch,
     small_detector: Any,
 ) -> None:
-    monkeypatch.setattr("pipelines.optimize_camouflage.load_detector", lambda *_: small_detector)
+    monkeypatch.setattr("rauca_core.detect.load_detector", lambda *_: small_detector)
     arguments = ["optimize", str(dataset.folder), "--out", str(tmp_path / "out"), "--steps", "1", "--map-size", "64"]
     done = CliRunner().invoke(app, [*arguments, *options])
     assert isinstance(done.exception, RaucaError)

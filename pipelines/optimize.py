@@ -1,0 +1,194 @@
+"""``rauca optimize``: a camouflage against one or several detectors.
+
+``torchrun --nproc-per-node N -m pipelines optimize ...`` shares every step between N processes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rauca_core.contract import Dataset, OptimizeProgress, Progress
+
+from .console import console, progress_bar
+from .naturalness import (
+    FeatureSize,
+    MaxDeltaE,
+    PaletteColors,
+    PaletteOption,
+    Reference,
+    ReferenceWeight,
+    ReferenceWidth,
+    natural_settings,
+)
+
+if TYPE_CHECKING:
+    from rauca_core.attack import OptimizerSettings, StepReport
+
+RECENT_STEPS = 50  # that the time left is judged by
+
+
+def optimize(
+    context: typer.Context,
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps")],
+    out: Annotated[Path, typer.Option(help="folder for the camouflage, its history and checkpoints")],
+    detector: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="a name or file, see `rauca detectors list`; repeat to attack several; yolov3-tiny by default"
+        ),
+    ] = None,
+    weight: Annotated[
+        list[float] | None, typer.Option(help="of each detector, in the same order; equal if left out")
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option(help="the class to hide, as detectors call it; the vehicle's own if left out")
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="settings of das, fca, dta, active, rauca-base, rauca-final or ours; options given here win over them"
+        ),
+    ] = None,
+    steps: int = 1000,
+    batch: Annotated[int, typer.Option(help="frames per step")] = 4,
+    lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
+    decay: Annotated[float, typer.Option(help="last learning rate as a share of the first; 1 as published")] = 1.0,
+    objective: Annotated[
+        str, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
+    ] = "eq6",
+    beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
+    smooth: Annotated[str, typer.Option(help="smoothness on the UV map, the rendered picture or the pattern")] = "map",
+    map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
+    samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
+    sampler: Annotated[
+        str, typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)")
+    ] = "area",
+    light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
+    paint: Annotated[
+        str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
+    ] = "texels",
+    start: Annotated[str, typer.Option(help="random or plain")] = "random",
+    limit: Annotated[
+        str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
+    ] = "project",
+    roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
+    augmentation: Annotated[
+        str, typer.Option(help="its ranges: rauca (as published), active, or ours (mirrored, and near and far)")
+    ] = "rauca",
+    rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
+    precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
+    palette_of: PaletteOption = None,
+    palette_colors: PaletteColors = 4,
+    feature_size: FeatureSize = None,
+    reference: Reference = None,
+    reference_width: ReferenceWidth = 2.0,
+    reference_weight: ReferenceWeight = 0.0,
+    max_delta_e: MaxDeltaE = None,
+    seed: int = 0,
+    device: Annotated[str | None, typer.Option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
+    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
+    json_progress: Annotated[
+        bool, typer.Option("--json-progress", help="each step as a line of JSON on standard output, for programs")
+    ] = False,
+) -> None:
+    """Optimize a camouflage UV map against one or several detectors."""
+    from rauca_core.attack import make_settings
+    from rauca_core.study.contestants import read_vehicle_choice
+
+    settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
+    if target is None:
+        hidden = read_vehicle_choice(Dataset(dataset).vehicle_folder).target
+        settings = settings.model_copy(update={"target": hidden})
+    detectors = detector or ["yolov3-tiny"]
+    path = run_optimization(dataset, detectors, settings, out, resume, json_progress, device)
+    console.print(f"camouflage: {path}")
+
+
+def run_optimization(
+    dataset: Path,
+    detectors: Sequence[str],
+    settings: OptimizerSettings,
+    out: Path,
+    resume: bool,
+    json_progress: bool = False,
+    device: str | None = None,
+) -> Path:
+    """Optimize with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
+    from rauca_core.attack import run_optimization as run
+    from rauca_core.detect import load_detector
+    from rauca_core.runtime.distributed import joined_processes
+
+    console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
+    tell = _lines(out) if json_progress else None
+    with progress_bar("optimizing") as move:
+        views = ""
+
+        def show(report: StepReport) -> None:
+            move(Progress(report.step, report.steps, f"loss {report.loss:.3f}  score {report.score:.2f}{views}"))
+            if tell is not None:
+                tell(report)
+
+        def show_views(done: int, total: int) -> None:
+            nonlocal views
+            views = f"  views {done}/{total}" if done < total else ""
+
+        loaded = [load_detector(name, settings.detector_size) for name in detectors]
+        with joined_processes(device) as processes:
+            return run(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
+
+
+def _lines(out: Path) -> Callable[[StepReport], None]:
+    """Prints each step as a line of JSON on standard output; once nobody reads it any more, the run goes on alone."""
+    from rauca_core.attack.history import PICTURE, UV_MAP
+
+    recent: deque[float] = deque(maxlen=RECENT_STEPS)
+    pictures = str((out / PICTURE).absolute()), str((out / UV_MAP).absolute())
+    heard = True
+
+    def tell(report: StepReport) -> None:
+        nonlocal heard
+        recent.append(report.seconds)
+        left_s = (report.steps - report.step) * median(recent)
+        losses = report.loss, report.attack, report.smooth, report.score
+        line = OptimizeProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line() + "\n"
+        try:
+            if heard:
+                os.write(1, line.encode())  # one write, whole lines: nothing is left to be flushed when we end
+        except BrokenPipeError:
+            heard = False
+
+    return tell
+
+
+def chosen_settings(context: typer.Context) -> dict[str, Any]:
+    """What `make_settings` takes: the command's options by name.
+
+    With ``--method``, that method's settings take the place of defaults; what the user typed stands.
+
+    Raises:
+        RaucaError: no method of that name.
+    """
+    from rauca_core.attack import OptimizerSettings, settings_of
+
+    params = context.params.items()
+    given = {name: value for name, value in params if name in OptimizerSettings.model_fields and value is not None}
+    given["weights"] = tuple(context.params["weight"]) if context.params["weight"] else None
+    method = given.pop("method", None)
+    if method is None:
+        return given
+    typed = {name for name in context.params if _typed(context, name)}
+    return {**given, **settings_of(method, **{name: given[name] for name in typed & set(given)})}
+
+
+def _typed(context: typer.Context, name: str) -> bool:
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
