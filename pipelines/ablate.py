@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .console import command_line, console, progress_bars
-from .options import Blender, Slurm, executor_of, split_names
+from .options import Blender, RenderDevice, Slurm, executor_of, split_names
 
 Data = Annotated[
     Path | None,
@@ -55,6 +55,7 @@ def ablate(
     device: Annotated[str, typer.Option(help="of torch: of optimizations and detectors")] = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
+    render_device: RenderDevice = "cpu",
 ) -> None:
     """Optimize variants, measure all on the same held-out views, and hold the paper's orderings against them."""
     from rauca_core.report import write_ablation
@@ -82,6 +83,7 @@ def ablate(
             threads=threads,
             device=device,
             blender=blender,
+            render_device=render_device,
             executor=executor_of(slurm),
             on_progress=on_progress,
             command=command_line(),

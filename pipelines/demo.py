@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .console import command_line, console, progress_bars
-from .options import Blender, Device, Slurm, executor_of
+from .options import Blender, Device, RenderDevice, Slurm, executor_of
 from .report import write_study_report
 
 
@@ -20,6 +20,7 @@ def demo(
     device: Device = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
+    render_device: RenderDevice = "cpu",
 ) -> None:
     """The main job: data set, camouflage, re-rendered views, AP@0.5, report. About half an hour on two cores."""
     from rauca_core.study.demo import demo as run
@@ -32,6 +33,7 @@ def demo(
             paint_material=paint_material,
             device=device,
             blender=blender,
+            render_device=render_device,
             executor=executor_of(slurm),
             on_progress=on_progress,
             command=command_line(),

@@ -13,7 +13,7 @@ from rich.table import Table
 from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output, progress_bars
-from .options import Blender, Slurm, executor_of, split_names
+from .options import Blender, RenderDevice, Slurm, executor_of, split_names
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
@@ -77,6 +77,7 @@ def evaluate(
     ] = None,
     slurm: Slurm = None,
     blender: Blender = None,
+    render_device: RenderDevice = "cpu",
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.study.evaluate import RandomPaint
@@ -100,6 +101,7 @@ def evaluate(
             resamples=resamples,
             device=device,
             blender=blender,
+            render_device=render_device,
             scene=scene,
             store=store,
             executor=executor_of(slurm),

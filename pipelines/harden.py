@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from .console import command_line, console, output, progress_bars
-from .options import Blender, Slurm, executor_of
+from .options import Blender, RenderDevice, Slurm, executor_of
 
 if TYPE_CHECKING:
     from rauca_core.study.hardening import Gains
@@ -59,6 +59,7 @@ def harden(
     device: Annotated[str, typer.Option(help="that attacks, learns and measures: cpu, cuda, cuda:1 ...")] = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
+    render_device: RenderDevice = "cpu",
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import HardeningNotes, write_hardening
@@ -85,6 +86,7 @@ def harden(
             resamples=resamples,
             device=device,
             blender=blender,
+            render_device=render_device,
             executor=executor_of(slurm),
             on_progress=on_progress,
             command=command_line(short=True),

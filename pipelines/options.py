@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 Device = Annotated[str, typer.Option(help="of torch, for all that runs on it: cpu, cuda, cuda:1, mps ...")]
+RenderDevice = Annotated[str, typer.Option(help="of Cycles: cpu, gpu, or auto, which is a GPU where there is one")]
 Slurm = Annotated[
     str | None,
     typer.Option(

@@ -11,7 +11,7 @@ from rauca_core.contract import Dataset, RaucaError
 
 from .console import command_line, console, progress_bars
 from .naturalness import PaletteColors, PaletteOption, Reference, ReferenceWidth, make_naturalness
-from .options import Blender, Device, Slurm, executor_of
+from .options import Blender, Device, RenderDevice, Slurm, executor_of
 
 BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
 MOST = {"--max-delta-e": 1000, "--feature-size": 100_000}  # as `Naturalness` takes them
@@ -48,6 +48,7 @@ def tradeoff(
     device: Device = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
+    render_device: RenderDevice = "cpu",
 ) -> None:
     """AP@0.5 against how natural a camouflage is: bounds on its distance from a reference, sizes of its patches."""
     from rauca_core.report import Curve, measure_points, write_curve
@@ -76,6 +77,7 @@ def tradeoff(
             threads=threads,
             device=device,
             blender=blender,
+            render_device=render_device,
             executor=executor_of(slurm),
             on_progress=on_progress,
             command=command_line(),

@@ -133,6 +133,7 @@ def ablate(
     threads: int | None = None,
     device: str = "cpu",
     blender: Path | None = None,
+    render_device: str = "cpu",
     executor: Executor | None = None,
     on_progress: OnProgress = quiet,
     command: str = "",
@@ -158,7 +159,7 @@ def ablate(
     white_boxes = detectors_for(attacked, [body.category], device)[body.category]
     chosen = detectors_for(sizes.detectors or (), [body.category], device, published=True)
     loaded = [detector for _, detector in (*white_boxes, *chosen[body.category])]
-    machine = Machine(device, threads, blender).with_detectors(loaded)
+    machine = Machine(device, threads, blender, render_device).with_detectors(loaded)
     engine = Engine(Store(place, [user_cache()]), machine, on_progress, executor)
     with alone_in(out):
         wanted = {label: asked.paint(variant, seed, label, white_boxes) for variant, seed, label in asked.repeats()}

@@ -71,6 +71,7 @@ def demo(
     scale: DemoScale | None = None,
     device: str = "cpu",
     blender: Path | None = None,
+    render_device: str = "cpu",
     executor: Executor | None = None,
     on_progress: OnProgress = quiet,
     command: str = "",
@@ -82,7 +83,9 @@ def demo(
         paint_mask, paint_material: where the paint of such a file is.
     """
     out, size = Path(out), scale or DemoScale()
-    engine = Engine(Store(out / "store", [user_cache()]), Machine(device, blender=blender), on_progress, executor)
+    engine = Engine(
+        Store(out / "store", [user_cache()]), Machine(device, None, blender, render_device), on_progress, executor
+    )
     with alone_in(out):
         for number, name in enumerate((WHITE_BOX, *BLACK_BOX)):
             on_progress("fetching weights", Progress(number, 3, name))

@@ -99,6 +99,7 @@ def evaluate(
     device: str = "cpu",
     threads: int | None = None,
     blender: Path | None = None,
+    render_device: str = "cpu",
     scene: Path | None = None,
     store: Path | None = None,
     executor: Executor | None = None,
@@ -122,6 +123,7 @@ def evaluate(
         device: of all detectors.
         threads: of torch.
         blender: program; the bpy wheel if left out.
+        render_device: of Cycles: cpu, gpu or auto.
         scene: the .blend that ``datasets`` were made in, if they were.
         store: where views, renders and detections are kept; in ``out`` if left out.
         executor: who makes them; this process if left out.
@@ -151,7 +153,9 @@ def evaluate(
         paths = [*(dataset.folder for dataset in opened), *(contestant.path for contestant in contestants)]
         around = [place for path in paths for place in store_around(path)]
         kept = Store(store or (folder / "store" if out is not None else cache), [*around, cache])
-        machine = Machine(device, threads, blender).with_detectors(d for some in chosen.values() for _, d in some)
+        machine = Machine(device, threads, blender, render_device).with_detectors(
+            d for some in chosen.values() for _, d in some
+        )
         engine = Engine(kept, machine, on_progress, executor)
         with alone_in(folder):
             places = given_places(opened, matched, scene) if opened else held_out_places(matched, sets, held_out, scene)

@@ -84,6 +84,7 @@ def harden(
     resamples: int = 1000,
     device: str = "cpu",
     blender: Path | None = None,
+    render_device: str = "cpu",
     executor: Executor | None = None,
     on_progress: OnProgress = quiet,
     command: str = "",
@@ -114,7 +115,7 @@ def harden(
         "camouflages": [str(Path(one).absolute()) for one in camouflages],
         "settings": chosen.model_dump(mode="json"), "command": command,
     }  # fmt: skip
-    machine = Machine(device, chosen.threads, blender)
+    machine = Machine(device, chosen.threads, blender, render_device)
     _refuse_trained(contestants, [Path(one) for one in camouflages])
     recipe = recipes.hardened(detector, data, identity_of(hardening(options, out, machine)), options)
     around = [place for one in (*data, *(d.folder for d in opened)) for place in store_around(one)]

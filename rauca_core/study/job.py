@@ -30,12 +30,14 @@ class Machine:
         device: of torch, for all that runs on it.
         threads: of torch; None for its own choice.
         blender: program; None for the bpy wheel.
+        render_device: of Cycles: ``cpu``, ``gpu``, or ``auto``, which is a GPU where there is one.
         loaded: detectors at hand, by fingerprint.
     """
 
     device: str = "cpu"
     threads: int | None = None
     blender: Path | None = None
+    render_device: str = "cpu"
     loaded: dict[str, Detector] = field(default_factory=dict)
 
     @property
@@ -64,12 +66,14 @@ class Machine:
     def to_json(self) -> dict[str, Any]:
         """For another process, which loads its own detectors."""
         blender = None if self.blender is None else str(self.blender)
-        return {"device": self.device, "threads": self.threads, "blender": blender}
+        devices = {"device": self.device, "render_device": self.render_device}
+        return {**devices, "threads": self.threads, "blender": blender}
 
     @staticmethod
     def from_json(fields: dict[str, Any]) -> Machine:
         blender = fields["blender"]
-        return Machine(fields["device"], fields["threads"], None if blender is None else Path(blender))
+        program = None if blender is None else Path(blender)
+        return Machine(fields["device"], fields["threads"], program, fields["render_device"])
 
 
 @dataclass(frozen=True)

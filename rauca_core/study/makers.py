@@ -74,7 +74,9 @@ def make_views(job: Job) -> None:
     fields = {**wanted.settings["plan"], "name": wanted.label, "blender": ""}
     plan = Plan.from_json(Fields(fields, wanted.name))
     vehicle, frames = VehicleSource(str(job.inputs[0])), tuple(wanted.options["frames"])
-    run_blender(MakeDataset(job.folder, plan, vehicle, _scene(wanted), frames), job.report, job.machine.blender)
+    device = job.machine.render_device
+    asked = MakeDataset(job.folder, plan, vehicle, _scene(wanted), frames, device=device)
+    run_blender(asked, job.report, job.machine.blender)
 
 
 def make_part(job: Job) -> None:
@@ -162,7 +164,7 @@ def make_renders(jobs: Sequence[Job]) -> None:
         samples = first.artifact.settings.get("samples")
         wanted = RenderCamouflages(
             first.inputs[0], first.folder.parent, tuple(paints), tuple(frames), samples, denoise=samples is None,
-            scene=_scene(first.artifact),
+            scene=_scene(first.artifact), device=first.machine.render_device,
         )  # fmt: skip
         run_blender(wanted, first.report, first.machine.blender)
 

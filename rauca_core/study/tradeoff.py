@@ -114,6 +114,7 @@ def tradeoff(
     threads: int | None = None,
     device: str = "cpu",
     blender: Path | None = None,
+    render_device: str = "cpu",
     executor: Executor | None = None,
     on_progress: OnProgress = quiet,
     command: str = "",
@@ -132,7 +133,9 @@ def tradeoff(
     every = [*attacked, *(detectors or ["all"])]
     chosen = detectors_for(every, [vehicle.category], device)
     white_boxes = chosen[vehicle.category][: len(attacked)]
-    machine = Machine(device, threads, blender).with_detectors(one for _, one in chosen[vehicle.category])
+    machine = Machine(device, threads, blender, render_device).with_detectors(
+        one for _, one in chosen[vehicle.category]
+    )
     store = Store(out / "store", [*store_around(data.folder), user_cache()])
     engine = Engine(store, machine, on_progress, executor)
     training = recipes.views_in(data.folder)
