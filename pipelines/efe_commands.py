@@ -16,8 +16,8 @@ from rauca_core.contract.files import png_bytes, write_bytes, write_json
 from .console import command_line, console, output, progress_bar
 
 if TYPE_CHECKING:
-    from rauca_core.training.extractor_fit import Fit
     from rauca_core.training.extractor import EpochReport
+    from rauca_core.training.extractor_fit import Fit
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
