@@ -61,8 +61,7 @@ def make_dataset(
     """
     out = Path(out)
     around = [index * 360.0 / azimuths for index in range(azimuths)] if isinstance(azimuths, int) else azimuths
-    cameras = (tuple(map(float, values)) for values in (around, elevations, distances))
-    ring = Ring(*cameras)
+    ring = Ring(tuple(map(float, around)), tuple(map(float, elevations)), tuple(map(float, distances)))
     if jitter is not None:
         seen = ("azimuths_deg", "elevations_deg", "distances_m")
         ring = replace(jitter, **{name: getattr(ring, name) for name in seen})

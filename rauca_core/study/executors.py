@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -88,7 +88,7 @@ class OnCluster:
             yield task.title, time.perf_counter() - began
 
 
-def do_task(task: Task, machine: Machine, report: partial[None]) -> float:
+def do_task(task: Task, machine: Machine, report: Callable[[Progress], None]) -> float:
     """Make a task's artifacts in this process; returns the seconds that they took, over all who worked on them.
 
     Another process that makes one of them is waited for.

@@ -154,7 +154,7 @@ def make_renders(jobs: Sequence[Job]) -> None:
     """Render views in camouflages, in Blender, by Cycles and never by the neural renderer."""
     first, frames = jobs[0], jobs[0].artifact.options["frames"]
     with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
-        paints = []
+        paints: list[Path] = []
         for job in jobs:
             record, image = load_camouflage(job.inputs[1])
             paints.append(Path(temporary) / f"{len(paints)}.json")

@@ -55,7 +55,7 @@ def data_set(
 def views_in(folder: Path, scene: Path | None = None) -> Artifact:
     """The data set in a folder, wherever it was made; the same recipe as that of :func:`data_set` where it may grow."""
     label = Path(folder).absolute().name
-    options = {"frames": [], "scene": None if scene is None else str(scene.absolute())}
+    options: dict[str, Any] = {"frames": [], "scene": None if scene is None else str(scene.absolute())}
     vehicle = vehicle_in(Path(folder) / "vehicle")
     return Artifact("views", label, _plan_settings(read_plan(folder)), (vehicle,), options, Path(folder))
 
