@@ -18,7 +18,7 @@ from ..detect import fetch, load_detector
 from ..runtime.folder_lock import alone_in
 from . import recipes
 from .agreement import FILE_NAME as AGREEMENT
-from .artifact import Artifact
+from .artifact import Artifact, plain_label
 from .contestants import RANDOM, find_vehicles, read_vehicle_choice
 from .engine import Engine
 from .evaluate import Judges, Place, judge
@@ -109,7 +109,9 @@ def demo(
             link(out / name, folder)
         paints = {name: folders[name] / CAMOUFLAGE for name in (RANDOM, OURS)}
         judges = Judges({choice.category: detectors})
-        study = judge(engine, out, [Place("held-out views", choice, held_out)], {choice: paints}, judges, command)
+        place = Place("held-out views", choice, held_out)
+        study = judge(engine, out, [place], {choice: paints}, judges, command)
+        link(out / "renders", out / choice.name / plain_label(place.name) / "renders")
         agreement = _agreement(engine, train, folders["train"], paints[OURS])
         link(out / AGREEMENT, agreement)
         study = replace(study, notes=_notes(out, study, folders, agreement, engine))

@@ -85,7 +85,7 @@ def test_doctor_looks_at_everything():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["report", "nowhere"], "nowhere: has no results.json"),
+        (["report", "nowhere"], "nowhere: has no study.json"),
         (["optimize", "nowhere", "--out", "x"], "nowhere: not a data set"),
         (["optimize", "nowhere", "--out", "x", "--batch", "0"], "batch: input should be greater than"),
         (["weights", "fetch", "yolov9"], "yolov9"),
