@@ -15,6 +15,7 @@ import pytest
 
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, random_camouflage
+from rauca_core.attack.paint import load_paint
 from rauca_core.contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, Vehicle, Weather
 from rauca_core.detect import load_detector
 from rauca_core.runtime.cluster import Cluster
@@ -24,6 +25,7 @@ from rauca_core.study.artifact import RECIPE, VERSIONS, Artifact, read_recipe
 from rauca_core.study.defences import make_defence
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.engine import Engine
+from rauca_core.study.evaluate import evaluate
 from rauca_core.study.executors import LOCK, OnCluster
 from rauca_core.study.job import Machine
 from rauca_core.study.kinds import KINDS
@@ -328,3 +330,23 @@ def test_a_changed_camouflage_is_another_artifact(tmp_path: Path, box_vehicle: V
     assert recipes.camouflage_in(path, "other").digest == before.digest
     random_camouflage(path, box_vehicle, 64, seed=2)
     assert recipes.camouflage_in(path, "mine").digest != before.digest
+
+
+def test_an_evaluation_without_a_folder_is_kept_for_the_next(
+    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As from a notebook: paint in memory, a loaded detector, no folder."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    box_vehicle.save(tmp_path / "box")
+    random_camouflage(tmp_path / "mine.json", box_vehicle, 64, seed=1)
+    paint = replace(load_paint(tmp_path / "mine.json"), path=None)
+    asked = {"vehicle": str(tmp_path / "box"), "weathers": "single", "frames": 3, "resamples": 10}
+    study = evaluate(paint, SmallDetector(), **asked)
+    rows = study.table()
+    rows = rows if isinstance(rows, list) else rows.to_dict("records")
+    assert {(row["paint"], row["detector"]) for row in rows} >= {("normal", "small"), (paint.name, "small")}
+    before = dict(drawn_blender.frames)
+    assert evaluate([paint], [SmallDetector()], **asked).entries[0].results == study.entries[0].results
+    evaluate(paint, SmallDetector(), out=tmp_path / "elsewhere", **asked)
+    assert dict(drawn_blender.frames) == before
+    assert not (tmp_path / "elsewhere" / "store").exists()
