@@ -333,7 +333,7 @@ def test_a_changed_camouflage_is_another_artifact(tmp_path: Path, box_vehicle: V
 
 
 def test_an_evaluation_without_a_folder_is_kept_for_the_next(
-    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch, tiny: Path
 ) -> None:
     """As from a notebook: paint in memory, a loaded detector, no folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -341,12 +341,13 @@ def test_an_evaluation_without_a_folder_is_kept_for_the_next(
     random_camouflage(tmp_path / "mine.json", box_vehicle, 64, seed=1)
     paint = replace(load_paint(tmp_path / "mine.json"), path=None)
     asked = {"vehicle": str(tmp_path / "box"), "weathers": "single", "frames": 3, "resamples": 10}
-    study = evaluate(paint, SmallDetector(), **asked)
+    detector = load_detector(str(tiny))
+    study = evaluate(paint, detector, **asked)
     rows = study.table()
     rows = rows if isinstance(rows, list) else rows.to_dict("records")
-    assert {(row["paint"], row["detector"]) for row in rows} >= {("normal", "small"), (paint.name, "small")}
+    assert {(row["paint"], row["detector"]) for row in rows} >= {("normal", "tiny"), (paint.name, "tiny")}
     before = dict(drawn_blender.frames)
-    assert evaluate([paint], [SmallDetector()], **asked).entries[0].results == study.entries[0].results
-    evaluate(paint, SmallDetector(), out=tmp_path / "elsewhere", **asked)
+    assert evaluate([paint], [detector], **asked).entries[0].results == study.entries[0].results
+    evaluate(paint, detector, out=tmp_path / "elsewhere", **asked)
     assert dict(drawn_blender.frames) == before
     assert not (tmp_path / "elsewhere" / "store").exists()
