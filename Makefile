@@ -51,7 +51,7 @@ pictures: demo
 
 # The add-on as a zip that Blender installs from disk.
 extension: $(READY)
-	$(VENV)/bin/python pipelines/build_extension.py dist
+	$(VENV)/bin/python tools/build_extension.py dist
 
 # torch comes first and pinned, and stays named: torchvision's newest asks for a newer torch, which would replace it and
 # bring gigabytes of CUDA libraries.

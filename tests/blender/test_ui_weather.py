@@ -51,7 +51,7 @@ def test_every_shipped_list_is_on_offer_and_every_weather_has_a_picture(addon):
 
 
 def test_one_name_means_one_weather_in_every_list():
-    from pipelines.weather_thumbnails import shipped_weathers
+    from tools.weather_thumbnails import shipped_weathers
 
     assert len(shipped_weathers()) > 50
 

@@ -7,19 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.licences import (
-    BEGIN,
-    END,
-    brought_along,
-    declared,
-    is_installed,
-    licence_of,
-    recognize,
-    shipped,
-    write_page,
-)
 from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES
+from tools.licences import BEGIN, END, brought_along, declared, is_installed, licence_of, recognize, shipped, write_page
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "licences.md"
 MAY_BE_USED = r"(Apache-2\.0|BSD|MIT|ISC|MPL-2\.0|PSF-2\.0|CNRI-Python|Unlicense|CC0|Zlib|HPND|0BSD|BSL-1\.0)"

@@ -52,7 +52,7 @@ def desk() -> Iterator[Sidebar]:
 
 def install(screen: Screen, program: str, scratch: Path, outside: Path) -> None:
     """Build the extension, and install and enable it as a user does from disk."""
-    builder = [sys.executable, str(REPOSITORY / "pipelines" / "build_extension.py"), str(outside / "zip")]
+    builder = [sys.executable, str(REPOSITORY / "tools" / "build_extension.py"), str(outside / "zip")]
     subprocess.run(builder, check=True)
     built = next((outside / "zip").glob("*.zip"))
     command = [program, "--command", "extension", "install-file", "-r", "user_default", "-e"]

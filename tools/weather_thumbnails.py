@@ -1,4 +1,4 @@
-"""Render the add-on's small pictures of every shipped weather: ``python pipelines/weather_thumbnails.py``.
+"""Render the add-on's small pictures of every shipped weather: ``python tools/weather_thumbnails.py``.
 
 They are frames as a data set has them, rain included. Weathers of one name in several lists share a picture.
 """
@@ -42,7 +42,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="rauca-thumbnails-") as temporary:
         folder = Path(temporary)
         save_weathers(folder / "all.json", weathers)
-        job = Path(__file__).resolve().parent / "make_dataset.py"
+        job = Path(__file__).resolve().parent.parent / "pipelines" / "make_dataset.py"
         asked = {"out": str(folder / "set"), "weathers": str(folder / "all.json")} | VIEW
         options = [f"--{name}={value}" for name, value in asked.items()]
         subprocess.run([sys.executable, str(job), *options, "--no-light", "--no-composed-fog"], check=True)

@@ -1,6 +1,6 @@
 """Build the Blender extension: the add-on with rooms and wheels it needs inside, packed and checked by Blender's tool.
 
-``python pipelines/build_extension.py [FOLDER]`` or ``make extension``; needs the bpy wheel for the tool.
+``python tools/build_extension.py [FOLDER]`` or ``make extension``; needs the bpy wheel for the tool.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def build_extension(out: Path) -> Path:
     """
     import bpy
 
-    from pipelines.extension_wheels import extension_wheels
     from rauca_core.contract import RaucaError
+    from tools.extension_wheels import extension_wheels
 
     scripts = Path(bpy.utils.system_resource("SCRIPTS"))
     tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
@@ -64,7 +64,7 @@ def carry_wheels(source: Path, wheels: list[Path]) -> None:
 
     The manifest in the repository names none: a checkout has xatlas in its own Python.
     """
-    from pipelines.other_pythons_wheel import write_other_pythons_wheel
+    from tools.other_pythons_wheel import write_other_pythons_wheel
 
     (source / "wheels").mkdir()
     for wheel in wheels:

@@ -1,6 +1,6 @@
 """The licences of every dependency and of every weight, written into the page on licences.
 
-``python pipelines/licences.py docs/licences.md`` reads ``pyproject.toml``, the installed packages' own metadata, the
+``python tools/licences.py docs/licences.md`` reads ``pyproject.toml``, the installed packages' own metadata, the
 registry of detectors and the cards of shipped weights. Run it in an environment that has all extras.
 """
 
@@ -25,7 +25,7 @@ from rauca_core.contract.assets import assets_folder  # noqa: E402
 from rauca_core.contract.files import write_bytes  # noqa: E402
 from rauca_core.detect import SOURCES, Source  # noqa: E402
 
-BEGIN, END = "<!-- licences: written by pipelines/licences.py -->", "<!-- end of licences -->"
+BEGIN, END = "<!-- licences: written by tools/licences.py -->", "<!-- end of licences -->"
 DEVICE_LIBRARIES = ("nvidia-", "cuda-", "triton", "intel-")  # which of them come depends on the machine's torch
 
 BEGINNING = 1500  # characters of a licence's text; further down come those of what a package bundles
