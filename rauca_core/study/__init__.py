@@ -3,7 +3,7 @@
 from .average_precision import Sample, average_precision
 from .detection_cache import DetectionSettings
 from .images_of import reference_images, rendered_in
-from .measure import measure
+from .measuring import measure
 from .results import Results, load_results
 
 __all__ = [

@@ -26,7 +26,7 @@ from .evaluate import Judges, RandomPaint, held_out_places, judge, keep_paints
 from .executors import Executor
 from .job import Machine, OnProgress, quiet
 from .makers import CAMOUFLAGE
-from .measure import Chosen, detectors_for
+from .measuring import Chosen, detectors_for
 from .store import Store, user_cache
 from .views import weather_sets
 

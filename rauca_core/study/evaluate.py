@@ -43,7 +43,7 @@ from .engine import Engine
 from .executors import Executor
 from .job import Machine, OnProgress, quiet
 from .makers import CAMOUFLAGE, detections_in, pictures_in
-from .measure import Asked, Chosen, detectors_for, tabulate
+from .measuring import Asked, Chosen, detectors_for, tabulate
 from .scores import Bootstrap
 from .store import Store, link, store_around, user_cache
 from .study import FILE_NAME, Entry, Study, save_study

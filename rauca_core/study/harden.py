@@ -38,7 +38,7 @@ from .harden_rounds import attack_settings, hardening
 from .hardening import Gains, gains_of
 from .job import Machine, OnProgress, quiet
 from .makers import CAMOUFLAGE
-from .measure import Chosen, check_detectors
+from .measuring import Chosen, check_detectors
 from .store import Store, link, store_around, user_cache
 from .study import Study
 from .views import HeldOut, weather_sets

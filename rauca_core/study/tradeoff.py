@@ -25,7 +25,7 @@ from .evaluate import Judges, held_out_places, judge, keep_paints
 from .executors import Executor
 from .job import Machine, OnProgress, quiet
 from .makers import CAMOUFLAGE
-from .measure import detectors_for
+from .measuring import detectors_for
 from .store import Store, link, store_around, user_cache
 from .study import Study
 from .views import HeldOut, weather_sets
