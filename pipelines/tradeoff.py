@@ -103,7 +103,7 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
 
 def _measured(given: str | None, attacked: list[str], quick: bool) -> tuple[str, ...]:
     """The detectors that judge beside the attacked ones."""
-    from rauca_core.detect.listing import ready_names
+    from rauca_core.detect.weights import ready_names
     from rauca_core.study.families import is_own
 
     if given is None and quick:

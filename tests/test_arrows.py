@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.build_extension import CARRIED
+from tools.build_extension import CARRIED
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 HOUSE = ("rauca_core", "blender_addon", "pipelines", "benchmarks")

@@ -19,7 +19,7 @@ import torch
 from ..contract import Dataset, Frame, RaucaError
 from ..contract.files import file_digest
 from ..detect import Detector, canonical, class_index, find_class, load_detector
-from ..detect.listing import ready_names
+from ..detect.weights import ready_names
 from .average_precision import Sample
 from .defences import Defence
 from .defended import NO_DEFENCE, defended_images
