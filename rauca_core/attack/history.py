@@ -68,7 +68,7 @@ class StepReport:
     prior: float = 0.0
 
 
-class Journal:
+class History:
     """Writes history in blocks, so that it never runs ahead of the checkpoint it belongs to."""
 
     def __init__(self, folder: Path, step: int) -> None:

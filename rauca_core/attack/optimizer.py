@@ -34,7 +34,7 @@ from ..runtime.stopping import stop_request
 from .checkpoint import check_identity, load_checkpoint, save_checkpoint
 from .ensemble import DetectorEnsemble
 from .frames import FrameStore
-from .history import CURVES, HISTORY, Journal, Preview, StepReport, read_history
+from .history import CURVES, HISTORY, History, Preview, StepReport, read_history
 from .methods import settings_of
 from .naturalness.texture import NaturalColors, finish
 from .paint import Paint, load_paint
@@ -174,56 +174,56 @@ def _require_state(out: Path, resume: bool) -> None:
 def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:
     """Step, report and checkpoint until done or asked to stop."""
     total, every = run.settings.steps, run.settings.checkpoint_every
-    keeper = _Keeper(run, out)
+    recorder = _Recorder(run, out)
     try:
         with stop_request() as stop:
             stopping = False
             while run.step < total and not stopping:
                 report = run.advance()
-                keeper.add(report)
+                recorder.add(report)
                 if on_step is not None and run.processes.is_main:
                     on_step(report)
                 stopping = run.processes.any(bool(stop))
                 if run.step % every == 0 or run.step == total or stopping:
-                    keeper.keep()
+                    recorder.save()
             if run.step < total:
-                keeper.keep()
+                recorder.save()
                 raise StoppedError(f"{out}: stopped after step {run.step} of {total}")
     finally:
-        keeper.close()
+        recorder.close()
 
 
-class _Keeper:
+class _Recorder:
     """Writes history, previews and checkpoints, in the leading process."""
 
     def __init__(self, run: Run, out: Path) -> None:
         self._run, self._out, self._saved = run, out, run.step
         if run.processes.is_main:
             sweep_partials(out)  # of a run that was killed in the middle of a file
-        self._journal = Journal(out, run.step) if run.processes.is_main else None
+        self._history = History(out, run.step) if run.processes.is_main else None
         self._preview = Preview(out)
 
     def add(self, report: StepReport) -> None:
-        if self._journal is not None:
-            self._journal.add(report)
+        if self._history is not None:
+            self._history.add(report)
             if self._preview.due:
                 self._preview.show(self._run.uv_map_srgb(), self._run.last_image)
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Bring what is on disk up to this step."""
         run = self._run
-        if self._journal is None or self._saved == run.step:
+        if self._history is None or self._saved == run.step:
             return
         uv_map = run.uv_map_srgb()
         self._preview.show(uv_map, run.last_image)
-        self._journal.preview(run.step, uv_map, run.last_image)
-        self._journal.flush()  # first: a resumed run cuts the history to its checkpoint, never extends it
+        self._history.preview(run.step, uv_map, run.last_image)
+        self._history.flush()  # first: a resumed run cuts the history to its checkpoint, never extends it
         save_checkpoint(self._out / CHECKPOINTS, run.checkpoint())
         self._saved = run.step
 
     def close(self) -> None:
-        if self._journal is not None:
-            self._journal.close()
+        if self._history is not None:
+            self._history.close()
 
 
 def _write_result(

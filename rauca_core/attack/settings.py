@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..contract import RaucaError
 from ..render import Sampler
 from ..render.sampler import TEXTURE_SIZE
+from ..runtime.settings import checked
 from .augmentation import AugmentationName
 from .lights import LightName
 from .losses import ObjectiveName
@@ -129,9 +129,4 @@ class OptimizerSettings(BaseModel):
 
 def make_settings(**chosen: Any) -> OptimizerSettings:
     """Check settings from a command line or a file; raises :class:`RaucaError` naming the first bad one."""
-    try:
-        return OptimizerSettings(**chosen)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
+    return checked(OptimizerSettings, chosen)

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..contract import RaucaError
+from ..runtime.settings import checked
 
 ETA, WINDOW, GAMMA = 0.003, 5, 0.5
 
@@ -112,9 +112,4 @@ def make_training_settings(**chosen: Any) -> TrainingSettings:
             "batch": 16,
             "average": 0.0,
         } | given
-    try:
-        return TrainingSettings(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
+    return checked(TrainingSettings, given)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..contract import RaucaError
 from ..contract.seeding import named_seed
+from ..runtime.settings import checked
 from .settings import DetectorSettings
 
 
@@ -70,9 +70,4 @@ class HardenSettings(BaseModel):
 
 def make_harden_settings(**chosen: Any) -> HardenSettings:
     """Check settings from a command line, None meaning the default; raises :class:`RaucaError` naming a bad one."""
-    try:
-        return HardenSettings(**{name: value for name, value in chosen.items() if value is not None})
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
+    return checked(HardenSettings, {name: value for name, value in chosen.items() if value is not None})

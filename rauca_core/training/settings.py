@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..contract import RaucaError
+from ..runtime.settings import checked
 
 
 class DetectorSettings(BaseModel):
@@ -55,9 +55,4 @@ class DetectorSettings(BaseModel):
 
 def make_detector_settings(**chosen: Any) -> DetectorSettings:
     """Check settings from a command line, None meaning the default; raises :class:`RaucaError` naming a bad one."""
-    try:
-        return DetectorSettings(**{name: value for name, value in chosen.items() if value is not None})
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
+    return checked(DetectorSettings, {name: value for name, value in chosen.items() if value is not None})
