@@ -15,6 +15,7 @@ from torch import Tensor
 
 from rauca_core.contract import Camera, Progress, Vehicle
 from rauca_core.render import Pyramid, Taps, build_taps, rasterize
+from rauca_core.render.surface import find_surface
 
 from .harness import Row, Settings
 from .in_blender import run_child
@@ -140,9 +141,8 @@ def colorful(pyramid: Pyramid, seed: int = 0) -> Image:
 def uv_distances(vehicle: Vehicle, camera: Camera, theirs: Image) -> NDArray[np.float64]:
     """Texels between our UV and Cycles' (H, W, 3) at each pixel center where both see paint."""
     raster = rasterize(vehicle.positions, vehicle.triangles, camera)
-    hit = raster.face_ids >= 0
-    hit[hit] = vehicle.paint_faces()[raster.face_ids[hit]]
-    ours = np.einsum("nk,nkc->nc", raster.barycentrics()[hit], vehicle.uvs[raster.face_ids[hit]])
+    surface = find_surface(raster, vehicle.paint_faces())
+    hit, ours = surface.index >= 0, surface.interpolate(vehicle.uvs)
     height, width = hit.shape
     seen = theirs[raster.y0 : raster.y0 + height, raster.x0 : raster.x0 + width][hit]
     both = seen[:, 2] > 0.5

@@ -129,10 +129,7 @@ def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
     """
     width, height = batch[0].taps.width, batch[0].taps.height
     A, B = torch.cat([f.A for f in batch]).to(albedo), torch.cat([f.B for f in batch]).to(albedo)
-    if batch[0].linear:
-        paint = linear_to_srgb(composite(albedo, albedo.new_ones(()), A, B))
-    else:
-        paint = saturate(A * linear_to_srgb(albedo) + B)
+    paint = linear_to_srgb(composite(albedo, A, B)) if batch[0].linear else saturate(A * linear_to_srgb(albedo) + B)
     background = torch.from_numpy(np.concatenate([f.background for f in batch])).to(albedo) / 255
     places = np.concatenate([f.taps.pixels.astype(np.int64) + i * width * height for i, f in enumerate(batch)])
     flat = background.index_copy(0, torch.from_numpy(places).to(albedo.device), paint)

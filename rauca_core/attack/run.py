@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
-from ..render import MipmappedTexture, srgb_to_linear, tap_format
+from ..render import TAP_FORMAT, MipmappedTexture, srgb_to_linear
 from ..runtime.cpu import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
@@ -62,7 +62,7 @@ class Run:
         )
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
         asked = identity_of(dataset, self.store, ensemble, settings)
-        self.identity = {**asked, "taps": tap_format(settings.sampler), "processes": processes.size}
+        self.identity = {**asked, "taps": TAP_FORMAT, "processes": processes.size}
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []

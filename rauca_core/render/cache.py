@@ -13,22 +13,15 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
-from .facet_texture import build_facet_taps, cells_pyramid
 from .mipmap import Pyramid
-from .sampler import TEXTURE_SIZE, Sampler
-from .taps import FORMAT, Taps, build_taps, tap_format
-from .world_aligned import SHARPNESS, build_world_aligned_taps, pattern_pyramid
+from .sampler import Sampler
+from .taps import TAP_FORMAT, Taps, build_taps
 
 
 class TapRecipe(Protocol):
     """What a view's taps depend on beside vehicle and camera: a dataclass of plain values."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def format(self) -> int:
-        """Version of what is built: files of another one are stale."""
-        ...
 
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         """The colors that the taps read, with their mip levels."""
@@ -50,51 +43,11 @@ class TapSettings:
     thinning: float | None = None
     sampler: Sampler = Sampler.AREA
 
-    @property
-    def format(self) -> int:
-        return tap_format(self.sampler)
-
     def pyramid(self, vehicle: Vehicle) -> Pyramid:
         return Pyramid.of(vehicle, self.size)
 
     def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
         return build_taps(vehicle, camera_in_vehicle, pyramid=pyramid, **asdict(self))
-
-
-@dataclass(frozen=True)
-class FacetSettings:
-    """Taps on the facet texture tensor; see :func:`facet_texture.build_facet_taps`."""
-
-    samples: int = 2
-    filter: str = "box"
-    texture_size: int = TEXTURE_SIZE
-    format: ClassVar[int] = FORMAT
-
-    def pyramid(self, vehicle: Vehicle) -> Pyramid:
-        return cells_pyramid(vehicle, self.texture_size)
-
-    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
-        return build_facet_taps(vehicle, camera_in_vehicle, pyramid, self.texture_size, self.samples, self.filter)
-
-
-@dataclass(frozen=True)
-class PatternSettings:
-    """Taps on a world-aligned pattern; see :func:`world_aligned.build_world_aligned_taps`."""
-
-    side: int
-    tile_m: float
-    samples: int = 12
-    filter: str = "blackman-harris"
-    sharpness: float = SHARPNESS
-    format: ClassVar[int] = FORMAT
-
-    def pyramid(self, vehicle: Vehicle) -> Pyramid:
-        return pattern_pyramid(self.side)
-
-    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
-        return build_world_aligned_taps(
-            vehicle, camera_in_vehicle, pyramid, self.tile_m, self.samples, self.filter, self.sharpness
-        )
 
 
 class TapCache:
@@ -178,7 +131,7 @@ class TapCache:
 
 def tap_key(geometry_id: str, camera: Camera, settings: TapRecipe) -> str:
     """Name of a cache entry. Poses are rounded to a nanometre: frames of one camera differ by float noise only."""
-    digest = hashlib.sha256(f"{settings.format} {geometry_id} {asdict(settings)}".encode())
+    digest = hashlib.sha256(f"{TAP_FORMAT} {geometry_id} {asdict(settings)}".encode())
     digest.update(f" {camera.width} {camera.height}".encode())
     for array in (camera.K, camera.R, camera.t):
         digest.update((np.round(array, 9) + 0.0).tobytes())

@@ -17,23 +17,17 @@ _KNEE_SRGB = 0.04045
 TABLE = 4096  # intervals; between their ends the curve is straight to 2e-8
 
 
-def composite(
-    x_bar_linear: Tensor, alpha: Tensor, A: Tensor, B: Tensor, reference_linear: Tensor | float = 0.0
-) -> Tensor:
+def composite(x_bar_linear: Tensor, A: Tensor, B: Tensor) -> Tensor:
     """Light the paint: ``A * x + B``, per pixel and channel, linear.
 
     A already holds the paint's coverage, so x must be the *coverage-normalized* texture; the plain average would darken
-    edges twice. ``alpha`` says where x_bar exists: where it is 0, x is the reference paint's albedo, which gives back
-    the reference image.
+    edges twice.
 
     Args:
         x_bar_linear: albedo, any shape, e.g. (B, 3, H, W) or (R, 3).
-        alpha: broadcastable, > 0 where x_bar is known.
         A, B: light maps, broadcastable.
-        reference_linear: albedo of the paint that the frame was rendered with.
     """
-    albedo = torch.where(alpha > 0, x_bar_linear, torch.as_tensor(reference_linear, dtype=x_bar_linear.dtype))
-    return A * albedo + B
+    return A * x_bar_linear + B
 
 
 def saturate(values: Tensor) -> Tensor:

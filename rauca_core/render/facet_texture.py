@@ -9,22 +9,21 @@ Not here: what `facets` computes, the cells as a function of a UV map.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, Vehicle
 from .facets import cell_points, check_texture_size, facet_fragments
-from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
-from .raster.pattern import filter_table, pattern
-from .raster.rasterize import rasterize
-from .sampler import TEXTURE_SIZE
+from .raster.pattern import pattern
+from .raster.rasterize import Raster
+from .sampler import TEXTURE_SIZE, Lookup
 from .sparse import SparseOperator
 from .surface import Array, Surface, find_surface
-from .taps import Taps, round_taps
-from .thin import Thinning
+from .taps import Taps, filter_view
 
 
 def cells_pyramid(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> Pyramid:
@@ -41,28 +40,29 @@ def cells_pyramid(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> Pyramid
     return Pyramid((np.arange(side**2) < count).astype(np.float32).reshape(side, side))
 
 
-def build_facet_taps(
-    vehicle: Vehicle,
-    camera_in_vehicle: Camera,
-    cells: Pyramid,
-    texture_size: int = TEXTURE_SIZE,
-    samples: int = 2,
-    filter: str = "box",
-) -> Taps:
-    """Compute the taps of one view from the cells of :func:`cells_pyramid`; samples and filter as in `build_taps`.
+@dataclass(frozen=True)
+class FacetSettings:
+    """Taps on the cells; samples and filter as in `build_taps`. The defaults are Neural Renderer's: 2 x 2, averaged."""
 
-    The defaults are Neural Renderer's: 2 x 2 samples, averaged.
+    samples: int = 2
+    filter: str = "box"
+    texture_size: int = TEXTURE_SIZE
 
-    Raises:
-        RaucaError: unknown filter, too many samples.
-    """
-    rule = pattern(samples)
-    table, reach = filter_table(filter, rule)
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=rule)
-    surface = find_surface(raster, vehicle.paint_faces())
-    found = facet_fragments(vehicle, surface, texture_size, _ranks(vehicle))
-    rows = filter_fragments(found, raster, camera_in_vehicle, table, cells.count, Thinning.of(cells.tree, 0.0))
-    return round_taps(rows, camera_in_vehicle, cells.count)
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return cells_pyramid(vehicle, self.texture_size)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        """The taps of one view from the cells of :func:`cells_pyramid`.
+
+        Raises:
+            RaucaError: unknown filter, too many samples.
+        """
+
+        def look(raster: Raster) -> Lookup:
+            surface = find_surface(raster, vehicle.paint_faces())
+            return Lookup(facet_fragments(vehicle, surface, self.texture_size, _ranks(vehicle)), pyramid.count)
+
+        return filter_view(vehicle, camera_in_vehicle, pyramid, look, pattern(self.samples), self.filter)
 
 
 def bake_facets(vehicle: Vehicle, atlas: Pyramid, cells: Pyramid, texture_size: int = TEXTURE_SIZE) -> SparseOperator:

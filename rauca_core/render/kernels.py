@@ -24,12 +24,13 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """As ``numba.njit``; what ``cache=True`` keeps lies in the kernel's :func:`cache_folder`."""
 
     def compiled(function: Callable[..., Any]) -> Any:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent, before))
+        config: Any = numba.config
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent, before))
         try:
             return numba.njit(**options)(function)
         finally:
-            numba.config.CACHE_DIR = before
+            config.CACHE_DIR = before
 
     return compiled
 

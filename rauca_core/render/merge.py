@@ -34,14 +34,6 @@ class Rows(NamedTuple):
     values: NDArray[np.float64]
 
 
-def filter_fragments(
-    found: Fragments, raster: Raster, camera: Camera, table: NDArray[np.float64], count: int, thinning: Thinning
-) -> Rows:
-    """The rows of a view: :func:`merge_pixels`, then :func:`fill_fringe` below the coverage of one sample."""
-    rows = merge_pixels(found, raster, camera, table, count, thinning)
-    return fill_fringe(rows, camera, 1.0 / raster.pattern.number, count, thinning)
-
-
 def merge_pixels(
     found: Fragments, raster: Raster, camera: Camera, table: NDArray[np.float64], count: int, thinning: Thinning
 ) -> Rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,16 @@ from torch import Tensor
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
 from .encoding import decode, encode, from_fractions, quantize_rows, to_fractions
-from .merge import Rows, filter_fragments
+from .merge import Rows, fill_fringe, merge_pixels
 from .mipmap import Pyramid
-from .raster.pattern import filter_table
+from .raster.pattern import Pattern, filter_table
 from .raster.pattern import pattern as subsample_pattern
-from .raster.rasterize import rasterize
-from .sampler import Sampler, look_up
+from .raster.rasterize import Raster, rasterize
+from .sampler import Lookup, Sampler, look_up
 from .sparse import SparseOperator, compose
 from .thin import Thinning
 
-FORMAT = 4  # of the file and of what is computed, see :func:`tap_format`: a change of either makes old files stale
+TAP_FORMAT = 4  # of the file and of what is computed: a change of either makes old files, and checkpoints, stale
 COARSEST = 1e-3  # thinning at one sample
 THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 
@@ -82,7 +83,7 @@ class Taps:
             "weights": to_fractions(rows.weights),
             "alpha": to_fractions(self.alpha),
         }
-        shape = {"width": self.width, "height": self.height, "texels": rows.shape[1], "format": FORMAT}
+        shape = {"width": self.width, "height": self.height, "texels": rows.shape[1], "format": TAP_FORMAT}
         metadata = {name: str(value) for name, value in shape.items()}
         write_bytes(path, save_arrays(arrays, metadata | {"key": key, "checksum": _checksum(arrays)}))
 
@@ -101,7 +102,7 @@ class Taps:
                 arrays = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118 (not a dict)
         except (OSError, SafetensorError, ValueError, TypeError, KeyError, MemoryError) as error:
             raise RaucaError(f"{path}: not readable as taps ({error}); remove the file") from None
-        if metadata.get("format") != str(FORMAT) or metadata.get("key") != key:
+        if metadata.get("format") != str(TAP_FORMAT) or metadata.get("key") != key:
             raise RaucaError(f"{path}: taps of another view or another version of rauca; remove the file")
         if set(arrays) != {"places", "weights", "alpha"} or metadata.get("checksum") != _checksum(arrays):
             raise RaucaError(f"{path}: damaged taps; remove the file")
@@ -157,38 +158,46 @@ def build_taps(
         RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
     """
     pyramid = pyramid or Pyramid.of(vehicle, size)
-    subsamples = subsample_pattern(samples, pattern)
-    table, reach = filter_table(filter, subsamples)
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=subsamples)
-    look = look_up(vehicle, raster, pyramid, sampler)
     if sampler != Sampler.AREA:
         thinning = 0.0
     elif thinning is None:
         thinning = usual_thinning(samples)
-    thin = Thinning.of(pyramid.tree, thinning)
-    rows = filter_fragments(look.fragments, raster, camera_in_vehicle, table, look.columns, thin)
-    if look.inner is not None:
-        through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), look.columns)
-        read = compose(through, look.inner)
-        rows = Rows(rows.pixels, rows.alpha, read.indptr, read.columns, read.weights.astype(np.float64))
-    return round_taps(rows, camera_in_vehicle, pyramid.count)
+
+    def look(raster: Raster) -> Lookup:
+        return look_up(vehicle, raster, pyramid, sampler)
+
+    return filter_view(vehicle, camera_in_vehicle, pyramid, look, subsample_pattern(samples, pattern), filter, thinning)
 
 
-def tap_format(sampler: Sampler) -> int:
-    """Version of what :func:`build_taps` computes for a sampler; another one makes files and checkpoints stale.
+def filter_view(
+    vehicle: Vehicle,
+    camera: Camera,
+    pyramid: Pyramid,
+    look: Callable[[Raster], Lookup],
+    rule: Pattern,
+    filter: str,
+    thinning: float = 0.0,
+) -> Taps:
+    """The taps of one view whose samples, placed by ``rule``, read what ``look`` says.
 
-    Those through facets were once rounded in the file only; the bits of the others are what they were.
+    Pixels of less coverage than one sample take their neighbors' texture, see `merge.fill_fringe`. Weights and coverage
+    are rounded as in a file, so that taps from the cache are the same to the bit.
     """
-    return FORMAT + 1 if sampler.through_facets else FORMAT
+    table, reach = filter_table(filter, rule)
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera, margin=reach, pattern=rule)
+    found = look(raster)
+    price = Thinning.of(pyramid.tree, thinning)
+    rows = merge_pixels(found.fragments, raster, camera, table, found.columns, price)
+    rows = fill_fringe(rows, camera, 1.0 / rule.number, found.columns, price)
+    if found.inner is not None:
+        through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), found.columns)
+        read = compose(through, found.inner)
+        rows = Rows(rows.pixels, rows.alpha, read.indptr, read.columns, read.weights.astype(np.float64))
+    weights = from_fractions(quantize_rows(rows.indptr, rows.values))
+    operator = SparseOperator(rows.indptr, rows.columns, weights, pyramid.count)
+    return Taps(camera.width, camera.height, rows.pixels, from_fractions(to_fractions(rows.alpha)), operator)
 
 
 def usual_thinning(samples: int) -> float:
     """The price of a tap that fits ``samples`` x ``samples``: its error stays below that of so few samples."""
     return min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
-
-
-def round_taps(rows: Rows, camera: Camera, texels: int) -> Taps:
-    """Taps with weights and coverage rounded as in a file, so that those from the cache are the same to the bit."""
-    weights = from_fractions(quantize_rows(rows.indptr, rows.values))
-    operator = SparseOperator(rows.indptr, rows.columns, weights, texels)
-    return Taps(camera.width, camera.height, rows.pixels, from_fractions(to_fractions(rows.alpha)), operator)

@@ -10,20 +10,21 @@ Not here: the networks by which the two methods approximate this projection, whe
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Camera, RaucaError, Vehicle
 from .lookup import Fragments, read_level
-from .merge import filter_fragments
 from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
-from .raster.pattern import filter_table, pattern
-from .raster.rasterize import Raster, rasterize
+from .raster.pattern import pattern
+from .raster.rasterize import Raster
+from .sampler import Lookup
 from .sparse import SparseOperator
 from .surface import Array, Surface, find_surface, mask_at
-from .taps import Taps, round_taps, usual_thinning
-from .thin import Thinning
+from .taps import Taps, filter_view, usual_thinning
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
 SHARPNESS = 4.0
@@ -57,27 +58,31 @@ def find_world_aligned(
     return Fragments(surface.index, texels, weights.astype(np.float32), paint)
 
 
-def build_world_aligned_taps(
-    vehicle: Vehicle,
-    camera_in_vehicle: Camera,
-    tiles: Pyramid,
-    tile_m: float,
-    samples: int = 12,
-    filter: str = "blackman-harris",
-    sharpness: float = SHARPNESS,
-) -> Taps:
-    """Compute the taps of one view from the pattern's pyramid, as :func:`taps.build_taps` does from the UV map's.
+@dataclass(frozen=True)
+class PatternSettings:
+    """Taps on a world-aligned pattern of ``side`` texels; see :func:`find_world_aligned` and `build_taps`."""
 
-    Raises:
-        RaucaError: tile or sharpness not above 0, unknown filter, too many samples.
-    """
-    rule = pattern(samples)
-    table, reach = filter_table(filter, rule)
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=rule)
-    found = find_world_aligned(vehicle, raster, tiles, tile_m, sharpness)
-    thinning = Thinning.of(tiles.tree, usual_thinning(samples))
-    rows = filter_fragments(found, raster, camera_in_vehicle, table, tiles.count, thinning)
-    return round_taps(rows, camera_in_vehicle, tiles.count)
+    side: int
+    tile_m: float
+    samples: int = 12
+    filter: str = "blackman-harris"
+    sharpness: float = SHARPNESS
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return pattern_pyramid(self.side)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        """The taps of one view from the pattern's pyramid.
+
+        Raises:
+            RaucaError: tile or sharpness not above 0, unknown filter, too many samples.
+        """
+
+        def look(raster: Raster) -> Lookup:
+            return Lookup(find_world_aligned(vehicle, raster, pyramid, self.tile_m, self.sharpness), pyramid.count)
+
+        thinning = usual_thinning(self.samples)
+        return filter_view(vehicle, camera_in_vehicle, pyramid, look, pattern(self.samples), self.filter, thinning)
 
 
 def project_pattern(

@@ -133,7 +133,7 @@ def _predict(light: Light, taps: Taps, texels: torch.Tensor) -> NDArray[np.float
     flat = linear_to_srgb(B)
     pixels = torch.from_numpy(taps.pixels.astype(np.int64))
     albedo = taps.rows(texels)
-    paint = linear_to_srgb(composite(albedo, albedo.new_ones(()), A[pixels], B[pixels]))
+    paint = linear_to_srgb(composite(albedo, A[pixels], B[pixels]))
     return flat.index_copy(0, pixels, paint).reshape(taps.height, taps.width, 3).numpy()
 
 

@@ -10,7 +10,7 @@ import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
 from rauca_core.render import FacetSettings, Pyramid, TapCache, bake_facets, cell_positions
-from rauca_core.render.facet_texture import build_facet_taps, cells_pyramid
+from rauca_core.render.facet_texture import cells_pyramid
 
 TS = 5
 
@@ -43,7 +43,7 @@ def test_view_and_map_show_a_gradient_that_the_cells_hold(box_vehicle: Vehicle) 
     """Cells colored by where they lie: pixels and texels then tell where they lie."""
     cells, atlas = cells_pyramid(box_vehicle, TS), Pyramid.of(box_vehicle, 64)
     colors = torch.from_numpy(cell_positions(box_vehicle, TS))
-    taps = build_facet_taps(box_vehicle, camera(), cells, TS, samples=8)
+    taps = FacetSettings(8, texture_size=TS).build(box_vehicle, camera(), cells)
     seen = taps.rows(colors).numpy()[taps.alpha > 0.99]
     pixels = taps.pixels[taps.alpha > 0.99]
     shot = camera()

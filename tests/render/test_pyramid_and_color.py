@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.contract import Camera, RaucaError, Vehicle, color
-from rauca_core.render import Pyramid, build_taps, composite, linear_to_srgb, srgb_to_linear
+from rauca_core.contract import RaucaError, color
+from rauca_core.render import Pyramid, linear_to_srgb, srgb_to_linear
 
 
 def test_levels_are_coverage_weighted_means() -> None:
@@ -72,28 +72,6 @@ def test_linear_to_srgb_is_the_contracts_transfer_function_with_finite_slopes() 
     )
     assert torch.autograd.gradcheck(srgb_to_linear, torch.rand(50, dtype=torch.float64).requires_grad_())
     assert linear_to_srgb(torch.tensor(float("nan"))).isnan()  # not hidden: the optimizer stops on it
-
-
-def test_composite_keeps_the_reference_where_no_texture_is_known() -> None:
-    x_bar = torch.tensor([[float("nan")] * 3, [0.5, 0.5, 0.5]])
-    alpha = torch.tensor([[0.0], [0.3]])
-    image = composite(x_bar, alpha, torch.full((2, 3), 2.0), torch.full((2, 3), 0.1), reference_linear=0.25)
-    assert torch.allclose(image, torch.tensor([[0.6] * 3, [1.1] * 3]))
-
-
-def test_gradient_through_the_whole_renderer(box_vehicle: Vehicle) -> None:
-    camera = Camera.look_at(np.array([5.0, 3.5, 2.0]), np.array([0.0, 0.0, 0.7]), 50, 16, 16)
-    pyramid = Pyramid.of(box_vehicle, 16)
-    taps = build_taps(box_vehicle, camera, 16, 2, pyramid=pyramid)
-    generator = torch.Generator().manual_seed(0)
-    A = torch.rand(len(taps), 3, dtype=torch.float64, generator=generator) * 0.6
-    B = torch.rand(len(taps), 3, dtype=torch.float64, generator=generator) * 0.2
-    texels = torch.rand(len(pyramid.texels), 3, dtype=torch.float64, generator=generator) * 0.8 + 0.1
-
-    def render(srgb: torch.Tensor) -> torch.Tensor:
-        return linear_to_srgb(composite(taps.rows(pyramid(srgb_to_linear(srgb))), torch.ones(()), A, B))
-
-    assert torch.autograd.gradcheck(render, texels.requires_grad_(), fast_mode=True, atol=1e-5)
 
 
 def test_the_path_of_other_devices_climbs_alike() -> None:

@@ -9,10 +9,9 @@ import torch.nn.functional as torch_functional
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, rasterize
-from rauca_core.render.lookup import longest_axis, read_level
+from rauca_core.render.lookup import read_level
 from rauca_core.render.raster.rasterize import Raster
 from rauca_core.render.sampler import Lookup, Sampler, look_up
-from rauca_core.render.sparse import compose, from_triplets
 from rauca_core.render.surface import find_surface, mask_at
 
 SIZE = 64
@@ -111,12 +110,6 @@ def test_trilinear_is_two_levels_of_the_footprint(whole_box: Vehicle, distance: 
     assert {1.0: min(blurs) < 2, 8.0: max(blurs) > 1, 200.0: min(blurs) > 0}[distance]
 
 
-def test_longest_axis_is_the_largest_singular_value() -> None:
-    matrices = np.random.default_rng(0).normal(size=(50, 2, 2))
-    matrices[0] = 0
-    assert np.allclose(longest_axis(matrices), np.linalg.svd(matrices, compute_uv=False)[:, 0], atol=1e-7)
-
-
 def test_levels_wrap_or_clamp() -> None:
     pyramid = Pyramid(np.ones((4, 4), np.float32))
     ramp = np.tile(np.arange(4.0), 4)[:, None]
@@ -145,17 +138,3 @@ def test_mask_is_bilinear_and_ends_at_its_edge() -> None:
     mask = np.array([[0, 255], [255, 255]], np.uint8)
     uv = np.array([[0.25, 0.75], [0.5, 0.75], [0.5, 0.5], [0.0, 1.0], [1.0, 0.0]])
     assert np.allclose(mask_at(mask, uv), [0, 0.5, 0.75, 0, 1])
-
-
-def test_pixels_of_a_facet_chain_are_one_operator(box_vehicle: Vehicle) -> None:
-    pyramid = Pyramid.of(box_vehicle, SIZE)
-    found = look_up(box_vehicle, view(box_vehicle), pyramid, Sampler.UV_TRAVERSAL, 4)
-    fragments = found.fragments
-    number = len(fragments.paint)
-    rows = np.repeat(np.arange(number), fragments.texels.shape[1])
-    outer = from_triplets(rows, fragments.texels.ravel(), fragments.weights.ravel(), (number, found.columns))
-    assert found.inner is not None
-    whole = compose(outer, found.inner)
-    texels = np.random.default_rng(0).uniform(size=(pyramid.count, 3))
-    assert np.allclose(whole(torch.from_numpy(texels)).numpy(), colors(found, texels), atol=1e-6)
-    assert whole.columns.max() < len(pyramid.texels)  # the tensor is filled from the map itself, not from its mips

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,23 +54,18 @@ def test_a_view_without_paint_is_built_once(box_vehicle: Vehicle, tmp_path: Path
     assert (file.stat().st_ino, file.stat().st_mtime_ns) == written
 
 
-@pytest.mark.parametrize("at", [10, 300, -5])
-def test_a_flipped_bit_is_found_and_repaired(box_vehicle: Vehicle, tmp_path: Path, at: int) -> None:
+@pytest.mark.parametrize("at", [10, 300, -5, None])
+def test_a_flipped_bit_or_a_lost_end_is_found_and_repaired(
+    box_vehicle: Vehicle, tmp_path: Path, at: int | None
+) -> None:
     first = TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0))
     (file,) = tmp_path.iterdir()
     damaged = bytearray(file.read_bytes())
-    damaged[at] ^= 4
-    file.write_bytes(damaged)
+    if at is not None:
+        damaged[at] ^= 4
+    file.write_bytes(damaged[: None if at else 1000])
     with pytest.raises(RaucaError, match="remove the file"):
         Taps.load(file, file.stem)
-    assert same(TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0)), first)
-    assert same(Taps.load(file, file.stem), first)
-
-
-def test_a_truncated_file_is_rebuilt(box_vehicle: Vehicle, tmp_path: Path) -> None:
-    first = TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0))
-    (file,) = tmp_path.iterdir()
-    file.write_bytes(file.read_bytes()[:1000])
     assert same(TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0)), first)
     assert same(Taps.load(file, file.stem), first)
 
@@ -99,19 +95,16 @@ def test_everything_the_taps_depend_on_is_in_the_key(box_vehicle: Vehicle, tmp_p
     assert len(list(tmp_path.iterdir())) == 9
 
 
-def test_a_pattern_is_read_anew_where_normals_changed(box_vehicle: Vehicle, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("part", "change"), [("normals", lambda n: np.full_like(n, 3**-0.5)), ("paint_mask", lambda m: np.minimum(m, 160))]
+)
+def test_taps_are_read_anew_where_the_vehicle_changed(
+    box_vehicle: Vehicle, tmp_path: Path, part: str, change: Callable[[np.ndarray], np.ndarray]
+) -> None:
     settings = PatternSettings(16, 0.5, samples=2)
-    slanted = replace(box_vehicle, normals=np.full_like(box_vehicle.normals, 3**-0.5))
-    before, found = (TapCache(tmp_path, vehicle, settings).get(view(0)) for vehicle in (box_vehicle, slanted))
-    assert same(found, settings.build(slanted, view(0), settings.pyramid(slanted)))
-    assert not same(found, before)
-
-
-def test_taps_are_read_anew_where_the_greys_of_the_mask_changed(box_vehicle: Vehicle, tmp_path: Path) -> None:
-    pale = replace(box_vehicle, paint_mask=np.minimum(box_vehicle.paint_mask, 160))
-    assert pale.atlas_id == box_vehicle.atlas_id
-    before, found = (TapCache(tmp_path, vehicle, SETTINGS).get(view(0)) for vehicle in (box_vehicle, pale))
-    assert same(found, build_taps(pale, view(0), 64, 2))
+    changed = replace(box_vehicle, **{part: change(getattr(box_vehicle, part))})
+    before, found = (TapCache(tmp_path, vehicle, settings).get(view(0)) for vehicle in (box_vehicle, changed))
+    assert same(found, settings.build(changed, view(0), settings.pyramid(changed)))
     assert not same(found, before)
 
 

@@ -76,16 +76,6 @@ class Raster:
         x = (columns + self.x0 + pattern.shifts[rows % pattern.rows]) / pattern.columns - self.margin
         return np.stack([x, (rows + 0.5) / pattern.rows - self.margin], 1)
 
-    def barycentrics(self) -> Array:
-        """Perspective-correct barycentrics (h, w, 3) float64 of every sample; zeros where nothing is seen."""
-        result = np.zeros((*self.face_ids.shape, 3))
-        rows, columns = np.nonzero(self.face_ids >= 0)
-        planes = self.planes[self.face_ids[rows, columns]]
-        points = np.pad(self.points(rows, columns), ((0, 0), (0, 1)), constant_values=1.0)
-        over_depth = np.maximum(np.einsum("ni,nij->nj", points, planes), 0.0)
-        result[rows, columns] = over_depth / np.maximum(over_depth.sum(1, keepdims=True), 1e-300)
-        return result
-
 
 def rasterize(
     positions: NDArray[np.floating],
