@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from ..version import __version__
 from .figures import Style, color_rules, themed, themed_color
-from .table import Cell, Column, Table, interval, laid_out, shown
+from .table import Place, Table, laid_out
 from .writers import TEMPLATES
 
 
@@ -150,7 +150,6 @@ def _environment() -> Environment:
         "drawing": _drawing,
         "kind": lambda part: type(part).__name__,
         "laid_out": laid_out,
-        "shown": shown,
         "small": _small_interval,
         "source": _source,
         "themed_color": themed_color,
@@ -163,17 +162,19 @@ def _drawing(drawing: Drawing) -> Markup:
     return Markup(themed(drawing.svg).replace("<svg", label, 1))
 
 
-def _small_interval(cell: Cell, column: Column) -> str:
+def _small_interval(place: Place) -> str:
     """As printed small below a value: without the zero before the point."""
-    low, high = interval(cell, column) or ("", "")
-    if column.kind == "change":
-        return f"{low} to {high}" if low else ""
-    return f"{low.removeprefix('0')}–{high.removeprefix('0')}" if low else ""
+    low, high = place.interval or ("", "")
+    if place.column.kind == "change":
+        return f"{low} to {high}"
+    return f"{low.removeprefix('0')}–{high.removeprefix('0')}"
 
 
-def _source(cell: Cell, column: Column) -> str:
+def _source(place: Place) -> str:
     """The value with its interval and where it stands, as shown when it is pointed at."""
-    assert cell.source is not None
-    where = f"{cell.source.file}: {' / '.join(key for key in cell.source.keys if key)}"
-    ends = interval(cell, column)
-    return f"{shown(cell, column)}, 95 % interval {ends[0]} to {ends[1]}; {where}" if ends else where
+    if place.cell is None or place.cell.source is None:
+        return ""
+    source = place.cell.source
+    where = f"{source.file}: {' / '.join(key for key in source.keys if key)}"
+    ends = place.interval
+    return f"{place.shown}, 95 % interval {ends[0]} to {ends[1]}; {where}" if ends else where

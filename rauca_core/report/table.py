@@ -158,18 +158,9 @@ def printed(value: float, kind: Kind = "score") -> str:
     return format(value, _FORMS[kind])
 
 
-def shown(cell: Cell | None, column: Column) -> str:
+def shown(cell: Cell, column: Column) -> str:
     """A cell's value as it is printed."""
-    if cell is None:
-        return "–"
     return cell.value if isinstance(cell.value, str) else printed(cell.value, column.kind)
-
-
-def interval(cell: Cell | None, column: Column) -> tuple[str, str] | None:
-    """The ends of a cell's 95 % interval as they are printed; None where it has none."""
-    if cell is None or cell.low is None or cell.high is None:
-        return None
-    return printed(cell.low, column.kind), printed(cell.high, column.kind)
 
 
 @dataclass(frozen=True)
@@ -180,6 +171,19 @@ class Place:
     column: Column
     rank: int
     first: bool
+
+    @property
+    def shown(self) -> str:
+        """The value as it is printed."""
+        return "–" if self.cell is None else shown(self.cell, self.column)
+
+    @property
+    def interval(self) -> tuple[str, str] | None:
+        """The ends of the value's 95 % interval as they are printed; None where it has none."""
+        cell, kind = self.cell, self.column.kind
+        if cell is None or cell.low is None or cell.high is None:
+            return None
+        return printed(cell.low, kind), printed(cell.high, kind)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from .table import BEST, SECOND, Cell, Column, Layout, Table, interval, laid_out, shown
+from .table import BEST, SECOND, Cell, Column, Layout, Table, laid_out
 
 FORMAT = ("rauca-tables", 2)
 TEMPLATES = FileSystemLoader(Path(__file__).with_name("templates"), encoding="utf-8")
@@ -90,11 +90,9 @@ def tables_latex(tables: Sequence[Table], command: str) -> bytes:
     )  # fmt: skip
     found.filters |= {
         "aligned": _aligned,
-        "interval": lambda place: interval(place.cell, place.column),
         "label": lambda key: "".join(c if c.isascii() and c.isalnum() else "-" for c in key),
         "laid_out": laid_out,
         "one_line": lambda text: _Plain(" ".join(text.split())),
-        "shown": lambda place: shown(place.cell, place.column),
     }
     return found.get_template("tables.tex").render(tables=tables, command=command).encode()
 
