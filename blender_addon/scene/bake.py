@@ -15,10 +15,9 @@ from .coating import Coat, set_baked_layer
 from .images import image_linear
 from .mesh_edits import Surface, require_own_faces
 from .paint import blender_pixels, image_of_pixels
+from .uv_faults import OVERLAP_LIMIT, shared_texels
 from .vehicle_arrays import Piece, values_of
 
-CHECK_SIZE = 1024
-OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and a texel would have to be two colors
 BEYOND = 1e-3  # of the image's side; less is rounding
 HOMELESS_LIMIT = 0.005  # of the paint's area; slivers may have no area in a layout
 POINTS = 200_000  # on the surface, where the baked picture is held against the camouflage
@@ -185,10 +184,8 @@ def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], 
 
 def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.float64], layer: str) -> None:
     """Refuse a layout in which parts of the paint have no area."""
-    corners = surface.soup.positions[surface.soup.triangles[paint]]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
-    homeless = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) < 1e-12
+    _, area = geometry.face_normals(surface.soup.positions, surface.soup.triangles[paint])
+    homeless = np.abs(geometry.signed_uv_area(uvs)) < 5e-13
     lost = area[homeless].sum() / max(area.sum(), 1e-30)
     if lost > HOMELESS_LIMIT:
         raise contract.RaucaError(
@@ -198,9 +195,7 @@ def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.fl
 
 def _require_apart(uvs: NDArray[np.float64], layer: str) -> None:
     """Refuse a layout in which two places on the vehicle share texels."""
-    texels, _ = geometry.covered(uvs, CHECK_SIZE, conservative=False)
-    hits = np.bincount(texels, minlength=1)
-    shared = (hits > 1).sum() / max((hits > 0).sum(), 1)
+    shared = shared_texels(uvs) or 0.0
     if shared > OVERLAP_LIMIT:
         raise contract.RaucaError(
             f"UV layer {layer!r}: {shared:.0%} of its texels lie on two parts at once, which would both lose their own "
@@ -210,8 +205,7 @@ def _require_apart(uvs: NDArray[np.float64], layer: str) -> None:
 
 def _on_surface(task: Task, linear: NDArray[np.float32]) -> tuple[float, float]:
     """PSNR in dB, and the mean absolute difference, of sRGB values at points spread over the source's layout."""
-    one, two = task.source_uvs[:, 1] - task.source_uvs[:, 0], task.source_uvs[:, 2] - task.source_uvs[:, 0]
-    area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    area = np.abs(geometry.signed_uv_area(task.source_uvs))
     rng = np.random.default_rng(0)
     face = rng.choice(len(area), POINTS, p=area / area.sum())
     a, b = rng.random((2, POINTS))

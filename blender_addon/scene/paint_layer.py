@@ -54,9 +54,8 @@ def write_unwrapped(reading: Reading, fresh: contract.Vehicle) -> int:
 
 def check_paint(reading: Reading) -> UvFaults:
     """Judge the UVs of the paint, (F_paint,) each."""
-    corners = reading.soup.positions[reading.soup.triangles[reading.paint]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return uv_faults(reading.soup.uvs[reading.paint], np.linalg.norm(normal, axis=1) / 2)
+    _, area = geometry.face_normals(reading.soup.positions, reading.soup.triangles[reading.paint])
+    return uv_faults(reading.soup.uvs[reading.paint], area)
 
 
 def polygons_of(reading: Reading, faults: NDArray[np.bool_]) -> dict[bpy.types.Object, NDArray[np.bool_]]:

@@ -49,7 +49,7 @@ class UserScene:
         try:
             source = _marked(_appended(path), path)
             _adopt(scene, source)
-            _localise(before)
+            _make_local(before)
             self._leave_light_behind(source, _since(before), path)
             fresh = _since(before)
             _show_what_renders_show(fresh)
@@ -171,7 +171,7 @@ def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
         scene.collection.objects.link(thing)
 
 
-def _localise(before: set[int]) -> None:
+def _make_local(before: set[int]) -> None:
     """Make local what the file links from others: a linked surface's material cannot be exchanged.
 
     From the outside in, as only what nothing linked uses becomes local itself, and not a copy beside it.

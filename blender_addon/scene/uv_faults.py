@@ -36,8 +36,7 @@ def uv_faults(uvs: NDArray[np.float32], area: NDArray[np.float64]) -> UvFaults:
     """Judge the UVs (F_paint, 3, 2) of faces with ``area`` (F_paint,) on the surface, square metres."""
     finite = np.isfinite(uvs).all(axis=(1, 2))
     clean = np.where(finite[:, None, None], uvs, 0.0).astype(np.float64)
-    one, two = clean[:, 1] - clean[:, 0], clean[:, 2] - clean[:, 0]
-    uv_area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2
+    uv_area = np.abs(geometry.signed_uv_area(clean))
     solid = area > 1e-12
     missing = ~finite | (solid & (uv_area < 1e-12))
     outside = finite & ((clean < -BEYOND) | (clean > 1 + BEYOND)).any(axis=(1, 2))
@@ -64,14 +63,16 @@ def uv_verdict(uvs: NDArray[np.float32]) -> tuple[str, NDArray[np.float32]]:
     moved, crossing = _in_tile(uvs)
     if crossing.any():
         return f"{crossing.mean():.1%} of the painted faces reach beyond the texture", moved
-    texels, _ = geometry.covered(moved, CHECK_ATLAS, conservative=False)
-    hits = np.bincount(texels, minlength=1)
-    if not hits.any():
+    overlap = shared_texels(moved)
+    if overlap is None:
         return "they cover no texel", moved
-    overlap = (hits > 1).sum() / (hits > 0).sum()
-    if overlap > OVERLAP_LIMIT:
-        return f"{overlap:.0%} of the texels are used twice", moved
-    return "", moved
+    return f"{overlap:.0%} of the texels are used twice" if overlap > OVERLAP_LIMIT else "", moved
+
+
+def shared_texels(uvs: NDArray[np.floating]) -> float | None:
+    """Share of the texels that UVs (F, 3, 2) in [0, 1] cover that two faces cover; None where they cover none."""
+    hits = np.bincount(geometry.covered(uvs, CHECK_ATLAS, conservative=False)[0], minlength=1)
+    return float((hits > 1).sum() / (hits > 0).sum()) if hits.any() else None
 
 
 def _in_tile(uvs: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:

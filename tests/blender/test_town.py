@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from rauca_core.contract import Plan, Quality, Ring, Weather
+from rauca_core.contract import Quality, Ring, Weather
 from rauca_core.contract.color import linear_to_srgb
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES
+
+from .conftest import small_plan
 
 SEEDS, LOCATIONS = (1, 2), 6
 BODY = (2.35, 0.95, 1.5)  # half length, half width, height of a car, metres
@@ -158,21 +160,8 @@ def town_session(bpy_module, box_vehicle):
 
     def build():
         bpy_module.ops.wm.read_factory_settings(use_empty=True)
-        plan = Plan(
-            name="town",
-            vehicle_name="box",
-            atlas_id=box_vehicle.atlas_id,
-            size=64,
-            quality=Quality(2, denoise=False),
-            light=False,
-            weathers=(Weather("day", 45.0),),
-            ring=Ring((40.0, 220.0), (12.0,), (8.0,)),
-            locations=4,
-            reference_srgb=(140, 140, 140),
-            min_visible=0.5,
-            seed=3,
-            blender="test",
-        )
+        quick = {"size": 64, "quality": Quality(2, denoise=False), "light": False, "locations": 4}
+        plan = small_plan(box_vehicle.atlas_id, **quick, ring=Ring((40.0, 220.0), (12.0,), (8.0,)))
         return Session(plan, box_vehicle)
 
     return build

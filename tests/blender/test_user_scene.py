@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rauca_core.contract import Plan, Quality, RaucaError, Ring, Scenery, Weather
+from rauca_core.contract import Quality, RaucaError, Ring, Scenery, Weather
 from rauca_core.contract.semantics import CLASS_IDS
+
+from .conftest import small_plan
 
 
 @pytest.fixture
@@ -61,22 +63,8 @@ def _quad(bpy, name, half, height):
 
 
 def _plan(vehicle, path, locations=2):
-    return Plan(
-        name="own",
-        vehicle_name="box",
-        atlas_id=vehicle.atlas_id,
-        size=48,
-        quality=Quality(2, denoise=False),
-        light=False,
-        weathers=(Weather("day", 45.0),),
-        ring=Ring((30.0,), (25.0,), (7.0,)),
-        locations=locations,
-        reference_srgb=(140, 140, 140),
-        min_visible=0.5,
-        seed=3,
-        blender="test",
-        scenery=Scenery.of_file(path),
-    )
+    quick = {"size": 48, "quality": Quality(2, denoise=False), "light": False, "ring": Ring((30.0,), (25.0,), (7.0,))}
+    return small_plan(vehicle.atlas_id, **quick, locations=locations, scenery=Scenery.of_file(path))
 
 
 def _place(bpy, path, locations=2, own="car"):
