@@ -18,13 +18,6 @@ def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_benchmarks_are_listed_with_their_options() -> None:
-    listing = rauca("bench", "--help").stdout
-    assert all(name in listing for name in ("render", "agreement", "vehicle"))
-    options = rauca("bench", "render", "--help").stdout
-    assert all(option in options for option in ("--quick", "--vehicle", "--paint-mask", "--json", "--docs"))
-
-
 def test_a_mistake_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="Blender as a module is not installed")
     out = tmp_path / "render.json"

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -42,28 +40,13 @@ def results(folder: Path) -> Results:
     return bench(folder / "dataset.json", TINY, folder / "docs")
 
 
-@pytest.fixture(scope="module")
-def report(results: Results, folder: Path) -> dict[str, Any]:
-    read: dict[str, Any] = json.loads((folder / "dataset.json").read_text())
-    return read
-
-
-def numbers(value: object) -> Iterator[float]:
-    if isinstance(value, dict):
-        for item in value.values():
-            yield from numbers(item)
-    elif isinstance(value, list):
-        for item in value:
-            yield from numbers(item)
-    elif isinstance(value, float):
-        yield value
-
-
-def test_the_promised_keys_are_there_and_finite(report: dict[str, Any]) -> None:
-    assert all(math.isfinite(number) for number in numbers(report))
+def test_headlines_follow_from_finite_figures(results: Results, folder: Path) -> None:
+    told = (folder / "dataset.json").read_text()
+    assert "null" not in told  # what infinity and NaN become
+    report = json.loads(told)
     rates = report["naive_seconds_per_frame"] / report["default_seconds_per_frame"]
     assert report["speedup_vs_naive"] == pytest.approx(rates)
-    assert report["speedup_vs_naive"] > 0
+    assert rates > 0
 
 
 def test_every_axis_is_measured_in_every_weather_and_more_samples_lower_the_error(results: Results) -> None:

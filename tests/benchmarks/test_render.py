@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.harness import END, Results, Row, fill_page, mark
+from benchmarks.harness import Results, Row
 from benchmarks.in_blender import open_vehicle
 from benchmarks.render import ALGORITHM_2, BILINEAR, FULL, bench
-from benchmarks.render_reference import RINGS, TEXTURES, RayCaster, random_cameras, ring, uv_map
+from benchmarks.render_reference import RINGS, TEXTURES, RayCaster, ring, uv_map
 from rauca_core.contract import RaucaError, Vehicle
 from rauca_core.render import Pyramid
 
@@ -53,34 +50,15 @@ def results(folder: Path) -> Results:
     return bench(folder / "render.json", TINY, folder / "docs")
 
 
-@pytest.fixture(scope="module")
-def report(results: Results, folder: Path) -> dict[str, Any]:
-    read: dict[str, Any] = json.loads((folder / "render.json").read_text())
-    return read
-
-
-def numbers(value: object) -> Iterator[float]:
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        for item in value:
-            yield from numbers(item)
-    elif isinstance(value, (int, float)):
-        yield float(value)
-
-
 def find(results: Results, name: str, texture: str, ring_name: str = "paper") -> Row:
     return results.one("renderers", name=name, texture=texture, ring=ring_name)
 
 
-def test_all_figures_are_finite(report: dict[str, Any]) -> None:
-    found = list(numbers(report))
-    assert len(found) > 100
-    assert all(math.isfinite(number) for number in found)
+def test_every_renderer_meets_every_ring_and_texture_with_finite_figures(results: Results, folder: Path) -> None:
+    told = (folder / "render.json").read_text()
+    assert "null" not in told  # what infinity and NaN become
+    report = json.loads(told)
     assert all(report[key] > 0 for key in ("speedup_vs_algorithm2", "raster_vs_embree"))
-
-
-def test_every_renderer_meets_every_ring_and_texture(report: dict[str, Any]) -> None:
     met = {(e["name"], e["ring"], e["texture"]) for e in report["renderers"]}
     names = {name for name, _, _ in met}
     assert {BILINEAR, ALGORITHM_2, "1 trilinear sample", "Algorithm 1, 2x2", "ours 1x1", "ours 8x8"} <= names
@@ -122,20 +100,6 @@ def test_pictures_are_small(results: Results, folder: Path) -> None:
     assert "| ours 4x4 |" in (folder / "docs" / "renderer.md").read_text()
 
 
-def test_a_page_keeps_its_words(tmp_path: Path) -> None:
-    page = tmp_path / "renderer.md"
-    page.write_text(f"words\n{mark('render')}\nold\n{END}\nmore\n")
-    fill_page(page, "new", "render")
-    text = page.read_text()
-    assert text.startswith("words\n")
-    assert text.endswith(f"{END}\nmore\n")
-    assert "new" in text
-    assert "old" not in text
-    page.write_text("no marks")
-    with pytest.raises(RaucaError, match="marks for the figures are gone"):
-        fill_page(page, "new", "render")
-
-
 def test_rings_see_what_they_say(sedan: Vehicle) -> None:
     shares = []
     for name in RINGS:
@@ -144,11 +108,6 @@ def test_rings_see_what_they_say(sedan: Vehicle) -> None:
         shares.append(np.mean([b.max() / 64 for b in boxes]))
     paper, close = shares
     assert paper < 0.5 < 0.7 < close
-
-
-def test_random_cameras_repeat(sedan: Vehicle) -> None:
-    first, again = (random_cameras(sedan, 3, 64, seed=5) for _ in range(2))
-    assert all(np.array_equal(a.R, b.R) and np.array_equal(a.t, b.t) for a, b in zip(first, again, strict=True))
 
 
 def test_textures_differ_in_spectrum(sedan: Vehicle) -> None:
@@ -166,9 +125,3 @@ def test_without_embree_one_line_says_what_to_install(sedan: Vehicle, monkeypatc
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(RaucaError, match=r"pip install rauca\[bench\]"):
         RayCaster(sedan)
-
-
-def test_a_missing_vehicle_is_one_line() -> None:
-    pytest.importorskip("bpy", reason="Blender as a module is not installed")
-    with pytest.raises(RaucaError, match=r"no\.obj: no such vehicle"):
-        open_vehicle("no.obj")
