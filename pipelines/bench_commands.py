@@ -164,7 +164,7 @@ def bench_jobs_command(
 
 @bench_app.command("stability")
 def bench_stability_command(
-    quick: Annotated[bool, typer.Option("--quick", help="10 steps a case of the optimizer, not 100")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="25 steps a case of the optimizer, not 100")] = False,
     docs: Annotated[Path | None, typer.Option(help="renew the figures of stability.md in this folder too")] = None,
     json: Json = Path("reports/stability.json"),
 ) -> None:

@@ -15,7 +15,7 @@ from . import endure, light, losses, rasterizer, renderer
 from .checks import DTYPES, Check, Outcome, name_of, outcome
 
 FULL = Settings(steps=100)  # of each case of the optimizer
-QUICK = FULL.but(steps=10)
+QUICK = FULL.but(steps=25)
 
 FAST: tuple[Check, ...] = (*rasterizer.CHECKS, *renderer.CHECKS, *light.CHECKS, *losses.CHECKS)
 Found = Mapping[torch.dtype, Outcome]
