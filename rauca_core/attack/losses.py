@@ -131,7 +131,7 @@ def three_terms(given: Predicted) -> Tensor:
     assigned = (terms[0].detach() > 0).to(terms)
     means = (terms * assigned).sum(2) / assigned.sum(1).clamp(min=1)
     weights = means.new_tensor([OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT])
-    return weights @ means
+    return torch.mv(means.T, weights)
 
 
 def attention(given: Predicted) -> Tensor:

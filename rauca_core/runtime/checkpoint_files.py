@@ -52,11 +52,10 @@ def read_tensors(folder: Path, fields: Fields, remedy: str) -> dict[str, Tensor]
         RaucaError: they are missing, damaged, or not the bytes that were written; with the ``remedy``.
     """
     path = folder / fields.file_name("tensors")
-    # Checkpoints of earlier versions do not say.
-    digest = fields.text("sha256") if fields.has("sha256") else None
+    digest = fields.text("sha256")
     try:
         data = read_limited(path, MAX_TENSOR_BYTES, "a checkpoint")
-        if digest is not None and hashlib.sha256(data).hexdigest() != digest:
+        if hashlib.sha256(data).hexdigest() != digest:
             raise RaucaError("its bytes are not those that were written")
         tensors: dict[str, Tensor] = safetensors.torch.load(data)
     except (RaucaError, *TENSOR_DAMAGE) as error:

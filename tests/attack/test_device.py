@@ -9,39 +9,43 @@ import numpy as np
 import pytest
 import torch
 
-from rauca_core.attack import make_settings, run_optimization
+from rauca_core.attack import METHODS, make_settings, run_optimization, settings_of
 from rauca_core.attack.checkpoint import load_checkpoint
+from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
 from rauca_core.runtime.distributed import SINGLE_PROCESS, Processes
 from tests.pretend_device import DEVICE, PretendDevice
 
 AFAR = Processes(0, 1, DEVICE)
-PATTERN = {"paint": "pattern", "pattern_side": 16, "smooth": "picture", "prior": "background", "gamma": 0.5}
+PALETTE = ("#101010", "#4b5320", "#f0f0f0")
+CHOSEN: dict[str, dict[str, Any]] = {
+    "defaults": {},
+    "resized": {"detector_size": 48, "smooth": "picture"},
+    "palette": {"natural": Naturalness(palette=PALETTE, feature_cm=50, reference="#8c8c8c", max_delta_e=60)},
+    "reference": {"natural": Naturalness(reference="#8c8c8c"), "prior": "reference", "gamma": 1.0},
+    "bfloat16": {"precision": "bfloat16"},
+    **{method: settings_of(method) for method in METHODS},
+}
 
 
 def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chosen: Any) -> np.ndarray:
     """What was optimized after two steps and two more of a resumed run."""
-    small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0}
+    small = {"batch": 2, "map_size": 64, "samples": 2, "lr": 0.03, "beta": 3.0, "pattern_side": 16, "decay": 1.0}
     for steps in (2, 4):
-        run_optimization(
-            dataset,
-            [detector],
-            make_settings(steps=steps, **small, **chosen),
-            out,
-            resume=steps == 4,
-            processes=processes,
-        )
+        settings = make_settings(**{**chosen, **small, "steps": steps})
+        run_optimization(dataset, [detector], settings, out, resume=steps == 4, processes=processes)
     return load_checkpoint(out / CHECKPOINTS).tensors["parameter"].numpy()
 
 
-@pytest.mark.parametrize("chosen", [{}, {"detector_size": 48, "smooth": "picture"}, PATTERN], ids=str)
+@pytest.mark.parametrize("case", CHOSEN)
 def test_a_run_on_a_device_ends_where_one_on_the_cpu_does(
-    dataset: Dataset, small_detector: Any, tmp_path: Path, chosen: dict[str, Any]
+    dataset: Dataset, small_detector: Any, tmp_path: Path, case: str
 ) -> None:
-    here = run(dataset, small_detector, tmp_path / "here", SINGLE_PROCESS, **chosen)
+    small_detector.attention_layer = small_detector.first
+    here = run(dataset, small_detector, tmp_path / "here", SINGLE_PROCESS, **CHOSEN[case])
     with PretendDevice():
-        there = run(dataset, small_detector, tmp_path / "there", AFAR, **chosen)
+        there = run(dataset, small_detector, tmp_path / "there", AFAR, **CHOSEN[case])
     assert np.abs(there - here).max() < 1e-3
     assert (tmp_path / "there" / "camouflage.png").is_file()
 
