@@ -154,7 +154,6 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N80
 
     bl_idname = "rauca.without_denoiser"
     bl_label = "Render Without Denoising"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:

@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ..core import contract
 from ..jobs import watch
 from ..jobs.background import Job
-from .operator import RaucaOperator
+from .operator import NO_UNDO, RaucaOperator
 from .panel import State, paragraph
 
 NOTES = 3  # the latest, so that a talkative job does not push the buttons away
@@ -72,6 +72,8 @@ def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
 
 class _JobOperator(RaucaOperator):
     """Base of an operator on a job under way."""
+
+    bl_options = NO_UNDO
 
     job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
@@ -12,9 +13,13 @@ from ..core import contract
 from ..jobs import watch
 from ..jobs.endings import Ending, with_buttons
 
+NO_UNDO = {"REGISTER"}  # of an operator that leaves the scene as it is
+
 
 class RaucaOperator:
     """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``."""
+
+    bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -64,6 +69,7 @@ class BackgroundOperator(RaucaOperator):
     A subclass gives ``job``, its name, and ``running``, why it cannot be started twice.
     """
 
+    bl_options = NO_UNDO
     job: str
     running: str
 

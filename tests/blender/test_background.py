@@ -19,7 +19,7 @@ pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 from blender_addon.jobs.background import Job, JobUpdate
 from blender_addon.jobs.endings import IN_THE_WINDOW, ending
 from blender_addon.jobs.thumbnails import COLOR, MARGIN, SIDE, curve, thumbnail
-from blender_addon.steps.optimize_task import earlier
+from blender_addon.steps.optimize import earlier
 from rauca_core.contract import Progress, RaucaError, parse_progress
 from rauca_core.contract.files import png_bytes
 

@@ -18,7 +18,7 @@ from ...scene.baked_export import export_glb
 from ...scene.mesh_edits import object_mode
 from ...scene.smart_project import add_layer
 from ..camouflage.painted_vehicle import coat_shown, painted_surface, painted_vehicle, require_coat, surface_of
-from ..operator import RaucaOperator
+from ..operator import NO_UNDO, RaucaOperator
 
 TICK_S = 0.1
 
@@ -75,7 +75,6 @@ class RAUCA_OT_bake(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender 
 
     bl_idname = "rauca.bake"
     bl_label = "Bake"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     _finishing: Generator[None] | None = None
 
     @classmethod
@@ -233,7 +232,6 @@ class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     bl_idname = "rauca.new_uv_layer"
     bl_label = "New UV Layer"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -252,7 +250,7 @@ class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     bl_idname = "rauca.export_glb"
     bl_label = "Export GLB"
-    bl_options = {"REGISTER"}  # noqa: RUF012 - Blender reads it as a class attribute
+    bl_options = NO_UNDO
     filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.glb", options={"HIDDEN"})  # type: ignore[valid-type]
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
-from ...core import contract
-from ...folders import own_folder
 from ...scene.camera import leave, look
 from ..operator import RaucaOperator
-from . import timing
 
 
 class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -19,7 +14,6 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     bl_idname = "rauca.look_through"
     bl_label = "Look Through"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     step: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Step", default=0, options={"SKIP_SAVE"}, description="Views to go on by; 0: the chosen one"
@@ -53,7 +47,6 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     bl_idname = "rauca.leave_view"
     bl_label = "Leave View"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -66,33 +59,7 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
             space.region_3d.view_perspective = "PERSP"
 
 
-class RAUCA_OT_measure_pace(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
-    """Take the time per frame from the dataset of step 4, if this machine rendered it with as many Blenders as there"""
-
-    bl_idname = "rauca.measure_pace"
-    bl_label = "Measure by the Last Dataset"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("Choose a dataset's folder in step 4 first") if not context.scene.rauca.dataset.folder else ""
-
-    def work(self, context: bpy.types.Context) -> str:
-        settings = context.scene.rauca.dataset
-        folder = Path(bpy.path.abspath(settings.folder))
-        measured = timing.measure(folder, settings.workers)
-        if measured is None:
-            raise contract.RaucaError(
-                rpt("{folder}: fewer than {count} of its frames are timed; render some more first").format(
-                    folder=folder, count=timing.FEWEST
-                )
-            )
-        timing.remember(measured, own_folder())
-        timing.forget()
-        return rpt("Measured on {count} frames").format(count=measured.frames)
-
-
 CLASSES = (
     RAUCA_OT_look_through,
     RAUCA_OT_leave_view,
-    RAUCA_OT_measure_pace,
 )

@@ -85,4 +85,3 @@ def _draw_estimate(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     else:
         said = iface("A guess until a dataset has been rendered here")
     paragraph(context, column, said, icon="BLANK1")
-    column.operator("rauca.measure_pace")

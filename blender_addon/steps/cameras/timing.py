@@ -93,11 +93,6 @@ def pace() -> Pace:
     return _kept[0]
 
 
-def forget() -> None:
-    """Read the pace again when it is next asked for."""
-    _kept.clear()
-
-
 def learn(dataset: Path, workers: int) -> None:
     """Take the pace from a dataset that so many processes rendered here; too few frames change nothing.
 

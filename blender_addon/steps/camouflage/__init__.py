@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from . import evaluated_view, operators
+from . import operators
 from .detection_overlay import register, unregister
-from .panel import RAUCA_PT_camouflage, RAUCA_PT_detections, state
-from .properties import RaucaCamouflage
+from .panel import RAUCA_PT_camouflage, RAUCA_PT_detections, RaucaCamouflage, state
 
-CLASSES = (RaucaCamouflage, *operators.CLASSES, *evaluated_view.CLASSES, RAUCA_PT_camouflage, RAUCA_PT_detections)
+CLASSES = (RaucaCamouflage, *operators.CLASSES, RAUCA_PT_camouflage, RAUCA_PT_detections)
 
 __all__ = ["CLASSES", "RaucaCamouflage", "register", "state", "unregister"]

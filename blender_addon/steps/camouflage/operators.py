@@ -1,4 +1,4 @@
-"""What the buttons of step 6 do, but looking through evaluated views."""
+"""What the buttons of step 6 do."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from bpy.app.translations import pgettext_rpt as rpt
 from mathutils import Matrix
 
 from ...core import contract
+from ...scene import camera
 from ...scene.camouflages import read_paintwork
 from ...scene.mesh_edits import Surface, object_mode
 from ...scene.painting import paint_surface, painted_objects, uncoat
 from ..operator import RaucaOperator, tooltip
-from .evaluation import find_evaluation
+from .evaluation import EvaluatedFrame, Views, camera_in_world, find_evaluation
 from .painted_vehicle import coat_shown, objects_of, place, require_coat, vehicle_for
+from .shown_evaluation import load_now, nearest, same_view, vehicle_to_world
 
 
 class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
@@ -23,7 +25,6 @@ class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N80
 
     bl_idname = "rauca.apply_camouflage"
     bl_label = "Apply Camouflage"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     def work(self, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.camouflage
@@ -60,7 +61,6 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     bl_idname = "rauca.show_paint"
     bl_label = "Original / Camouflage"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     which: bpy.props.EnumProperty(name="Show", items=LOOKS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
     @classmethod
@@ -86,7 +86,6 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
 
     bl_idname = "rauca.remove_camouflage"
     bl_label = "Remove Camouflage"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -101,8 +100,76 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
         context.scene.rauca.camouflage.coat = None
 
 
+CAMERA_NAME = "rauca evaluated view"
+STEPS = [
+    ("NEAREST", "Nearest", "The evaluated view closest to the present camera"),
+    ("NEXT", "Next", "The next evaluated view"),
+    ("PREVIOUS", "Previous", "The evaluated view before"),
+    ("WEATHER", "Weather", "The same view in the next weather"),
+]
+
+
+class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+    """Look at the vehicle through a view that detectors were evaluated on; a camera of its own is added for that"""
+
+    bl_idname = "rauca.evaluated_view"
+    bl_label = "Look Through an Evaluated View"
+    step: bpy.props.EnumProperty(name="View", items=STEPS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_evaluated_view) -> str:
+        return tooltip(STEPS, properties.step)
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        settings = context.scene.rauca.camouflage
+        if settings.coat is None:
+            return rpt("Apply a camouflage first")
+        return rpt("Choose the folder of an evaluation first") if not settings.study else ""
+
+    def work(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        views = load_now(scene.rauca.camouflage.study)
+        pose = vehicle_to_world(scene)
+        evaluated = _chosen(scene, views, self.step)
+        if evaluated is None or pose is None:
+            raise contract.RaucaError("The vehicle is no longer in this scene; apply the camouflage again (step 6)")
+        if scene.camera is None or scene.camera.name != CAMERA_NAME:
+            scene.camera = _own_camera(scene)
+        camera.place(scene, camera_in_world(evaluated.camera, pose))
+        scene.rauca.camouflage.frame = evaluated.frame
+        if context.space_data is not None and context.space_data.type == "VIEW_3D":
+            context.space_data.region_3d.view_perspective = "CAMERA"
+
+
+def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame | None:
+    here = same_view(scene, views)
+    if not here or step == "NEAREST":
+        return here[0] if here else nearest(scene, views)
+    if step == "WEATHER":
+        order = [evaluated for evaluated in views.evaluated_frames if evaluated in here]
+        return order[(order.index(here[0]) + 1) % len(order)]
+    # One frame of each view: of frames whose cameras agree, the first.
+    first: list[EvaluatedFrame] = []
+    for evaluated in views.evaluated_frames:
+        if not any((abs(evaluated.camera.position - other.camera.position) < 1e-6).all() for other in first):
+            first.append(evaluated)
+    mine = next(i for i, s in enumerate(first) if (abs(s.camera.position - here[0].camera.position) < 1e-6).all())
+    return first[(mine + (1 if step == "NEXT" else -1)) % len(first)]
+
+
+def _own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
+    known = scene.objects.get(CAMERA_NAME)
+    if known is not None and known.type == "CAMERA":
+        return known
+    thing = bpy.data.objects.new(CAMERA_NAME, bpy.data.cameras.new(CAMERA_NAME))
+    scene.collection.objects.link(thing)
+    return thing
+
+
 CLASSES = (
     RAUCA_OT_apply_camouflage,
     RAUCA_OT_show_paint,
     RAUCA_OT_remove_camouflage,
+    RAUCA_OT_evaluated_view,
 )

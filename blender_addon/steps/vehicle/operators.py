@@ -29,7 +29,6 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - B
 
     bl_idname = "rauca.add_vehicle"
     bl_label = "Add Vehicle"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)  # type: ignore[valid-type]
 
     def work(self, context: bpy.types.Context) -> str:
@@ -60,7 +59,6 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
 
     bl_idname = "rauca.mark_paint"
     bl_label = "Mark Paint"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     action: bpy.props.EnumProperty(name="Action", items=ACTIONS)  # type: ignore[valid-type]
 
     @classmethod
@@ -115,7 +113,6 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
 
     bl_idname = "rauca.check_uvs"
     bl_label = "Check"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
     kind: bpy.props.EnumProperty(name="Faults", items=KINDS)  # type: ignore[valid-type]
 
     @classmethod

@@ -72,7 +72,6 @@ class RAUCA_OT_unwrap_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     bl_idname = "rauca.unwrap_paint"
     bl_label = "Unwrap"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:

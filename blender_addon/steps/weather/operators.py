@@ -15,7 +15,6 @@ class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     bl_idname = "rauca.show_weather"
     bl_label = "Show in This Scene"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -32,7 +31,6 @@ class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 
 
     bl_idname = "rauca.remove_weather"
     bl_label = "Remove Weather"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -48,7 +46,6 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):  # noqa: N801 - 
 
     bl_idname = "rauca.next_weather"
     bl_label = "Next Weather"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     step: bpy.props.IntProperty(name="Step", default=1, options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
@@ -78,7 +75,6 @@ class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
 
     bl_idname = "rauca.set_up_street"
     bl_label = "Set Up a Street"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -102,7 +98,6 @@ class RAUCA_OT_remove_street(RaucaOperator, bpy.types.Operator):  # noqa: N801 -
 
     bl_idname = "rauca.remove_street"
     bl_label = "Remove Street"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it as a class attribute
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
