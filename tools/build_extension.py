@@ -64,7 +64,7 @@ def carry_wheels(source: Path, wheels: list[Path]) -> None:
 
     The manifest in the repository names none: a checkout has xatlas in its own Python.
     """
-    from tools.other_pythons_wheel import write_other_pythons_wheel
+    from tools.extension_wheels import write_other_pythons_wheel
 
     (source / "wheels").mkdir()
     for wheel in wheels:

@@ -5,19 +5,31 @@ They are frames as a data set has them, rain included. Weathers of one name in s
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 from PIL import Image
 
-from rauca_core.contract import Dataset, RaucaError, Weather, frame_folder, load_weathers, save_weathers
+from rauca_core.contract import (
+    MIN_VISIBLE,
+    REFERENCE_SRGB,
+    Dataset,
+    MakeDataset,
+    Plan,
+    Quality,
+    RaucaError,
+    Ring,
+    Weather,
+    frame_folder,
+    load_weathers,
+)
 from rauca_core.contract.assets import assets_folder
+from rauca_core.runtime.blender import run_blender
 
 SIZE, JPEG_QUALITY = 112, 82
 # One view that shows the sky, the street with its kerb, facades, and the vehicle with its shadow.
-VIEW = {"azimuths": "28.0", "elevations": "5", "distances": "6.5", "fov": "52", "samples": "12", "size": str(SIZE)}
+RING = Ring((28.0,), (5.0,), (6.5,), fov_deg=52.0)
+QUALITY = Quality(samples=12, composed_fog=False)
 
 
 def shipped_weathers() -> list[Weather]:
@@ -38,14 +50,24 @@ def main() -> None:
     """Render what is asked for and write ``assets/weathers/pictures/<weather>.jpg``."""
     pictures = assets_folder() / "weathers" / "pictures"
     pictures.mkdir(exist_ok=True)
-    weathers = shipped_weathers()
+    plan = Plan(
+        "thumbnails",
+        "",
+        "",
+        SIZE,
+        QUALITY,
+        False,
+        tuple(shipped_weathers()),
+        RING,
+        1,
+        REFERENCE_SRGB,
+        MIN_VISIBLE,
+        0,
+        "",
+    )
     with tempfile.TemporaryDirectory(prefix="rauca-thumbnails-") as temporary:
         folder = Path(temporary)
-        save_weathers(folder / "all.json", weathers)
-        job = Path(__file__).resolve().parent.parent / "pipelines" / "make_dataset.py"
-        asked = {"out": str(folder / "set"), "weathers": str(folder / "all.json")} | VIEW
-        options = [f"--{name}={value}" for name, value in asked.items()]
-        subprocess.run([sys.executable, str(job), *options, "--no-light", "--no-composed-fog"], check=True)
+        run_blender(MakeDataset(folder / "set", plan), lambda progress: print(progress.done, progress.last))
         for frame in Dataset(folder / "set").frames():
             picture = Image.open(frame_folder(folder / "set", frame.id) / "image.png").convert("RGB")
             picture.save(pictures / f"{frame.weather.name}.jpg", quality=JPEG_QUALITY, optimize=True)
