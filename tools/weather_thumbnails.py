@@ -50,21 +50,8 @@ def main() -> None:
     """Render what is asked for and write ``assets/weathers/pictures/<weather>.jpg``."""
     pictures = assets_folder() / "weathers" / "pictures"
     pictures.mkdir(exist_ok=True)
-    plan = Plan(
-        "thumbnails",
-        "",
-        "",
-        SIZE,
-        QUALITY,
-        False,
-        tuple(shipped_weathers()),
-        RING,
-        1,
-        REFERENCE_SRGB,
-        MIN_VISIBLE,
-        0,
-        "",
-    )
+    weathers = tuple(shipped_weathers())
+    plan = Plan("small", "", "", SIZE, QUALITY, False, weathers, RING, 1, REFERENCE_SRGB, MIN_VISIBLE, 0, "")
     with tempfile.TemporaryDirectory(prefix="rauca-thumbnails-") as temporary:
         folder = Path(temporary)
         run_blender(MakeDataset(folder / "set", plan), lambda progress: print(progress.done, progress.last))
