@@ -31,6 +31,8 @@ def make(job: contract.MakeDataset, progress: Callable[[contract.Progress], None
         RaucaError: a mistake in the job, another run on the same frames, or frames that were left out.
     """
     vehicle = find_vehicle(job.vehicle)
+    if job.device == "auto" and (job.out / "dataset.json").is_file():  # goes on with what it was begun on
+        job = replace(job, device="cpu" if contract.read_plan(job.out).device == "cpu" else "gpu")
     job = replace(job, plan=completed(job, vehicle))
     job.wanted()  # tells a stranger among the frames before anything is written
     for note in [*vehicle.notes, *job.notes]:
