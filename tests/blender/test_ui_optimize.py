@@ -184,7 +184,8 @@ def test_the_check_says_what_is_missing(addon, settings, tmp_path):
     assert "torch brings" in checked(addon, settings, bare)
 
 
-def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path):
+def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path, monkeypatch):
+    monkeypatch.delenv("PYTHONPATH", raising=False)
     python = a_python(tmp_path / "torch-only")
     site = Path(sysconfig.get_paths()["purelib"])
     here = next((python.parent.parent / "lib").glob("python*")) / "site-packages"
