@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import os
+import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Any
 import numba
 
 RENDER = Path(__file__).parent
+_LOCK = threading.Lock()  # threads may import kernels at the same time, and numba's setting is everyone's
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -25,12 +27,13 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compiled(function: Callable[..., Any]) -> Any:
         config: Any = numba.config
-        before = config.CACHE_DIR
-        config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent, before))
-        try:
-            return numba.njit(**options)(function)
-        finally:
-            config.CACHE_DIR = before
+        with _LOCK:
+            before = config.CACHE_DIR
+            config.CACHE_DIR = str(cache_folder(Path(inspect.getfile(function)).parent, before))
+            try:
+                return numba.njit(**options)(function)
+            finally:
+                config.CACHE_DIR = before
 
     return compiled
 
