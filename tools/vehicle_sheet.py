@@ -1,4 +1,4 @@
-"""A picture of all procedural vehicles: ``python -m benchmarks.vehicle_sheet docs/pictures/vehicles.jpg``."""
+"""A picture of all procedural vehicles: ``python -m tools.vehicle_sheet docs/pictures/vehicles.jpg``."""
 
 from __future__ import annotations
 
