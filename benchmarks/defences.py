@@ -21,7 +21,7 @@ from rauca_core.detect import Detector, car_score, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.defences import Defence, defence_names, make_defence
 from rauca_core.study.defences.interface import to_pixels
-from rauca_core.study.images_of import read_frame_image
+from rauca_core.study.detecting import read_frame_image
 
 from .harness import Results, Settings
 from .timing import counted

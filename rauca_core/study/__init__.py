@@ -1,8 +1,8 @@
 """Evaluation: average precision, results on disk, and statistics."""
 
 from .average_precision import Sample, average_precision
+from .detecting import reference_images, rendered_in
 from .detection_cache import DetectionSettings
-from .images_of import reference_images, rendered_in
 from .measuring import measure
 from .results import Results, load_results
 

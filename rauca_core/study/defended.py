@@ -13,7 +13,7 @@ from ..contract import Frame
 from ..contract.files import png_bytes, write_bytes
 from ..runtime.images import is_whole
 from .defences import Defence
-from .images_of import read_frame_image
+from .detecting import read_frame_image
 
 NO_DEFENCE = "none"
 

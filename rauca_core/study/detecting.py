@@ -1,4 +1,7 @@
-"""Detecting in many images with many detectors: each image is decoded once, for those that do not know it yet."""
+"""Detecting in many images with many detectors: each image is decoded once, for those that do not know it yet.
+
+Where the image of a frame under some paint lies is told by a folder, or by a function of the frame.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ..contract import Frame
+from ..contract import Dataset, Frame, RaucaError
 from ..detect import Detector
+from ..runtime.images import read_image
 from .detection_cache import DetectionCache
-from .images_of import read_frame_image
 
+ImageOf = Callable[[Frame], Path]
 Progress = Callable[[str, int, int], None]
 
 
@@ -73,3 +78,41 @@ def _detect(detector: Detector, cache: DetectionCache, images: Tensor, hashes: S
 def _tensor(path: Path, frame: Frame) -> Tensor:
     pixels = read_frame_image(path, frame)
     return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1))).float() / 255
+
+
+def reference_images(dataset: Dataset) -> ImageOf:
+    """The data set's own images: the vehicle in its reference paint."""
+    return lambda frame: dataset.frame_folder(frame.id) / "image.png"
+
+
+def rendered_in(folder: Path) -> ImageOf:
+    """Images rendered into one folder, ``<frame id>.png``."""
+    return lambda frame: Path(folder) / f"{frame.id}.png"
+
+
+def locate(renders: Mapping[str, Path | ImageOf], frames: list[Frame]) -> dict[str, list[Path]]:
+    """The images of every paint in the order of ``frames``; raises :class:`RaucaError` when some are missing."""
+    located = {}
+    for paint, source in renders.items():
+        image_of = rendered_in(source) if isinstance(source, Path) else source
+        paths = [image_of(frame) for frame in frames]
+        missing = [path for path in paths if not path.is_file()]
+        if missing:
+            raise RaucaError(
+                f"{missing[0]}: not found; {len(missing)} of {len(paths)} images of paint {paint!r} are missing, "
+                "render them first"
+            )
+        located[paint] = paths
+    return located
+
+
+def read_frame_image(path: Path, frame: Frame) -> NDArray[np.uint8]:
+    """(H, W, 3) sRGB, checked against the frame's camera; raises :class:`RaucaError` when the size differs."""
+    pixels = read_image(path)
+    expected = (frame.camera.height, frame.camera.width)
+    if pixels.shape[:2] != expected:
+        raise RaucaError(
+            f"{path}: {pixels.shape[1]}x{pixels.shape[0]} pixels, frame {frame.id} has {expected[1]}x{expected[0]}; "
+            "render it again at the data set's size"
+        )
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[:, :, None], 3, axis=2)

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from ..contract import Progress, RaucaError
 from ..detect import Detector, load_detector
+from ..runtime.devices import find_device
 from ..runtime.distributed import Processes
 from .artifact import Artifact
 
@@ -43,7 +42,7 @@ class Machine:
     @property
     def processes(self) -> Processes:
         """One process, on the device."""
-        return Processes(0, 1, torch.device(self.device))
+        return Processes(0, 1, find_device(self.device))
 
     def detector(self, fingerprint: str, typed: str) -> Detector:
         """A detector on this machine's device, loaded by what was typed to name it unless it is at hand.

@@ -100,7 +100,8 @@ def make_extractor(job: Job) -> None:
     def tell(told: Any) -> None:
         job.report(Progress(told.epoch, told.epochs, f"error {told.error:.4f}"))
 
-    fit_published(job.inputs[0], job.folder, job.artifact.settings["epochs"], on_epoch=tell)
+    epochs, machine = job.artifact.settings["epochs"], job.machine
+    fit_published(job.inputs[0], job.folder, epochs, threads=machine.threads, on_epoch=tell, device=machine.device)
 
 
 def has_camouflage(artifact: Artifact, folder: Path) -> bool:

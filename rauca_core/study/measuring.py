@@ -20,13 +20,13 @@ from ..contract import Dataset, Frame, RaucaError
 from ..contract.files import file_digest
 from ..detect import Detector, canonical, class_index, find_class, load_detector
 from ..detect.weights import ready_names
+from ..runtime.devices import find_device
 from .average_precision import Sample
 from .defences import Defence
 from .defended import NO_DEFENCE, defended_images
-from .detecting import Pictures, detect_everywhere
+from .detecting import ImageOf, Pictures, detect_everywhere, locate
 from .detection_cache import DetectionCache, DetectionSettings
 from .families import is_own
-from .images_of import ImageOf, locate
 from .results import MEAN, FrameRow, ImageRow, Results, save_results
 from .scores import Bootstrap, clusters_of, score_groups, score_table
 
@@ -157,6 +157,7 @@ def detectors_for(
     Raises:
         RaucaError: none is ready, or a detector that was given does not know a category.
     """
+    find_device(device)
     named = list(dict.fromkeys(one for one in given if one != ALL))
     ready = [name for name in ready_names() if name not in named] if ALL in given or not given else []
     ready = [name for name in ready if not (published and is_own(name))]

@@ -131,7 +131,7 @@ def tradeoff(
     data, size, out = dataset if isinstance(dataset, Dataset) else Dataset(Path(dataset)), sizes or Sizes(), Path(out)
     vehicle, sets = read_vehicle_choice(data.vehicle_folder), weather_sets(weathers)
     every = [*attacked, *(detectors or ["all"])]
-    chosen = detectors_for(every, [vehicle.category], device)
+    chosen = detectors_for(every, [vehicle.category], device, published=True)
     white_boxes = chosen[vehicle.category][: len(attacked)]
     machine = Machine(device, threads, blender, render_device).with_detectors(
         one for _, one in chosen[vehicle.category]

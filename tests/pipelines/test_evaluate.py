@@ -85,6 +85,7 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
         (["--vehicle", "sedan", "--weathers", "seen,seen.json"], r"--weathers seen\.json: has the name of seen;"),
         (["--vehicle", "sedan", "--scale", "huge"], "--scale huge: unknown; choose quick"),
         (["--vehicle", "sedan", "--elevations", "high"], "--elevations high: not a comma separated list"),
+        (["--vehicle", "sedan", "--device", "warp"], "device warp: torch cannot use it here"),
         (["--vehicle", "tank"], "--vehicle tank: no vehicle folder"),
         (["--camouflage", "none.json"], "none.json: not found"),
         (["stranger.json"], "stranger.json: made for UV atlas 123 of tank, there are aeroplane"),

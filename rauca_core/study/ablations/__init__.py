@@ -1,9 +1,8 @@
 """Ablations: variants of the optimization, all measured on the same held-out views, beside what the paper printed."""
 
 from .catalogue import EXPERIMENTS, experiment_named
-from .experiment import Claim, Experiment, Variant
+from .experiment import DEFAULT, QUICK, Claim, Experiment, Sizes, Variant
 from .findings import Findings
-from .sizes import DEFAULT, QUICK, Sizes
 
 __all__ = [
     "DEFAULT",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...contract import Plan, Quality, RaucaError, Ring, balanced_frames, find_preset
 from ...contract.assets import assets_folder
 from ..views import RING, HeldOut
-from .sizes import Sizes
+from .experiment import Sizes
 
 TOWN_SEED = 1
 LOCATIONS = 8
