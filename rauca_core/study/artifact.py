@@ -7,6 +7,7 @@ else. What only says how to make it (a number of threads, where a file lies, whi
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -116,6 +117,13 @@ def _read(
         raise RaucaError(f"{fields.where}: holds {kind!r}, which this rauca does not know; update rauca")
     label, settings, known = fields.text("label"), fields.raw("settings"), fields.text("digest")
     return Artifact(kind, label, settings, inputs, options or {}, place, known)
+
+
+def seconds_spent(folder: Path) -> float:
+    """That were spent on an artifact so far; 0 if nobody knows."""
+    with contextlib.suppress(RaucaError):
+        return read_recipe(folder)[1]
+    return 0.0
 
 
 def digest_of(value: Any) -> str:

@@ -114,7 +114,7 @@ def demo(
         link(out / "renders", out / choice.name / plain_label(place.name) / "renders")
         agreement = _agreement(engine, train, folders["train"], paints[OURS])
         link(out / AGREEMENT, agreement)
-        study = replace(study, notes=_notes(out, study, folders, agreement, engine))
+        study = replace(study, notes=_notes(out, folders, agreement, engine))
         save_study(out / FILE_NAME, command, study.entries, study.notes)
     return study
 
@@ -150,7 +150,7 @@ def _agreement(engine: Engine, train: Artifact, folder: Path, paint: Path) -> Pa
     return made / AGREEMENT
 
 
-def _notes(out: Path, study: Study, folders: Mapping[str, Path], agreement: Path, engine: Engine) -> dict[str, Any]:
+def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engine) -> dict[str, Any]:
     """What the report tells beside the numbers."""
     history, run = read_history(folders[OURS]), out.as_posix()
     made = load_camouflage(folders[OURS] / CAMOUFLAGE)[0].made
@@ -172,7 +172,7 @@ def _notes(out: Path, study: Study, folders: Mapping[str, Path], agreement: Path
             f"rauca report {run}",
             f"rauca bench agreement {run}/train --camouflage {run}/rauca/camouflage.json",
         ],
-        "timings_s": {**study.notes.get("timings_s", {}), **engine.seconds},
+        "timings_s": engine.seconds,
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ..contract import RaucaError
-from .artifact import Artifact
+from .artifact import Artifact, seconds_spent
 from .executors import Executor, Here, Task
 from .job import Machine, OnProgress, quiet
 from .kinds import KINDS
@@ -19,7 +19,7 @@ class Engine:
 
     Attributes:
         made: how many of each kind this engine has made, or gone on with.
-        seconds: that making took, by what was done.
+        seconds: that making took, of all that was asked for, by what was done and whenever that was.
     """
 
     def __init__(
@@ -45,8 +45,7 @@ class Engine:
             tasks = [self._task(group) for group in _groups(level)]
             for task in tasks:
                 self.made.update(job.kind for job in task.artifacts)
-            for title, seconds in self._executor.run(tasks, self.machine, self.on_progress):
-                self.seconds[title] = round(self.seconds.get(title, 0.0) + seconds, 2)
+            self._executor.run(tasks, self.machine, self.on_progress)
         return tuple(map(self._folder, wanted))
 
     def _levels(self, wanted: Sequence[Artifact]) -> Iterator[list[Artifact]]:
@@ -77,7 +76,15 @@ class Engine:
         key = f"{artifact.kind}/{artifact.digest}/{artifact.options}"
         if key not in self._finished and (found := self.store.find(artifact)) is not None:
             self._finished[key] = found
+            self._count_seconds(artifact, found)
         return self._finished.get(key)
+
+    def _count_seconds(self, artifact: Artifact, folder: Path) -> None:
+        kind = KINDS.get(artifact.kind)
+        if kind is not None and artifact.place is None:
+            many = artifact.kind in ("renders", "defended", "detections")
+            title = kind.doing if many else f"{kind.doing}, {artifact.label}"
+            self.seconds[title] = round(self.seconds.get(title, 0.0) + seconds_spent(folder), 2)
 
     def _folder(self, artifact: Artifact) -> Path:
         found = self._find(artifact)
