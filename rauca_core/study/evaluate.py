@@ -267,16 +267,16 @@ class _Run:
 
     def entry(self, camouflages: Mapping[str, Path], resamples: int) -> Entry:
         """Compute results from what was found, and write them."""
-        place, vehicle, find = self.place, self.place.vehicle, self.engine.store.place
+        place, vehicle, engine = self.place, self.place.vehicle, self.engine
         home = self.out / vehicle.name / plain_label(place.name)
         link(home / "views", self.folder)
         for paint in camouflages:
-            link(home / "renders" / paint, find(self.images[paint]))
+            link(home / "renders" / paint, engine.make(self.images[paint])[0])
         folder = home / re.sub(r"[^A-Za-z0-9.]+", "-", self.defence.name)
-        ((*pictures,), dataset) = self.engine.make(*self.seen().values()), Dataset(self.folder)
+        ((*pictures,), dataset) = engine.make(*self.seen().values()), Dataset(self.folder)
         paints = {paint: pictures_in(one, self.frames) for paint, one in zip(self.images, pictures, strict=True)}
         caches = {
-            paint: {name: detections_in(one, self.engine.make(one)[0]) for name, one in some.items()}
+            paint: {name: detections_in(one, engine.make(one)[0]) for name, one in some.items()}
             for paint, some in self.detections().items()
         }
         wanted = set(place.views.options["frames"])

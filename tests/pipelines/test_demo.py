@@ -62,6 +62,7 @@ def test_an_evaluation_on_the_demos_folder_renders_nothing(tmp_path: Path, drawn
     assert done.exit_code == 0, done.output
     assert dict(drawn_blender.frames) == before
     assert not (tmp_path / "study" / "store").exists()
+    assert len(list((tmp_path / "study" / "sedan" / "held-out" / "renders" / "rauca").glob("*.png"))) == 6
     (again,), (first,) = load_study(tmp_path / "study").entries, load_study(tmp_path / "run").entries
     for paint in ("normal", "rauca"):
         assert again.results.table[paint]["yolov3-tiny"] == first.results.table[paint]["yolov3-tiny"]
