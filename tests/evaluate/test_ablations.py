@@ -22,8 +22,7 @@ from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
 from rauca_core.runtime.images import read_image
-from rauca_core.study import measuring as measure
-from rauca_core.study import reference_images
+from rauca_core.study import measure, reference_images
 from rauca_core.study.ablate import Ablation
 from rauca_core.study.ablations import (
     DEFAULT,

@@ -10,8 +10,7 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
 from rauca_core.runtime.images import read_image
-from rauca_core.study import load_results, reference_images
-from rauca_core.study import measuring as measure
+from rauca_core.study import load_results, measure, reference_images
 from rauca_core.study.defences import Defence, make_defence
 
 

@@ -14,8 +14,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detections, Detector
 from rauca_core.runtime.images import read_image
-from rauca_core.study import DetectionSettings, Results, average_precision, load_results, reference_images
-from rauca_core.study import measuring as measure
+from rauca_core.study import DetectionSettings, Results, average_precision, load_results, measure, reference_images
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.results import AXES
 

@@ -28,8 +28,7 @@ from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_f
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
 from rauca_core.report.tradeoff_page import Measured
-from rauca_core.study import measuring as measure
-from rauca_core.study import reference_images
+from rauca_core.study import measure, reference_images
 from rauca_core.study.defences import make_defence
 from rauca_core.study.recorded import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
