@@ -64,14 +64,14 @@ def test_bfloat16_points_the_same_way(small_detector: Any) -> None:
     assert not torch.equal(full.gradient, half.gradient)
 
 
-def test_identity_tells_panels_apart(small_detector: Any) -> None:
+def test_identity_tells_ensembles_apart(small_detector: Any) -> None:
     both = [small_detector, Other(small_detector)]
     assert DetectorEnsemble(both, "car").identity == DetectorEnsemble(both, "car", [5, 5]).identity
     assert DetectorEnsemble(both, "car").identity != DetectorEnsemble(both, "car", [1, 2]).identity
     assert DetectorEnsemble(both, "car").name == "small+other"
 
 
-def test_bad_panels_are_refused(small_detector: Any) -> None:
+def test_bad_ensembles_are_refused(small_detector: Any) -> None:
     with pytest.raises(RaucaError, match="no detector"):
         DetectorEnsemble([], "car")
     with pytest.raises(RaucaError, match="2 for 1"):

@@ -25,7 +25,7 @@ TRUTH = torch.tensor([[2.0, 3.0, 12.0, 14.0], [0.0, 0.0, 8.0, 8.0]], dtype=torch
 BY_BOXES = [name for name in OBJECTIVES if name != "attention"]
 
 
-def sight(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tensor = TRUTH) -> Predicted:
+def predicted(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tensor = TRUTH) -> Predicted:
     found = DensePredictions(boxes, objectness, classes)
     return Predicted(found, truth, 1, detection_score(found, truth, 1))
 
@@ -42,7 +42,7 @@ def some_boxes() -> tuple[Tensor, Tensor, Tensor]:
 
 def test_values_by_hand() -> None:
     boxes, objectness, classes = some_boxes()
-    seen = sight(boxes, objectness, classes)
+    seen = predicted(boxes, objectness, classes)
     # ACTIVE: IoUs of the first picture are 90/130 and 72/132.5 > 0.5; the second box is the likelier one, as a boat.
     assert stealth(seen).tolist() == pytest.approx([-math.log(1 - 0.9 * 0.95), -math.log(1 - 0.2 * 0.6)], rel=1e-4)
     # DTA: the car's class only; the far box, though the likeliest, does not touch the vehicle.
@@ -55,7 +55,7 @@ def test_values_by_hand() -> None:
 @pytest.mark.parametrize("name", BY_BOXES)
 def test_gradient_by_finite_differences(name: Any) -> None:
     parts = tuple(t.requires_grad_() for t in some_boxes())
-    assert torch.autograd.gradcheck(lambda *given: OBJECTIVES[name](sight(*given)), parts)
+    assert torch.autograd.gradcheck(lambda *given: OBJECTIVES[name](predicted(*given)), parts)
 
 
 NO_BOXES = (torch.zeros(2, 0, 4), torch.zeros(2, 0), torch.zeros(2, 0, 2))
@@ -68,7 +68,7 @@ TURNED = (torch.tensor([9.0, 9, 1, 1]).expand(2, 3, 4), torch.ones(2, 3), torch.
 @pytest.mark.parametrize("name", BY_BOXES)
 def test_hard_boxes_have_finite_losses_and_gradients(name: Any, parts: tuple[Tensor, ...]) -> None:
     given = tuple(t.clone().requires_grad_() for t in parts)
-    loss = OBJECTIVES[name](sight(*given, truth=TRUTH.float()))
+    loss = OBJECTIVES[name](predicted(*given, truth=TRUTH.float()))
     assert loss.shape == (2,)
     assert torch.isfinite(loss).all()
     if parts is CERTAIN:
@@ -80,7 +80,7 @@ def test_hard_boxes_have_finite_losses_and_gradients(name: Any, parts: tuple[Ten
         assert all(t.grad is None or torch.isfinite(t.grad).all() for t in given)
 
 
-def test_panel_without_any_box_has_no_gradient(small_detector: Any) -> None:
+def test_ensemble_without_any_box_has_no_gradient(small_detector: Any) -> None:
     small_detector.dense = lambda images: DensePredictions(*(t[:1] for t in NO_BOXES))
     for name in BY_BOXES:
         found = DetectorEnsemble([small_detector], "car", objective=name).attack(
