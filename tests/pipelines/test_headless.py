@@ -123,7 +123,7 @@ def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_v
     (tmp_path / "dataset.json").write_text("{}")
     run = _Run(MakeDataset(tmp_path, None), taller, tmp_path / "draft", tmp_path / "job", lambda progress: None)
     with pytest.raises(RaucaError, match="holds a data set of another"):
-        run._claim(SimpleNamespace(claiming=contextlib.nullcontext))
+        run._claim(SimpleNamespace(shared_writing=contextlib.nullcontext))
     assert (tmp_path / "dataset.json").read_text() == "{}"
 
 
