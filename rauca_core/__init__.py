@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from .contract import Dataset, RaucaError
     from .dataset_tools import load_vehicle
     from .detect import load_detector
-    from .report import Study, evaluate, harden
-    from .study import make_dataset
+    from .report import Study, evaluate
+    from .study.datasets import make_dataset
+    from .study.harden import harden
 
 _HOMES = {
     "Dataset": "contract",
@@ -34,11 +35,11 @@ _HOMES = {
     "Renderer": "attack",
     "Study": "report",
     "evaluate": "report",
-    "harden": "report",
+    "harden": "study.harden",
     "load_camouflage": "attack:load_paint",
     "load_detector": "detect",
     "load_vehicle": "dataset_tools",
-    "make_dataset": "study",
+    "make_dataset": "study.datasets",
     "optimize": "attack",
 }
 """Of each public name: the room that it comes from, and what it is called there if that is another name."""
