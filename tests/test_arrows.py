@@ -36,13 +36,8 @@ def sources() -> dict[str, Path]:
 
 
 def imported(source: str, package: str) -> Iterator[str]:
-    """The dotted names that a module of ``package`` imports; a name from a package counts as its submodule first.
-
-    Left out is what a file does when it is run as a program: it is no module then that anyone could import.
-    """
-    tree = ast.parse(source)
-    tree.body = [node for node in tree.body if not _is_main_guard(node)]
-    for node in ast.walk(tree):
+    """The dotted names that a module of ``package`` imports; a name from a package counts as its submodule first."""
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -51,10 +46,6 @@ def imported(source: str, package: str) -> Iterator[str]:
             yield from (f"{base}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
             yield from (a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
-
-
-def _is_main_guard(node: ast.stmt) -> bool:
-    return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
 
 @cache
@@ -204,4 +195,5 @@ if __name__ == '__main__':
         "house.here.types.Only",
         "bpy",
         "hidden",
+        "house.here.cli.run",
     }
