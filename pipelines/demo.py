@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+import rauca_core as rauca
+
 from .console import command_line, console, progress_bars
 from .options import Blender, Device, RenderDevice, Slurm, executor_of
-from .report import write_study_report
 
 
 def demo(
@@ -38,4 +39,4 @@ def demo(
             on_progress=on_progress,
             command=command_line(),
         )
-    console.print(f"report: {write_study_report(out)}")
+    console.print(f"report: {rauca.Study.load(out).report(out / 'report.html')}")

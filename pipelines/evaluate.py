@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+import rauca_core as rauca
 from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output, progress_bars
@@ -81,14 +82,13 @@ def evaluate(
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.study.evaluate import RandomPaint
-    from rauca_core.study.evaluate import evaluate as run
 
     files = [path for path in given or () if path.suffix in (".json", ".png")]
     datasets = [path for path in given or () if path not in files]
     if datasets and weathers:
         raise RaucaError("--weathers: a data set brings its own weathers; drop one of the two")
     with progress_bars() as on_progress:
-        study = run(
+        study = rauca.evaluate(
             [*split_names(camouflage), *files],
             split_names(detectors),
             out=out,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+import rauca_core as rauca
+
 from .console import command_line, console, output, progress_bars
 from .options import Blender, RenderDevice, Slurm, executor_of
 
@@ -63,7 +65,6 @@ def harden(
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import HardeningNotes, write_hardening
-    from rauca_core.study.harden import harden as run
     from rauca_core.study.views import HeldOut
     from rauca_core.training.harden_settings import make_harden_settings
 
@@ -72,7 +73,7 @@ def harden(
         map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip
     with progress_bars() as on_progress:
-        found = run(
+        found = rauca.harden(
             detector,
             data,
             held_out,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rauca_core.contract import RaucaError
+import rauca_core as rauca
 
 from .console import console
 
@@ -19,23 +19,8 @@ def report(
 ) -> None:
     """Write STUDY/report.html, and its numbers as report.csv and report.json, from what STUDY holds."""
     from rauca_core.report import save_showcase
-    from rauca_core.study.study import load_study
 
-    console.print(f"report: {write_study_report(study, latex)}")
-    for path in save_showcase(load_study(study), pictures) if pictures else ():
+    found = rauca.Study.load(study)
+    console.print(f"report: {found.report(study / 'report.html', latex)}")
+    for path in save_showcase(found, pictures) if pictures else ():
         console.print(f"picture: {path}")
-
-
-def write_study_report(folder: Path, latex: bool = False) -> Path:
-    """Write the report into a study's folder; returns the page.
-
-    Raises:
-        RaucaError: the folder holds no study yet, or what it holds is damaged.
-    """
-    from rauca_core.report import ReportNotes, write_report
-    from rauca_core.study.study import FILE_NAME, load_study
-
-    if not (folder / FILE_NAME).is_file():
-        raise RaucaError(f"{folder}: has no {FILE_NAME}; run `rauca evaluate` or `rauca demo` first")
-    study = load_study(folder)
-    return write_report(study, folder / "report.html", ReportNotes(**study.notes), latex)[0]

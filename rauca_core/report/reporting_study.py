@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ParamSpec
 
+from ..contract import RaucaError
 from ..study import evaluate as evaluation
 from ..study import study as measured
 from .study_page import ReportNotes, write_report
@@ -25,6 +26,8 @@ class Study(measured.Study):
     @classmethod
     def load(cls, folder: Path | str) -> Study:
         """Read a study's folder; raises :class:`RaucaError` where there is none, or what it names is damaged."""
+        if not (Path(folder) / measured.FILE_NAME).is_file():
+            raise RaucaError(f"{folder}: has no {measured.FILE_NAME}; run `rauca evaluate` or `rauca demo` first")
         return cls._of(measured.load_study(Path(folder)))
 
     def report(self, path: Path | str = "report.html", latex: bool = False) -> Path:
