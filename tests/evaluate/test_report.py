@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipelines.report import write_study_report
+import rauca_core as rauca
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.reference import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
@@ -108,10 +108,10 @@ def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Det
 
 def test_another_process_in_another_folder_writes_the_same_bytes(study: Study, tmp_path: Path) -> None:
     """No date, no path, no order of a set gets in."""
-    write_study_report(tmp_path / "study", latex=True)
+    rauca.Study.load(tmp_path / "study").report(tmp_path / "study" / "report.html", latex=True)
     moved = tmp_path / "elsewhere"
     shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere", "report.*"))
-    code = "from pathlib import Path; from pipelines.report import write_study_report as w; w(Path('study'), True)"
+    code = "import rauca_core as rauca; rauca.Study.load('study').report('study/report.html', latex=True)"
     other = {"PYTHONHASHSEED": "3", "TZ": "Asia/Tokyo", "PYTHONPATH": str(Path(__file__).parents[2])}
     subprocess.run([sys.executable, "-c", code], cwd=moved, env={**os.environ, **other}, check=True, timeout=300)
     for suffix in (".html", ".csv", ".json", ".tex"):
@@ -183,11 +183,11 @@ def test_a_damaged_study_is_one_clear_error(study: Study, tmp_path: Path) -> Non
         whole = (folder / file).read_text()
         (folder / file).unlink() if content is None else (folder / file).write_text(content)
         with pytest.raises(RaucaError, match=re.escape(message)) as caught:
-            write_study_report(folder)
+            rauca.Study.load(folder).report(folder / "report.html")
         assert "\n" not in str(caught.value)
         (folder / file).write_text(whole)
     assert not list(folder.glob("report.*"))
-    assert write_study_report(folder).is_file()
+    assert rauca.Study.load(folder).report(folder / "report.html").is_file()
 
 
 def test_the_average_without_our_own_detectors_has_the_same_intervals(

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from pipelines.report import write_study_report
+import rauca_core as rauca
 from rauca_core.contract import Ring, Vehicle, load_camouflage
 from rauca_core.study.demo import DemoScale, demo
 from rauca_core.study.study import load_study
@@ -35,7 +35,7 @@ def test_the_demo_runs_resumes_and_reports(tmp_path: Path) -> None:
     published_weights(*STANDARD)
     out = tmp_path / "run"
     study = demo(out, scale=SMALL)
-    page = write_study_report(out).read_text()
+    page = rauca.Study.load(out).report(out / "report.html").read_text()
     for paint in ("normal", "random", "rauca"):
         assert paint in page
     results = study.entries[0].results
