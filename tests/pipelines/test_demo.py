@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipelines.cli import app
 import rauca_core as rauca
+from pipelines.cli import app
 from rauca_core.contract import Ring, Vehicle, load_camouflage
 from rauca_core.study.demo import DemoScale, demo
 from rauca_core.study.study import load_study
