@@ -66,7 +66,7 @@ def harden(
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import HardeningNotes, write_hardening
     from rauca_core.study.views import HeldOut
-    from rauca_core.training.harden_settings import make_harden_settings
+    from rauca_core.training.settings import make_harden_settings
 
     settings = make_harden_settings(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,

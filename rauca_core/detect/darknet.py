@@ -124,11 +124,6 @@ class DarknetDetector(SinglePassDetector):
         settings = f"{hashlib.sha256(cfg.read_bytes()).hexdigest()} {weights_sha256} {size}{unusual_names(class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
-    def to(self, device: torch.device | str) -> DarknetDetector:
-        """Move the network to a device; returns self."""
-        self.network.to(device)
-        return self
-
     def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)
         found: DensePredictions = self.network(box.fit(images))

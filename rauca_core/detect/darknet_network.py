@@ -103,17 +103,6 @@ class Shortcut(nn.Module):
         return activate(inputs[0] + inputs[1], self.activation)
 
 
-class Upsample(nn.Module):
-    """(B, C, H, W) -> (B, C, s*H, s*W), nearest neighbor."""
-
-    def __init__(self, stride: int) -> None:
-        super().__init__()
-        self.stride = stride
-
-    def forward(self, x: Tensor) -> Tensor:
-        return functional.interpolate(x, scale_factor=float(self.stride), mode="nearest")
-
-
 # A box cannot be exp(8) = 2981 times its anchor; beyond, exp() would reach infinity and its gradient NaN.
 MAX_LOG_SIZE = 8.0
 
@@ -299,7 +288,7 @@ class _Builder:
     def _upsample(self, section: Section) -> nn.Module:
         stride = section.integer("stride", 2, 1, 32)
         self._next_scale = self.scales[-1] / stride
-        return Upsample(stride)
+        return nn.Upsample(scale_factor=stride, mode="nearest")
 
     def _yolo(self, section: Section) -> nn.Module:
         anchors = self._anchors(section)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Self
 
 import torch
 from torch import Tensor, nn
@@ -102,6 +103,12 @@ class SinglePassDetector(ABC):
     name: str
     network: nn.Module | None
 
+    def to(self, device: torch.device | str) -> Self:
+        """Move the network to a device; returns self."""
+        if self.network is not None:
+            self.network.to(device)
+        return self
+
     @abstractmethod
     def _predict(self, images: Tensor) -> DensePredictions:
         """Predictions in checked sRGB images (B, 3, H, W) of the network's type, boxes in their pixels."""
@@ -110,7 +117,7 @@ class SinglePassDetector(ABC):
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
         return self._predict(self._checked(images))
 
-    @torch.inference_mode()
+    @torch.no_grad()  # not inference_mode: a network may keep tables for the next call, dense's perhaps
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)

@@ -27,7 +27,7 @@ class OnnxDetector(SinglePassDetector):
 
     Where a gradient is wanted the graph runs in torch, converted by onnx2torch; on the CPU without one it runs in
     onnxruntime, several times as fast. The two are compared when the graph is loaded. A graph that cannot be converted
-    is not ``differentiable``: :meth:`dense` refuses images that want a gradient.
+    is not ``differentiable``: :meth:`dense` refuses images that want a gradient, and it stays on the CPU.
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
@@ -74,12 +74,6 @@ class OnnxDetector(SinglePassDetector):
     @property
     def differentiable(self) -> bool:
         return self.network is not None
-
-    def to(self, device: torch.device | str) -> OnnxDetector:
-        """Move the network to a device; returns self. A graph that is not differentiable stays on the CPU."""
-        if self.network is not None:
-            self.network.to(device)
-        return self
 
     def dense(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images`` if ``differentiable``."""

@@ -20,7 +20,7 @@ from ..contract.files import file_digest
 from ..detect import load_detector
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
-from ..training.harden_settings import HardenSettings, make_harden_settings
+from ..training.settings import HardenSettings, make_harden_settings
 from . import recipes
 from .contestants import (
     NORMAL,

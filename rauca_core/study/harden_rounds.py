@@ -12,7 +12,7 @@ from ..contract.seeding import named_seed
 from ..detect import Detector
 from ..runtime.checkpoint_files import POINTER
 from ..training.harden import RECORD, Hardening, HardenReport, harden
-from ..training.harden_settings import HardenSettings, make_harden_settings
+from ..training.settings import HardenSettings, make_harden_settings
 from ..training.measure import Judged
 from .average_precision import Sample, average_precision
 from .job import Machine

@@ -22,8 +22,7 @@ from ..contract.color import srgb_to_linear
 from ..environment.frames import LightFrames
 from ..render import MipmappedTexture, Pyramid, TapCache, TapSettings
 from ..runtime.images import read_image
-from .paint import draw_color
-from .samples import Samples
+from .samples import Samples, draw_color
 
 VARIED = 0.5  # share of camouflages that are shown in other colors
 FADED = 0.5  # and of these, blended with a plain paint

@@ -30,10 +30,10 @@ from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
-from .harden_settings import HardenSettings
 from .loop import RoundReport
 from .measure import ALL, CAR, Findings, Score, measure
 from .origin import Origin, origin_of
+from .settings import HardenSettings
 
 FORMAT = ("rauca-hardening", 1)
 RECORD = "hardening.json"

@@ -8,8 +8,10 @@ import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import DarknetDetector, canonical, class_index, class_list, find_class
+from rauca_core.detect.catalogue import SOURCES
 from rauca_core.detect.classes import GAP, unusual_names
-from rauca_core.detect.synth import read_card, shipped_weights
+from rauca_core.detect.synth import read_card
+from rauca_core.detect.weights import shipped_path
 
 DARKNET = ("aeroplane", "motorbike", "diningtable", "sofa", "pottedplant", "tvmonitor")
 COCO = ("airplane", "motorcycle", "dining table", "couch", "potted plant", "tv")
@@ -33,7 +35,7 @@ def test_published_numbers() -> None:
 def test_fingerprints_of_named_networks_are_those_of_before() -> None:
     """Results lie under them: lists that are always the same are left out."""
     for name in ("frcnn-synth", "detr-synth"):
-        assert unusual_names(read_card(shipped_weights(name).with_suffix(".json"))[0].class_names) == ""
+        assert unusual_names(read_card(shipped_path(SOURCES[name]).with_suffix(".json"))[0].class_names) == ""
     eighty = class_list("coco-80")
     assert unusual_names(eighty) == ""
     assert len({unusual_names(names) for names in (eighty[::-1], ("car",), ("car", "van"), ("car van",))}) == 4

@@ -28,8 +28,8 @@ from rauca_core.runtime.distributed import Processes
 from rauca_core.runtime.images import read_image
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
-from rauca_core.training.harden_settings import make_harden_settings
 from rauca_core.training.measure import Judged
+from rauca_core.training.settings import make_harden_settings
 from tests.pretend_device import DEVICE, PretendDevice
 
 torch.set_num_threads(1)

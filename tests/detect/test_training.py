@@ -37,8 +37,7 @@ from rauca_core.training import samples
 from rauca_core.training.detector import Job, train
 from rauca_core.training.fit import Fit, fit
 from rauca_core.training.measure import Findings, Judged, measure
-from rauca_core.training.paint import draw_color, draw_paint
-from rauca_core.training.samples import Samples
+from rauca_core.training.samples import Samples, draw_color, draw_paint
 from rauca_core.training.settings import make_detector_settings
 from tests.pretend_device import DEVICE, PretendDevice
 

@@ -14,7 +14,9 @@ from torch import Tensor
 from rauca_core.contract import Camera, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import car_score, load_detector
-from rauca_core.detect.synth import load_synth, read_card, shipped_weights
+from rauca_core.detect.catalogue import SOURCES
+from rauca_core.detect.synth import read_card
+from rauca_core.detect.weights import shipped_path
 from rauca_core.environment.shading import plain_shading
 from rauca_core.runtime.images import read_image
 
@@ -28,7 +30,7 @@ SIDE = 160
 
 @cache
 def loaded(name: str) -> Any:
-    return load_synth(name)
+    return load_detector(name)
 
 
 @cache
@@ -49,7 +51,7 @@ def drawn(vehicle: str, azimuth: float = 40.0) -> tuple[Tensor, Tensor]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_cards_say_what_they_are(name):
-    path = shipped_weights(name)
+    path = shipped_path(SOURCES[name])
     card, _ = read_card(path.with_suffix(".json"))
     assert path.stat().st_size <= 20e6
     assert card.name == name
@@ -102,7 +104,7 @@ def check_gradient(total: Callable[[Tensor], Tensor]) -> None:
 
 
 def test_gradient_of_two_stage_for_given_proposals(monkeypatch):
-    network = load_synth("frcnn-synth").network.double()
+    network = load_detector("frcnn-synth").network.double()
     box = drawn("sedan")[1][0].double()
     proposals = [torch.stack([box, box + torch.tensor([-12.0, 4, 3, 9]), torch.tensor([5.0, 5, 60, 50])])]
     monkeypatch.setattr(network.rpn, "forward", lambda *arguments: (proposals, {}))
@@ -115,7 +117,7 @@ def test_gradient_of_two_stage_for_given_proposals(monkeypatch):
 
 
 def test_gradient_of_transformer_for_given_starts():
-    network = load_synth("detr-synth").network.double()
+    network = load_detector("detr-synth").network.double()
     fixed: dict[str, Tensor] = {}
 
     def hold(module: Any, arguments: Any, named: dict[str, Any]) -> tuple[Any, dict[str, Any]]:

@@ -6,7 +6,7 @@ Values between layers are named; a layer's value bears the layer's name. Images 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -222,16 +222,20 @@ def _module(layer: Layer, overwrite: bool) -> nn.Module:
             return _Affine(layer)
         case Activation():
             return _Activation(layer.kind, overwrite)
-        case Permute():
-            return _Permute(layer.order)
-        case Reshape():
-            return _Reshape(layer.shape)
-        case Concat():
-            return _Concat(layer.axis)
         case Softmax():
             return nn.Softmax(layer.axis)
-        case Sum() | Product() | Mean():
-            return _SIMPLE[type(layer)]()
+        case Permute(order=order):
+            return _Function(lambda x: x.permute(order))
+        case Reshape(shape=shape):
+            return _Function(lambda x: x.reshape([extent or x.shape[axis] for axis, extent in enumerate(shape)]))
+        case Concat(axis=axis):
+            return _Function(lambda *values: torch.cat(values, axis))
+        case Sum():
+            return _Function(torch.add)
+        case Product():
+            return _Function(torch.mul)
+        case Mean():
+            return _Function(lambda x: x.mean((2, 3), keepdim=True))
     raise TypeError(f"no module for {type(layer).__name__}")
 
 
@@ -295,46 +299,12 @@ class _Activation(nn.Module):
                 return x.sigmoid()
 
 
-class _Sum(nn.Module):
-    def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        return a + b
+class _Function(nn.Module):
+    """What has no parameters."""
 
-
-class _Product(nn.Module):
-    def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        return a * b
-
-
-class _Mean(nn.Module):
-    def forward(self, x: Tensor) -> Tensor:
-        return x.mean((2, 3), keepdim=True)
-
-
-class _Permute(nn.Module):
-    def __init__(self, order: tuple[int, ...]) -> None:
+    def __init__(self, function: Callable[..., Tensor]) -> None:
         super().__init__()
-        self.order = order
-
-    def forward(self, x: Tensor) -> Tensor:
-        return x.permute(self.order)
-
-
-class _Reshape(nn.Module):
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        super().__init__()
-        self.shape = shape
-
-    def forward(self, x: Tensor) -> Tensor:
-        return x.reshape([x.shape[axis] if extent == 0 else extent for axis, extent in enumerate(self.shape)])
-
-
-class _Concat(nn.Module):
-    def __init__(self, axis: int) -> None:
-        super().__init__()
-        self.axis = axis
+        self.function = function
 
     def forward(self, *values: Tensor) -> Tensor:
-        return torch.cat(values, self.axis)
-
-
-_SIMPLE: dict[type[Layer], type[nn.Module]] = {Sum: _Sum, Product: _Product, Mean: _Mean}
+        return self.function(*values)

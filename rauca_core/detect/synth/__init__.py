@@ -3,16 +3,14 @@
 Small, trained on this project's synthetic frames, and named as what they are (``frcnn-synth``, ``detr-synth``).
 """
 
-from .card import DetectorCard, SynthDetector, load_synth, load_weights, read_card, save_weights, shipped_weights
+from .card import DetectorCard, SynthDetector, load_weights, read_card, save_weights
 from .networks import RECIPES
 
 __all__ = [
     "RECIPES",
     "DetectorCard",
     "SynthDetector",
-    "load_synth",
     "load_weights",
     "read_card",
     "save_weights",
-    "shipped_weights",
 ]

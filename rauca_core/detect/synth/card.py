@@ -13,20 +13,19 @@ import torch
 from torch import Tensor, nn
 
 from ...contract import RaucaError
-from ...contract.assets import assets_folder
 from ...contract.schema import Fields, Record, read_json
 from ...runtime.carded_weights import read_carded, save_carded
 from ...runtime.checkpoint_files import TENSOR_DAMAGE
 from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names
-from ..interface import DensePredictions, Detections, check_images, in_type_of
+from ..interface import DensePredictions
 from ..letterbox import Letterbox
-from ..nms import clipped, detections
-from .networks import RECIPES, build_network, find_recipe, is_darknet, trainable
+from ..nms import SinglePassDetector
+from .networks import RECIPES, build_network, is_darknet, trainable
 
 
-class SynthDetector:
+class SynthDetector(SinglePassDetector):
     """A trained network behind :class:`rauca_core.detect.Detector`.
 
     Objectness is one everywhere: the class probabilities already say whether anything is there.
@@ -37,31 +36,19 @@ class SynthDetector:
         network: the differentiable module; its weights take no gradient.
     """
 
+    network: nn.Module
+
     def __init__(
         self, name: str, network: nn.Module, class_names: tuple[str, ...], size: int, fingerprint: str = ""
     ) -> None:
         self.name, self.class_names, self.size, self.fingerprint = name, class_names, size, fingerprint
         self.network = network
 
-    def to(self, device: torch.device | str) -> SynthDetector:
-        """Move the network to a device; returns self."""
-        self.network.to(device)
-        return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        check_images(self.name, images)
+    def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)
-        found = trainable(self.network).dense(box.fit(in_type_of(self.network, images)))
+        found = trainable(self.network).dense(box.fit(images))
         found.boxes = box.boxes_to_image(found.boxes)
         return found
-
-    @torch.no_grad()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        check_images(self.name, images, waits=images.device.type != "cpu")
-        found = detections(self.dense(images), score_threshold, iou_threshold)
-        return clipped(found, in_type_of(self.network, images))
 
 
 MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203
@@ -124,21 +111,6 @@ class DetectorCard(Record):
     def _check_whole(self, where: str) -> None:
         if self.called:  # files of detections bear it
             Fields({"called": self.called}, where).plain_name("called")
-
-
-def shipped_weights(name: str) -> Path:
-    """Where rauca brings the weights of that name."""
-    return assets_folder() / "detectors" / f"{name}.safetensors"
-
-
-def load_synth(name: str) -> SynthDetector:
-    """A detector of our own that rauca ships.
-
-    Raises:
-        RaucaError: unknown name, weights missing or damaged, ``rauca[detectors]`` not installed.
-    """
-    find_recipe(name)
-    return load_weights(shipped_weights(name))
 
 
 def save_weights(path: Path, network: nn.Module, card: DetectorCard) -> None:
