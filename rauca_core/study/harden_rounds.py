@@ -12,8 +12,8 @@ from ..contract.seeding import named_seed
 from ..detect import Detector
 from ..runtime.checkpoint_files import POINTER
 from ..training.harden import RECORD, Hardening, HardenReport, harden
-from ..training.settings import HardenSettings, make_harden_settings
 from ..training.measure import Judged
+from ..training.settings import HardenSettings, make_harden_settings
 from .average_precision import Sample, average_precision
 from .job import Machine
 

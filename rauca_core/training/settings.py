@@ -10,7 +10,6 @@ from ..contract.seeding import named_seed
 from ..runtime.settings import checked
 
 
-
 class DetectorSettings(BaseModel):
     """Settings of :func:`loop.train`.
 
