@@ -84,3 +84,19 @@ def test_names_hidden_by_a_module_of_the_same_name_are_in_the_reference() -> Non
         hidden += [(room.name, name) for name in names if f"::: rauca_core.{room.name}.{name}.{name}" not in page]
         assert room.name != "geometry" or "unwrap" in names
     assert not hidden
+
+
+def test_where_changes_belong_is_where_things_are() -> None:
+    """Every path in CONTRIBUTING.md exists; those without a top folder are of rauca_core or the add-on."""
+    named = set(re.findall(r"`([\w/.]+/[\w.]*)`", (ROOT / "CONTRIBUTING.md").read_text()))
+    assert len(named) > 30
+    tops = (
+        ROOT,
+        ROOT / "rauca_core",
+        ROOT / "rauca_core" / "detect",
+        ROOT / "rauca_core" / "render",
+        ROOT / "blender_addon",
+    )
+    built = {"site/", "study/", "naturalness/", "ablations/", "defences/"}
+    missing = [path for path in named - built if not any((top / path).exists() for top in tops)]
+    assert not missing
