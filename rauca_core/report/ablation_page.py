@@ -43,7 +43,7 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
         compared = [Section(tables[-1].title, [tables[-1], published_aside(paper)])]
     orderings = []
     if verdicts:
-        tables.append(_gaps(found, verdicts))
+        tables.append(_gaps(found, verdicts, base))
         orderings = [_orderings(found, verdicts, tables[-1])]
     sections = [
         *orderings,
@@ -135,13 +135,22 @@ def _orderings(found: Findings, verdicts: Sequence[Verdict], gaps: Table) -> Sec
     return Section("Orderings", [Bullets(lines), gaps], note)
 
 
-def _gaps(found: Findings, verdicts: Sequence[Verdict]) -> Table:
+def _gaps(found: Findings, verdicts: Sequence[Verdict], base: Path) -> Table:
     """What decides the verdicts: a row per pair, its gap over all views and those of parts."""
     comparisons = [(verdict, one) for verdict in verdicts for one in verdict.comparisons]
     scopes = unique(scope for _, one in comparisons for scope in one.by_scope)
+    entries = found.study.entries
+
+    def cell(gap: Estimate | None, scope: str = "") -> Cell | None:
+        """A gap leads to the results that it is computed from, if they are of one set of weathers."""
+        of = [entry for entry in entries if len(entries) == 1 or entry.weathers == scope]
+        if gap is None:
+            return None
+        return sourced(gap, of[0], base, "table") if of else Cell(gap.ap, gap.low, gap.high)
+
     rows = []
     for verdict, one in comparisons:
-        gaps = [_gap(one.gap), *(_gap(one.by_scope[scope]) if scope in one.by_scope else None for scope in scopes)]
+        gaps = [cell(one.gap), *(cell(one.by_scope.get(scope), scope) for scope in scopes)]
         told = Cell(found.titles[one.worse]), *gaps, Cell(one.outcome), Cell(verdict.claim.by)
         rows.append(Row(found.titles[one.better], told))
     names = ["gap, all views", *(f"gap, {scope}" for scope in scopes)]
@@ -151,10 +160,6 @@ def _gaps(found: Findings, verdicts: Sequence[Verdict]) -> Table:
         *(Column(name, kind="text") for name in ("outcome", "claim of")),
     )
     return listing("gaps", "lower AP claimed", columns, tuple(rows), "Orderings")
-
-
-def _gap(gap: Estimate) -> Cell:
-    return Cell(gap.ap, gap.low, gap.high)
 
 
 def _reading(found: Findings) -> str:
