@@ -4,7 +4,6 @@ from .ablation_page import write_ablation
 from .hardening_page import HardeningNotes, hardening_table, write_hardening
 from .reporting_study import Study, evaluate
 from .study_page import ReportNotes, save_showcase, write_report
-from .study_tables import frame_of
 from .tradeoff_page import Curve, measure_points, write_curve
 
 __all__ = [
@@ -13,7 +12,6 @@ __all__ = [
     "ReportNotes",
     "Study",
     "evaluate",
-    "frame_of",
     "hardening_table",
     "measure_points",
     "save_showcase",

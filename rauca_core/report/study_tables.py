@@ -1,11 +1,10 @@
-"""The tables of a study: by detector, by defence, by vehicle, along one parameter; and all of it as a data frame."""
+"""The tables of a study: by detector, by defence, by vehicle, along one parameter."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from ..contract import load_camouflage
 from ..study.defended import NO_DEFENCE
@@ -24,11 +23,6 @@ AXIS_TITLES = {
     "fog_density": "Fog density (CARLA, 0-100)",
 }
 _DEFENCES = {NO_DEFENCE: "No defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG", "bits": "Bit depth"}
-
-
-def frame_of(study: Study) -> Any:
-    """The study as a data frame, see :meth:`Study.table`."""
-    return study.table()
 
 
 def weathers_title(weathers: str) -> str:

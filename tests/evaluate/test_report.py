@@ -23,7 +23,7 @@ from rauca_core.attack.naturalness.reference import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
-from rauca_core.report import Curve, ReportNotes, frame_of, save_showcase, write_curve, write_report
+from rauca_core.report import Curve, ReportNotes, save_showcase, write_curve, write_report
 from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_frames, strongest_paint
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
@@ -278,7 +278,7 @@ def test_the_curve_of_a_tradeoff_shows_every_point(study: Study, detectors: list
 
 
 def test_a_study_as_a_data_frame(study: Study) -> None:
-    frame = frame_of(study)
+    frame = study.table()
     rows = frame if isinstance(frame, list) else frame.to_dict("records")
     assert len(rows) == sum(len(row) for entry in study.entries for row in entry.results.table.values())
     entry = study.entries[0]
