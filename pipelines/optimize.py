@@ -102,7 +102,7 @@ def optimize(
 ) -> None:
     """Optimize a camouflage UV map against one or several detectors."""
     from rauca_core.attack import make_settings
-    from rauca_core.study.contestants import read_vehicle_choice
+    from rauca_core.study.candidates import read_vehicle_choice
 
     settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
     if target is None:

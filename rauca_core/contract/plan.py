@@ -138,7 +138,7 @@ class Plan(Record):
         device: that renders it: ``cpu``, or a backend of Cycles with its GPUs, such as ``OPTIX: NVIDIA L4``.
     """
 
-    FORMAT = ("rauca-dataset", 2)
+    FORMAT = ("rauca-dataset", 3)
     name: str
     vehicle_name: str
     atlas_id: str

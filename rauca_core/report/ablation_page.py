@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..study.ablations.findings import Findings, Outcome, Scores, Verdict
-from ..study.contestants import NORMAL, RANDOM
+from ..study.candidates import NORMAL, RANDOM
 from ..study.families import in_table_order
 from ..study.results import MEAN, Estimate
 from ..study.study import Entry

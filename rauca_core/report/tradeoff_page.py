@@ -12,7 +12,7 @@ from ..attack.naturalness.granulometry import measure_patches
 from ..attack.naturalness.reference import Distance, distance_of_map
 from ..contract import load_camouflage, load_vehicle
 from ..runtime.images import read_image
-from ..study.contestants import NORMAL
+from ..study.candidates import NORMAL
 from ..study.recorded import Recorded
 from ..study.results import Estimate
 from ..study.study import Entry, Study

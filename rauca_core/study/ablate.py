@@ -20,7 +20,7 @@ from . import recipes
 from .ablations import DEFAULT, Experiment, Findings, Sizes, Variant, experiment_named
 from .ablations.training_sets import chosen_frames, training_set
 from .artifact import Artifact
-from .contestants import NORMAL, RANDOM, Contestant, VehicleChoice, find_vehicles
+from .candidates import NORMAL, RANDOM, Candidate, VehicleChoice, find_vehicles
 from .engine import Engine
 from .evaluate import Judges, RandomPaint, held_out_places, judge, keep_paints
 from .executors import Executor
@@ -164,9 +164,9 @@ def ablate(
     with alone_in(out):
         wanted = {label: asked.paint(variant, seed, label, white_boxes) for variant, seed, label in asked.repeats()}
         made = dict(zip(wanted, engine.make(*wanted.values()), strict=True))
-        contestants = [_contestant(label, folder / CAMOUFLAGE) for label, folder in made.items()]
+        candidates = [_candidate(label, folder / CAMOUFLAGE) for label, folder in made.items()]
         random = replace(RANDOM_PAINT, size=sizes.map_size)
-        paints = {body: keep_paints(engine, out, body, contestants, random)}
+        paints = {body: keep_paints(engine, out, body, candidates, random)}
         places = held_out_places([body], sets, sizes.views)
         study = judge(engine, out, places, paints, Judges(chosen, resamples=resamples), command)
     rows = {v.key: [label for variant, _, label in asked.repeats() if variant is v] for v in some}
@@ -176,5 +176,5 @@ def ablate(
     return Findings(experiment, tuple(some), study, of_rows, names, settings, asked.common(white_boxes), engine.seconds)
 
 
-def _contestant(label: str, path: Path) -> Contestant:
-    return Contestant(label, path, load_camouflage(path)[0])
+def _candidate(label: str, path: Path) -> Candidate:
+    return Candidate(label, path, load_camouflage(path)[0])

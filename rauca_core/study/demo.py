@@ -19,7 +19,7 @@ from ..runtime.folder_lock import alone_in
 from . import recipes
 from .agreement import FILE_NAME as AGREEMENT
 from .artifact import Artifact, plain_label
-from .contestants import RANDOM, find_vehicles, read_vehicle_choice
+from .candidates import RANDOM, find_vehicles, read_vehicle_choice
 from .engine import Engine
 from .evaluate import Judges, Place, judge
 from .executors import Executor
@@ -166,7 +166,7 @@ def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engi
             "held-out frames": f"{len(dataset.frames())}, another town and other cameras, rendered by Cycles",
             "weathers": ", ".join(weather.name for weather in plan.weathers),
             **{name: value for name, value in made.items() if isinstance(value, str | int | float)},
-            **_spoken(agreement),
+            **_described(agreement),
         },
         "commands": [
             f"rauca report {run}",
@@ -176,7 +176,7 @@ def _notes(out: Path, folders: Mapping[str, Path], agreement: Path, engine: Engi
     }
 
 
-def _spoken(agreement: Path) -> dict[str, str]:
+def _described(agreement: Path) -> dict[str, str]:
     """What the comparison of the two renderers found."""
     found = read_json(agreement)
     overlap = f"mean IoU {found.number('mean_iou'):.4f}, worst {found.number('worst_iou'):.4f}"

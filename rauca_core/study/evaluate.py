@@ -25,15 +25,15 @@ from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from . import recipes
 from .artifact import Artifact, digest_of, plain_label
-from .contestants import (
+from .candidates import (
     NORMAL,
     RANDOM,
-    Contestant,
+    Candidate,
     VehicleChoice,
     find_vehicles,
     keep_copy,
     match,
-    read_contestants,
+    read_candidates,
     read_vehicle_choice,
 )
 from .defences import Defence, make_defence
@@ -139,9 +139,9 @@ def evaluate(
     asked = _listed(defences)
     with tempfile.TemporaryDirectory(prefix="rauca-") as scratch:
         given = [_on_disk(paint, Path(scratch), i) for i, paint in enumerate(_listed(paints))]
-        contestants = read_contestants(given, (NORMAL,) if random is None else (NORMAL, RANDOM))
+        candidates = read_candidates(given, (NORMAL,) if random is None else (NORMAL, RANDOM))
         vehicles = _vehicles(_listed(vehicle), opened)
-        matched = match(contestants, vehicles, everyone=bool(vehicle or opened))
+        matched = match(candidates, vehicles, everyone=bool(vehicle or opened))
         if not matched:
             raise RaucaError("evaluate: nothing to evaluate; give camouflages, a data set or a --vehicle")
         named = {defence.name: defence for defence in map(make_defence, asked or [NO_DEFENCE])}
@@ -149,8 +149,8 @@ def evaluate(
         _distinct(opened)
         chosen = detectors_for(_listed(detectors), [one.category for one in matched], device)
         cache = user_cache()
-        folder = Path(out) if out is not None else cache / "studies" / _name_of(contestants, sets, held_out, asked)
-        paths = [*(dataset.folder for dataset in opened), *(contestant.path for contestant in contestants)]
+        folder = Path(out) if out is not None else cache / "studies" / _name_of(candidates, sets, held_out, asked)
+        paths = [*(dataset.folder for dataset in opened), *(candidate.path for candidate in candidates)]
         around = [place for path in paths for place in store_around(path)]
         kept = Store(store or (folder / "store" if out is not None else cache), [*around, cache])
         machine = Machine(device, threads, blender, render_device).with_detectors(
@@ -192,14 +192,14 @@ def given_places(datasets: Sequence[Dataset], vehicles: Iterable[VehicleChoice],
 
 
 def keep_paints(
-    engine: Engine, out: Path, vehicle: VehicleChoice, contestants: Sequence[Contestant], random: RandomPaint | None
+    engine: Engine, out: Path, vehicle: VehicleChoice, candidates: Sequence[Candidate], random: RandomPaint | None
 ) -> dict[str, Path]:
     """A study's own copies of a vehicle's camouflages by label, random paint first."""
-    some = list(contestants)
+    some = list(candidates)
     if random is not None:
         body = recipes.vehicle_in(vehicle.folder)
         (folder,) = engine.make(recipes.random_paint(body, random.size, random.seed, random.cell))
-        some.insert(0, Contestant(RANDOM, folder / CAMOUFLAGE, load_camouflage(folder / CAMOUFLAGE)[0]))
+        some.insert(0, Candidate(RANDOM, folder / CAMOUFLAGE, load_camouflage(folder / CAMOUFLAGE)[0]))
     return {one.label: keep_copy(one, out / "camouflages" / vehicle.name) for one in some}
 
 
@@ -319,7 +319,7 @@ def _distinct(datasets: Sequence[Dataset]) -> None:
 
 
 def _on_disk(paint: AnyPaint, scratch: Path, number: int) -> str:
-    """A camouflage as `read_contestants` takes it."""
+    """A camouflage as `read_candidates` takes it."""
     if not isinstance(paint, Paint):
         return str(paint)
     return str(paint.path or paint.save(scratch / str(number) / "camouflage.json"))
@@ -330,7 +330,7 @@ def _listed(given: Any) -> list[Any]:
     return list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
 
 
-def _name_of(contestants: Sequence[Contestant], sets: Sequence[str], held_out: HeldOut, defences: Sequence[str]) -> str:
+def _name_of(candidates: Sequence[Candidate], sets: Sequence[str], held_out: HeldOut, defences: Sequence[str]) -> str:
     """Of a study without a folder: the same question comes back to the same one."""
-    maps = [recipes.camouflage_in(one.path, one.label).digest for one in contestants]
+    maps = [recipes.camouflage_in(one.path, one.label).digest for one in candidates]
     return digest_of([maps, list(sets), asdict(held_out), list(defences)])

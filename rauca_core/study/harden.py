@@ -22,13 +22,13 @@ from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
 from ..training.settings import HardenSettings, make_harden_settings
 from . import recipes
-from .contestants import (
+from .candidates import (
     NORMAL,
     RANDOM,
-    Contestant,
+    Candidate,
     VehicleChoice,
     match,
-    read_contestants,
+    read_candidates,
     read_vehicle_choice,
 )
 from .engine import Engine
@@ -106,8 +106,8 @@ def harden(
     data, opened, sets = [Path(one) for one in datasets], [Dataset(Path(one)) for one in views], weather_sets(weathers)
     if len({one.folder.absolute().name for one in opened}) != len(opened):
         raise RaucaError("--views: two folders of one name; results are told apart by it, rename one")
-    contestants = _contestants(held_out)
-    matched = _vehicles(contestants, data, opened)
+    candidates = _candidates(held_out)
+    matched = _vehicles(candidates, data, opened)
     atlases = {vehicle.atlas_id for vehicle in matched}
     options = {
         "detector": detector, "datasets": [str(one.absolute()) for one in data],
@@ -116,14 +116,14 @@ def harden(
         "settings": chosen.model_dump(mode="json"), "command": command,
     }  # fmt: skip
     machine = Machine(device, chosen.threads, blender, render_device)
-    _refuse_trained(contestants, [Path(one) for one in camouflages])
+    _refuse_trained(candidates, [Path(one) for one in camouflages])
     recipe = recipes.hardened(detector, data, identity_of(hardening(options, out, machine)), options)
     around = [place for one in (*data, *(d.folder for d in opened)) for place in store_around(one)]
     engine = Engine(Store(out / "store", [*around, user_cache()]), machine, on_progress, executor)
     with alone_in(out):
-        _refuse_trained(contestants, engine.store.place(recipe).glob("round-*/attack/camouflage.json"))
+        _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/camouflage.json"))
         (folder,) = engine.make(recipe)
-        _refuse_trained(contestants, folder.glob("round-*/attack/camouflage.json"))
+        _refuse_trained(candidates, folder.glob("round-*/attack/camouflage.json"))
         weights = next(folder.glob("hardened-*.safetensors"))
         for made in (weights, weights.with_suffix(".json")):
             link(out / made.name, made)
@@ -146,37 +146,37 @@ def harden(
     gains = [gains_of(entry, before, after, labels[entry.vehicle]) for entry in study.entries]
     others = [one.path for some in adaptive.values() for one in some]
     facts = _facts(detector, data, [Path(one) for one in camouflages], chosen, adaptive_steps)
-    return Hardened(out / weights.name, before, after, study, gains, _made(contestants, others), facts)
+    return Hardened(out / weights.name, before, after, study, gains, _made(candidates, others), facts)
 
 
-def _contestants(held_out: Sequence[Path | str]) -> list[Contestant]:
-    contestants = read_contestants(list(map(str, held_out)), RESERVED)
-    if not contestants:
+def _candidates(held_out: Sequence[Path | str]) -> list[Candidate]:
+    candidates = read_candidates(list(map(str, held_out)), RESERVED)
+    if not candidates:
         raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
-    return contestants
+    return candidates
 
 
-def _refuse_trained(contestants: Sequence[Contestant], trained: Iterable[Path]) -> None:
+def _refuse_trained(candidates: Sequence[Candidate], trained: Iterable[Path]) -> None:
     """Refuse to judge by a camouflage that is trained on."""
     known = {file_digest(load_camouflage(path)[1]): path for path in trained}
-    for contestant in contestants:
-        if path := known.get(file_digest(contestant.path.with_suffix(".png"))):
-            raise RaucaError(f"{contestant.path}: the same UV map as {path}; what is trained on cannot be held out")
+    for candidate in candidates:
+        if path := known.get(file_digest(candidate.path.with_suffix(".png"))):
+            raise RaucaError(f"{candidate.path}: the same UV map as {path}; what is trained on cannot be held out")
 
 
 def _vehicles(
-    contestants: Sequence[Contestant], data: Sequence[Path], views: Sequence[Dataset]
-) -> Mapping[VehicleChoice, list[Contestant]]:
+    candidates: Sequence[Candidate], data: Sequence[Path], views: Sequence[Dataset]
+) -> Mapping[VehicleChoice, list[Candidate]]:
     """The vehicles of the held-out camouflages, each with a data set to train on."""
     first = {read_plan(folder).atlas_id: Dataset(folder).vehicle_folder for folder in reversed(data)}
-    for contestant in contestants:
-        record = contestant.record
+    for candidate in candidates:
+        record = candidate.record
         if record.atlas_id not in first:
             raise RaucaError(
-                f"{contestant.path}: made for {record.vehicle_name} (UV atlas {record.atlas_id}), which no data set "
+                f"{candidate.path}: made for {record.vehicle_name} (UV atlas {record.atlas_id}), which no data set "
                 "shows; add one of that vehicle with --data"
             )
-    chosen = match(contestants, [read_vehicle_choice(folder) for folder in first.values()], everyone=False)
+    chosen = match(candidates, [read_vehicle_choice(folder) for folder in first.values()], everyone=False)
     atlases = {vehicle.atlas_id for vehicle in chosen}
     for dataset in views:
         if dataset.plan.atlas_id not in atlases:
@@ -194,7 +194,7 @@ def _adaptive(
     settings: HardenSettings,
     steps: int,
     hardened: Chosen,
-) -> dict[VehicleChoice, list[Contestant]]:
+) -> dict[VehicleChoice, list[Candidate]]:
     """A camouflage against the result for each vehicle."""
     asked = attack_settings(settings, ADAPTIVE, steps, ADAPTIVE, engine.store.folder / "taps")
     firsts = {one: next(d for d in data if read_plan(d).atlas_id == one.atlas_id) for one in vehicles}
@@ -202,14 +202,14 @@ def _adaptive(
     made = {}
     for vehicle, folder in zip(firsts, engine.make(*paints), strict=True):
         link(out / ADAPTIVE / vehicle.name, folder)
-        made[vehicle] = [Contestant(ADAPTIVE, folder / CAMOUFLAGE, load_camouflage(folder / CAMOUFLAGE)[0])]
+        made[vehicle] = [Candidate(ADAPTIVE, folder / CAMOUFLAGE, load_camouflage(folder / CAMOUFLAGE)[0])]
     return made
 
 
-def _made(contestants: Sequence[Contestant], adaptive: Sequence[Path]) -> dict[str, str]:
+def _made(candidates: Sequence[Candidate], adaptive: Sequence[Path]) -> dict[str, str]:
     """How each paint was made, for the report."""
     made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimized against nothing"}
-    made |= {one.label: f"held out; {_origin(one.path)}" for one in contestants}
+    made |= {one.label: f"held out; {_origin(one.path)}" for one in candidates}
     if adaptive:
         made[ADAPTIVE] = f"made after hardening; {_origin(adaptive[0])}"
     return made

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .contestants import NORMAL
+from .candidates import NORMAL
 from .recorded import Recorded
 from .results import Estimate
 from .scores import Curve, estimate

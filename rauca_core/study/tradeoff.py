@@ -19,7 +19,7 @@ from ..contract import Dataset
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from . import recipes
-from .contestants import read_contestants, read_vehicle_choice
+from .candidates import read_candidates, read_vehicle_choice
 from .engine import Engine
 from .evaluate import Judges, held_out_places, judge, keep_paints
 from .executors import Executor
@@ -157,8 +157,8 @@ def tradeoff(
             link(out / "points" / label, folder)
         made = {label: folder / CAMOUFLAGE for label, folder in folders.items()}
         held_out = HeldOut(size.frames, size=size.size, samples=size.samples)
-        contestants = read_contestants([f"{label}={path}" for label, path in made.items()])
-        worn = {vehicle: keep_paints(engine, out / "study", vehicle, contestants, None)}
+        candidates = read_candidates([f"{label}={path}" for label, path in made.items()])
+        worn = {vehicle: keep_paints(engine, out / "study", vehicle, candidates, None)}
         places = held_out_places([vehicle], sets, held_out)
         study = judge(engine, out / "study", places, worn, Judges(chosen), command)
     reference = next((p.natural for p in wanted if p.natural is not None and p.natural.reference), None)

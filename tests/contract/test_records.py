@@ -170,7 +170,7 @@ def test_a_folder_keeps_to_one_plan(tmp_path):
         claim_folder(tmp_path, replace(PLAN, size=64, seed=8))
 
 
-@pytest.mark.parametrize(("version", "remedy"), [(99, "update rauca"), (1, "make it again in another folder")])
+@pytest.mark.parametrize(("version", "remedy"), [(99, "update rauca"), (2, "make it again in another folder")])
 def test_a_dataset_of_another_version_is_refused(tmp_path, version, remedy):
     claim_folder(tmp_path, PLAN)
     path = tmp_path / "dataset.json"

@@ -37,7 +37,7 @@ from rauca_core.study.ablations import (
 from rauca_core.study.ablations.findings import Comparison, Scores, Verdict, judge, score_rows
 from rauca_core.study.ablations.training_sets import TRAINING_SETS, chosen_frames
 from rauca_core.study.average_precision import Sample
-from rauca_core.study.contestants import Contestant, find_vehicles, keep_copy
+from rauca_core.study.candidates import Candidate, find_vehicles, keep_copy
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
 from rauca_core.study.scores import Bootstrap, score_table
@@ -228,7 +228,7 @@ def test_the_page_holds_the_table_the_papers_and_every_picture(
     paints = {"normal": reference_images(views), "random": scene.noise, "with-roa": scene.noise}
     results = measure(views, paints, detectors, out / "seen", resamples=50)
     record = load_camouflage(scene.camouflage)[0]
-    named = {n: keep_copy(Contestant(n, scene.camouflage, record), out) for n in ("random", "with-roa")}
+    named = {n: keep_copy(Candidate(n, scene.camouflage, record), out) for n in ("random", "with-roa")}
     entry = Entry("seen", "none", "box", "car", results, out / "seen", views.folder, named)
     experiment = experiment_named("augmentation")
     found = Findings(

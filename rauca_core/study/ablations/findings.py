@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract.seeding import named_rng
-from ..contestants import NORMAL, RANDOM
+from ..candidates import NORMAL, RANDOM
 from ..families import is_own
 from ..recorded import Recorded
 from ..results import Estimate

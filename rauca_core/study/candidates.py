@@ -18,7 +18,7 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+ -]*")  # it names folders and tab
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Candidate:
     """A camouflage under the label it has in tables; ``path`` is its JSON."""
 
     label: str
@@ -41,26 +41,26 @@ class VehicleChoice:
         return "car" if self.category == "shape" else self.category
 
 
-def read_contestants(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) -> list[Contestant]:
+def read_candidates(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) -> list[Candidate]:
     """Read camouflages given as ``FILE`` or ``LABEL=FILE`` (JSON or PNG path).
 
     Raises:
         RaucaError: a missing or damaged file, a map of another size than its JSON says, a label that is reserved or
             cannot name a folder, two of one label on the same vehicle.
     """
-    contestants = [_read(one) for one in given]
-    seen: dict[tuple[str, str], Contestant] = {}
-    for contestant in contestants:
-        label, path = contestant.label, contestant.path
+    candidates = [_read(one) for one in given]
+    seen: dict[tuple[str, str], Candidate] = {}
+    for candidate in candidates:
+        label, path = candidate.label, candidate.path
         if label.lower() in set(reserved) or not _LABEL.fullmatch(label):
             raise RaucaError(f"{path}: cannot be called {label!r} in a study; name it: LABEL={path}")
-        twin = seen.setdefault((contestant.record.atlas_id, label), contestant)
-        if twin is not contestant:
+        twin = seen.setdefault((candidate.record.atlas_id, label), candidate)
+        if twin is not candidate:
             raise RaucaError(f"{path}: called {label!r} as {twin.path} is; name one: LABEL={path}")
-    return contestants
+    return candidates
 
 
-def _read(given: str) -> Contestant:
+def _read(given: str) -> Candidate:
     label, equals, path = given.partition("=")
     if not equals or Path(given).exists():
         label, path = "", given
@@ -70,7 +70,7 @@ def _read(given: str) -> Contestant:
         raise RaucaError(
             f"{image}: is {width}x{height}, its .json says {record.size}x{record.size}; keep the two files together"
         )
-    return Contestant(label or record.name, Path(path).with_suffix(".json"), record)
+    return Candidate(label or record.name, Path(path).with_suffix(".json"), record)
 
 
 def find_vehicles(names: Sequence[str]) -> list[VehicleChoice]:
@@ -99,8 +99,8 @@ def read_vehicle_choice(folder: Path) -> VehicleChoice:
 
 
 def match(
-    contestants: Sequence[Contestant], vehicles: Sequence[VehicleChoice], everyone: bool
-) -> Mapping[VehicleChoice, list[Contestant]]:
+    candidates: Sequence[Candidate], vehicles: Sequence[VehicleChoice], everyone: bool
+) -> Mapping[VehicleChoice, list[Candidate]]:
     """Which camouflages each vehicle is evaluated in.
 
     Args:
@@ -110,16 +110,16 @@ def match(
         RaucaError: a camouflage that fits none of the vehicles, two vehicles of one name.
     """
     by_atlas = {vehicle.atlas_id: vehicle for vehicle in vehicles}
-    matched: dict[VehicleChoice, list[Contestant]] = {vehicle: [] for vehicle in vehicles}
-    for contestant in contestants:
-        record = contestant.record
+    matched: dict[VehicleChoice, list[Candidate]] = {vehicle: [] for vehicle in vehicles}
+    for candidate in candidates:
+        record = candidate.record
         if record.atlas_id not in by_atlas:
             known = ", ".join(f"{v.name} ({v.atlas_id})" for v in vehicles)
             raise RaucaError(
-                f"{contestant.path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, there are {known}; "
+                f"{candidate.path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, there are {known}; "
                 "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimized on"
             )
-        matched[by_atlas[record.atlas_id]].append(contestant)
+        matched[by_atlas[record.atlas_id]].append(candidate)
     result = {vehicle: some for vehicle, some in matched.items() if some or everyone}
     names = [vehicle.name for vehicle in result]
     if twice := {name for name in names if names.count(name) > 1}:
@@ -127,11 +127,11 @@ def match(
     return result
 
 
-def keep_copy(contestant: Contestant, folder: Path) -> Path:
+def keep_copy(candidate: Candidate, folder: Path) -> Path:
     """Copy a camouflage to ``folder/<label>.json`` under its label, so that a study holds what it judged."""
-    target = folder / f"{contestant.label}.json"
-    record, image = load_camouflage(contestant.path)
-    record, png = replace(record, name=contestant.label), image.read_bytes()
+    target = folder / f"{candidate.label}.json"
+    record, image = load_camouflage(candidate.path)
+    record, png = replace(record, name=candidate.label), image.read_bytes()
     if not _is_copy(target, record, png):
         save_camouflage(target, record, png)
     return target
