@@ -130,9 +130,10 @@ def run_task(
     """
     with alone_in(run.out) if processes.is_main else contextlib.nullcontext():
         started = (run.out / CHECKPOINTS / POINTER).is_file()
-        if started != resume:
-            hint = "resume it or choose another folder" if started else "start it without resuming"
-            raise RaucaError(f"{run.out}: holds {'a' if started else 'no'} training with checkpoints; {hint}")
+        # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
+        if processes.any(processes.is_main and started != resume):
+            hint = "start it without resuming" if resume else "resume it or choose another folder"
+            raise RaucaError(f"{run.out}: holds {'no' if resume else 'a'} training with checkpoints; {hint}")
         keep_large_blocks()
         with threads(run.threads), stop_request() as stop:
             return _Loop(task, run, on_round, on_step, processes).run(resume, stop)
