@@ -22,6 +22,7 @@ from ..contract import (
     save_camouflage,
 )
 from ..contract.files import png_bytes, sweep_partials
+from ..contract.vehicle import target_class
 from ..detect import Detector, load_detector
 from ..render import Pyramid
 from ..runtime.checkpoint_files import POINTER, differences
@@ -78,7 +79,7 @@ def optimize(
         RaucaError: see :func:`run_optimization`; an unknown method, detector or setting.
     """
     dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
-    settings.setdefault("target", _target_of(dataset))
+    settings.setdefault("target", target_class(load_vehicle(dataset.vehicle_folder, read_image).category))
     chosen = make_settings(**settings_of(method, **settings, steps=steps))
     loaded = [load_detector(d, chosen.detector_size, device) if isinstance(d, str) else d for d in detectors]
     processes = Processes(0, 1, find_device(device))
@@ -86,12 +87,6 @@ def optimize(
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, processes=processes)
         made = load_paint(path)
         return replace(made, history=read_history(path.parent), path=None if out is None else path)
-
-
-def _target_of(dataset: Dataset) -> str:
-    """The class that detectors know the data set's vehicle by; a plain shape's, which none knows, is a car's."""
-    category = load_vehicle(dataset.vehicle_folder, read_image).category
-    return "car" if category == "shape" else category
 
 
 def run_optimization(

@@ -51,6 +51,11 @@ _LAST_DIGITS = 1e-5
 KINDS = ("paint", "glass", "trim", "tyre", "rim", "headlamp", "taillamp", "plate", "other")
 
 
+def target_class(category: str) -> str:
+    """The class that a camouflage hides a vehicle from; of a plain shape, which is in no detector's list, a car's."""
+    return "car" if category == "shape" else category
+
+
 @dataclass(frozen=True)
 class Material(Record):
     """How a part of the vehicle looks when it is not camouflage.

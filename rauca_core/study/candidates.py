@@ -10,6 +10,7 @@ from pathlib import Path
 from ..contract import Camouflage, RaucaError, load_camouflage, save_camouflage
 from ..contract.assets import assets_folder
 from ..contract.schema import read_json
+from ..contract.vehicle import target_class
 from ..runtime.images import read_image
 
 NORMAL = "normal"  # the vehicle in its reference paint
@@ -37,8 +38,8 @@ class VehicleChoice:
 
     @property
     def target(self) -> str:
-        """The class that a camouflage hides it from; of a plain shape, which is in no detector's list, a car's."""
-        return "car" if self.category == "shape" else self.category
+        """The class that a camouflage hides it from."""
+        return target_class(self.category)
 
 
 def read_candidates(given: Iterable[str], reserved: Iterable[str] = (NORMAL,)) -> list[Candidate]:
