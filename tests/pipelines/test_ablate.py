@@ -16,8 +16,8 @@ from rauca_core.contract.assets import assets_folder
 from rauca_core.detect.load import resolve
 from rauca_core.study.artifact import read_recipe
 from rauca_core.study.study import load_study
-from tests.evaluate.drawn_blender import DrawnBlender, drawn_blender
 from tests.published import published_weights
+from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
 __all__ = ["drawn_blender"]
 SMALL = ["--frames", 8, "--held-out", 2, "--size", 64, "--samples", 1, "--steps", 2, "--batch", 2, "--map-size", 64]

@@ -14,8 +14,8 @@ from pipelines.cli import app
 from rauca_core.contract import Ring, Vehicle, load_camouflage
 from rauca_core.study.demo import DemoScale, demo
 from rauca_core.study.study import load_study
-from tests.evaluate.drawn_blender import DrawnBlender, drawn_blender
 from tests.published import published_weights
+from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
 __all__ = ["drawn_blender"]
 SMALL = DemoScale(

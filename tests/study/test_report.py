@@ -32,7 +32,7 @@ from rauca_core.study import measure, reference_images
 from rauca_core.study.defences import make_defence
 from rauca_core.study.recorded import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
-from tests.evaluate.page import whole_page
+from tests.study.page import whole_page
 
 HOSTILE = "<script>alert(1)</script>"
 COMMAND = "rauca evaluate --out <study> & more"

@@ -19,7 +19,7 @@ from rauca_core.report import HardeningNotes, write_hardening
 from rauca_core.study import measure
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.study import Entry
-from tests.evaluate.page import whole_page
+from tests.study.page import whole_page
 
 SIZE = 64
 RED, BLUE, GREEN = (220, 20, 20), (20, 20, 220), (20, 220, 20)

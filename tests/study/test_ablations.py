@@ -42,7 +42,7 @@ from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
 from rauca_core.study.scores import Bootstrap, score_table
 from rauca_core.study.study import Entry, Study, save_study
-from tests.evaluate.page import whole_page
+from tests.study.page import whole_page
 
 # The ablation of the study in this folder, by a process of its own.
 WRITE_AGAIN = """

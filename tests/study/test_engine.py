@@ -31,8 +31,8 @@ from rauca_core.study.job import Machine
 from rauca_core.study.kinds import KINDS
 from rauca_core.study.store import Store, kept_in, prune, store_around
 from tests.detect.conftest import write_random_weights
-from tests.evaluate.drawn_blender import DrawnBlender, drawn_blender
 from tests.faults.conftest import TINY
+from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
 __all__ = ["drawn_blender"]
 RING = Ring((40.0, 130.0), (12.0,), (7.0,))
