@@ -102,6 +102,18 @@ class MeshParts:
         self.polygons(material, points, mantle, smooth=sides > 6)
         self.polygons(material, points, [i[::-1], i + sides])
 
+    def ring(self, material: str, x: float, radius: float, tube: float) -> None:
+        """A smooth ring, as a tyre, in the plane y = 0, that rolls on z = 0."""
+        turns, sides = 20, 5
+        around, across = np.arange(turns) * 2 * math.pi / turns, np.arange(sides) * 2 * math.pi / sides
+        reach = radius - tube + tube * np.cos(across)
+        y = np.broadcast_to(tube * np.sin(across), (turns, sides))
+        points = np.stack([x + np.cos(around)[:, None] * reach, y, radius + np.sin(around)[:, None] * reach], axis=-1)
+        i = np.arange(turns * sides).reshape(turns, sides)
+        j, k = np.roll(i, -1, axis=0), np.roll(i, -1, axis=1)
+        faces = np.stack([i, j, np.roll(j, -1, axis=1), k], axis=-1).reshape(-1, 4)
+        self.polygons(material, points, faces, smooth=True)
+
     def extrusion(self, material: str, profile: ArrayLike, y0: float, y1: float) -> None:
         """A side view (N, 2), x and z in order around, drawn out across from ``y0`` to ``y1``."""
         outline = np.asarray(profile, float)
@@ -158,7 +170,7 @@ def turned(angle: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDAr
     return frame
 
 
-def pick(rng: np.random.Generator, names: tuple[str, ...]) -> str:
+def pick(rng: np.random.Generator, names: Sequence[str]) -> str:
     """One of the names."""
     return names[int(rng.integers(len(names)))]
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..massing import MeshParts, pick, shifted, turned
-from .districts import District
 from .facades import Style, front, glass_front, panes
+from .tables import District
 
 ROOFS = ("tiles red", "tiles brown", "slate")
 SHUTTERS = ("", "", "door green", "door brown", "trim")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from ..massing import MeshParts, pick, shifted, turned
 from .site import Site
+from .tables import FURNITURE
 
 # Corners of a sign's plate, its rim and its face.
 SIGNS = (
@@ -18,8 +18,6 @@ SIGNS = (
     (4, "sign white", "sign blue"),
     (8, "sign white", "sign red"),
 )
-
-Maker = Callable[[MeshParts, np.random.Generator], None]
 
 
 def build_furniture(site: Site) -> None:
@@ -37,18 +35,14 @@ def build_furniture(site: Site) -> None:
 
 
 def _stand(site: Site, rng: np.random.Generator, name: str, along: float, side: int) -> None:
-    make, room, spread, run = FURNITURE[name]
-    district = site.layout.district
+    model, district = FURNITURE[name], site.layout.district
     wide = district.pavement_m or 2.0
-    aside = district.road_half_m + (0.45 if spread == "kerb" else wide * 0.8 if spread == "wall" else wide * 0.5)
-    spin = 0.0 if side > 0 else math.pi
-    for i in range(run):
-        at = along + i * 2.2
-        if site.clear_of_crossing(at, 1.0):
-            frame = site.frame(at, side * aside, spin)
-            if site.claim(frame, room):
-                with site.parts.at(frame):
-                    make(site.parts, rng)
+    aside = district.road_half_m + {"kerb": 0.45, "wall": wide * 0.8, "middle": wide * 0.5}[model.where]
+    for at in (along + i * 2.2 for i in range(model.run)):
+        frame = site.frame(at, side * aside, 0.0 if side > 0 else math.pi)
+        if site.clear_of_crossing(at, 1.0) and site.claim(frame, model.room_m):
+            with site.parts.at(frame):
+                PROCEDURAL.get(name, model.build)(site.parts, rng)
 
 
 def _lamps(site: Site) -> None:
@@ -81,34 +75,6 @@ def _lamps(site: Site) -> None:
         site.lamps.append(light)
 
 
-def _bollard(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.column("cast iron", (0, 0, 0), 0.07, 0.85, 8)
-    parts.column("cast iron", (0, 0, 0.85), 0.09, 0.09, 8, 0.5)
-    parts.column("sign white", (0, 0, 0.68), 0.074, 0.09, 8)
-
-
-def _bench(parts: MeshParts, rng: np.random.Generator) -> None:
-    for x in (-0.75, 0.7):
-        parts.box("cast iron", (x, -0.05, 0.0), (x + 0.06, 0.42, 0.42))
-        parts.box("cast iron", (x, 0.38, 0.42), (x + 0.06, 0.44, 0.85))
-    y = np.array([0.0, 0.13, 0.26])[:, None] * [0.0, 1.0, 0.0]
-    parts.boxes("wood", shifted(y, -0.9, -0.04, 0.42), shifted(y, 0.9, 0.06, 0.46))
-    z = np.array([0.55, 0.70])[:, None] * [0.0, 0.0, 1.0]
-    parts.boxes("wood", shifted(z, -0.9, 0.36, 0.0), shifted(z, 0.9, 0.39, 0.11))
-
-
-def _bin(parts: MeshParts, rng: np.random.Generator) -> None:
-    material = pick(rng, ("plastic green", "plastic black", "galvanised"))
-    parts.column(material, (0, 0, 0.06), 0.24, 0.8, 9, 1.15)
-    parts.column("plastic black", (0, 0, 0.86), 0.29, 0.08, 9, 0.7)
-
-
-def _wheelie(parts: MeshParts, rng: np.random.Generator) -> None:
-    material = pick(rng, ("plastic green", "plastic black", "sign blue"))
-    parts.extrusion(material, [(-0.27, 0.08), (0.25, 0.08), (0.31, 1.0), (-0.33, 0.95)], -0.27, 0.27)
-    parts.extrusion("plastic black", [(-0.36, 0.95), (0.35, 1.0), (0.3, 1.06), (-0.36, 1.03)], -0.29, 0.29)
-
-
 def _sign(parts: MeshParts, rng: np.random.Generator) -> None:
     """A traffic sign that looks along the street: round, square or a triangle."""
     parts.column("galvanised", (0, 0, 0), 0.035, 2.75, 6)
@@ -130,35 +96,6 @@ def _planter(parts: MeshParts, rng: np.random.Generator) -> None:
         parts.beam("hedge", center - [0, 0, 0.2], center + rng.uniform(-0.2, 0.2, 3), 0.14, 4, 0.2)
 
 
-def _bicycle_stand(parts: MeshParts, rng: np.random.Generator) -> None:
-    for x in (0.0, 0.8):
-        parts.beam("galvanised", (x, -0.35, 0), (x, -0.35, 0.8), 0.03)
-        parts.beam("galvanised", (x, 0.35, 0), (x, 0.35, 0.8), 0.03)
-        parts.beam("galvanised", (x, -0.36, 0.8), (x, 0.36, 0.8), 0.03)
-
-
-def _shelter(parts: MeshParts, rng: np.random.Generator) -> None:
-    """A bus shelter: a roof on posts, a bench, a poster."""
-    for x in (-1.8, 0.0, 1.8):
-        parts.box("galvanised", (x - 0.04, 0.55, 0.0), (x + 0.04, 0.63, 2.4))
-    parts.box("trim dark", (-2.0, -0.7, 2.4), (2.0, 0.75, 2.52))
-    parts.box("sign white", (1.7, -0.5, 0.5), (1.78, 0.5, 2.1))
-    parts.box("wood", (-1.5, 0.2, 0.45), (1.2, 0.5, 0.5))
-    parts.box("planter", (-1.4, 0.3, 0.0), (-1.3, 0.4, 0.45))
-
-
-def _hydrant(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.column("post red", (0, 0, 0), 0.12, 0.6, 8)
-    parts.column("post red", (0, 0, 0.6), 0.15, 0.16, 8, 0.4)
-    parts.beam("post red", (-0.2, 0, 0.45), (0.2, 0, 0.45), 0.06)
-
-
-def _post_box(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.column("galvanised", (0, 0, 0), 0.05, 1.0, 6)
-    color = pick(rng, ("post yellow", "post red", "sign blue"))
-    parts.extrusion(color, [(-0.25, 0.75), (0.25, 0.75), (0.25, 1.3), (0.0, 1.42), (-0.25, 1.3)], -0.18, 0.18)
-
-
 def _pallet(parts: MeshParts, rng: np.random.Generator) -> None:
     for i in range(int(rng.integers(1, 8))):
         x = np.linspace(-0.55, 0.45, 5)[:, None] * [1, 0, 0] + [0, 0, 0.15 * i]
@@ -167,46 +104,4 @@ def _pallet(parts: MeshParts, rng: np.random.Generator) -> None:
                     np.array([[0.6, y + 0.1, 0.15 * i + 0.11] for y in (-0.4, -0.05, 0.3)]))  # fmt: skip
 
 
-def _cone(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.box("plastic black", (-0.2, -0.2, 0.0), (0.2, 0.2, 0.04))
-    parts.column("plastic orange", (0, 0, 0.04), 0.15, 0.3, 10, 0.66)
-    parts.column("sign white", (0, 0, 0.34), 0.1, 0.14, 10, 0.7)
-    parts.column("plastic orange", (0, 0, 0.48), 0.07, 0.2, 10, 0.3)
-
-
-def _barrier(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.extrusion(
-        "planter", [(-0.3, 0), (0.3, 0), (0.12, 0.35), (0.08, 0.85), (-0.08, 0.85), (-0.12, 0.35)], -1.0, 1.0
-    )
-
-
-def _skip(parts: MeshParts, rng: np.random.Generator) -> None:
-    """A refuse container with sloping ends."""
-    color = pick(rng, ("post yellow", "plastic green", "sign blue"))
-    parts.extrusion(color, [(-0.9, 0.1), (0.9, 0.1), (1.5, 1.2), (-1.5, 1.2)], -0.75, 0.75)
-    parts.box("plastic black", (-1.4, -0.7, 1.15), (1.4, 0.7, 1.21))
-
-
-def _delineator(parts: MeshParts, rng: np.random.Generator) -> None:
-    parts.box("sign white", (-0.06, -0.05, 0.0), (0.06, 0.05, 0.95))
-    parts.box("plastic black", (-0.065, -0.055, 0.68), (0.065, 0.055, 0.85))
-
-
-# Maker, radius it needs, where across the pavement it stands, how many stand in a row.
-FURNITURE: dict[str, tuple[Maker, float, str, int]] = {
-    "bollard": (_bollard, 0.15, "kerb", 4),
-    "bench": (_bench, 0.9, "wall", 1),
-    "bin": (_bin, 0.3, "kerb", 1),
-    "wheelie bin": (_wheelie, 0.35, "wall", 2),
-    "sign": (_sign, 0.2, "kerb", 1),
-    "planter": (_planter, 0.9, "wall", 1),
-    "bicycle stand": (_bicycle_stand, 0.8, "middle", 2),
-    "shelter": (_shelter, 2.2, "wall", 1),
-    "hydrant": (_hydrant, 0.2, "kerb", 1),
-    "post box": (_post_box, 0.3, "wall", 1),
-    "pallet": (_pallet, 0.75, "wall", 2),
-    "cone": (_cone, 0.2, "kerb", 3),
-    "barrier": (_barrier, 1.05, "middle", 1),
-    "skip": (_skip, 1.6, "wall", 1),
-    "delineator": (_delineator, 0.1, "kerb", 1),
-}
+PROCEDURAL = {"sign": _sign, "planter": _planter, "pallet": _pallet}

@@ -8,7 +8,7 @@ import bpy
 
 from .. import nodes
 from ..wetness import wet
-from .surfaces import GLAZINGS, SURFACES, Albedo, Glazing, Surface
+from .tables import GLAZINGS, SURFACES, Albedo, Glazing, Surface
 
 NIGHT_GROUP = "rauca night"
 

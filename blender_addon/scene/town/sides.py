@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ..massing import MeshParts, turned
 from . import buildings
-from .districts import District
 from .site import SIDE_ROAD_HALF_M, Path, Site, ribbon
 from .streets import SIDE_ROAD_M
+from .tables import District
 
 BESIDE_M = 16.0  # along the street, on each side of the vehicle, where cameras stand
 NEAR_M = 55.0  # fronts further than this from the vehicle are drawn flat

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...core import seeding
 from ..massing import MeshParts, turned
-from .districts import DISTRICTS, District
+from .tables import DISTRICTS, District
 
 HALF_LENGTH_M = 120.0
 SIDE_ROAD_HALF_M = 3.4
