@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,12 +19,10 @@ from numpy.typing import NDArray
 from blender_addon.scene import bake
 from blender_addon.scene import camera as cameras
 from blender_addon.scene.camouflages import Paintwork, read_paintwork
-from blender_addon.scene.coating import Coat
+from blender_addon.scene.coating import Coat, paint_surface
 from blender_addon.scene.mesh_edits import Surface
 from blender_addon.scene.nodes import add, fresh_tree
-from blender_addon.scene.painting import paint_surface
 from blender_addon.scene.render import prepare, render_linear
-from blender_addon.scene.smart_project import add_layer
 from blender_addon.scene.vehicle import SceneVehicle
 from blender_addon.vehicles import find_vehicle
 from rauca_core import contract
@@ -112,10 +109,10 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
     bpy.context.view_layer.update()
     surface = Surface.of(vehicle, [placed.object])
     coat = paint_surface(surface, paintwork)
-    task = bake.prepare_bake(surface, coat, add_layer(surface), options.size, allow_overlaps=False)
+    layer = bake.add_layer(surface)
+    task = bake.prepare_bake(surface, coat, layer, options.size, allow_overlaps=False)
     baked = bake.run_bake(task, lambda done: None)
-    with tempfile.TemporaryDirectory() as folder:
-        bake.finish_bake(surface, coat, "baked", task, baked, Path(folder) / "baked.png")
+    bake.show_baked(surface, coat, layer, task.wraps, bake.baked_image(baked))
     daylight(bpy.context.scene)
     seen = round_trip(bpy.context.scene, coat, look_around(surface, options.pixels, (30, 210)), options.samples)
     texels = {"texel_db": baked.psnr_db, "mean_difference": baked.difference}

@@ -113,7 +113,7 @@ def _import_vehicle(job: contract.ImportVehicle) -> None:
 
 
 def _unwrap_vehicle(job: contract.UnwrapVehicle) -> None:
-    from .scene.vehicle_reading import unwrapped
+    from .scene.uvs import unwrapped
 
     fresh, how = unwrapped(contract.load_vehicle(job.vehicle, read_image_blender))
     replace(fresh, notes=[how]).save(job.out)

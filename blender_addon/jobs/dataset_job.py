@@ -50,7 +50,7 @@ def make(job: contract.MakeDataset, progress: Callable[[contract.Progress], None
 
 def work(job: contract.RenderFrames) -> None:
     """A worker's life: build the scene, then render what standard input asks for."""
-    from ..scene.dataset import render_chunk
+    from ..scene.frame import render_chunk
     from ..scene.session import Session
 
     plan = contract.read_plan(job.plan)

@@ -9,8 +9,7 @@ import bpy
 import numpy as np
 
 from ..core import contract, semantics
-from .rendered import rendered_by
-from .vehicle_arrays import values_of
+from .blocks import rendered_by, values_of
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD")
 
@@ -132,6 +131,6 @@ def _keeps_its_own(shown: bpy.types.Object, probe: bpy.types.Material) -> bool:
         return False
     materials = [slot.material for slot in shown.material_slots] or [None]
     if shown.type == "MESH":  # geometry nodes that set a material nowhere leave it a slot all the same
-        chosen = values_of(shown.data.polygons, "material_index", (len(shown.data.polygons),), np.int32)
+        chosen = values_of(shown.data.polygons, "material_index", np.int32)
         materials = [materials[i] for i in np.unique(chosen.clip(0, len(materials) - 1))]
     return any(material is None or material.original != probe for material in materials)

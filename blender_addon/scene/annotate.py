@@ -11,7 +11,7 @@ modes, so that a location's surfaces are exchanged once for all its cameras:
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import bpy
@@ -57,15 +57,6 @@ class Annotation:
         return semantics.mask_box(self.vehicle >= 128)
 
 
-@dataclass(eq=False)
-class Ids:
-    """Semantic and instance ids at the pixels' centers, (H, W) uint8, and the vehicles that the ids name."""
-
-    semantic: NDArray[np.uint8]
-    instances: NDArray[np.uint8]
-    others: tuple[contract.Instance, ...]
-
-
 class GeometryView:
     """The scene while its surfaces emit numbers; made by :func:`geometry_only`."""
 
@@ -73,26 +64,12 @@ class GeometryView:
         self._scene, self._categories = scene, categories
         self._modes = [material.node_tree.nodes[MODE].outputs[0] for material in materials]
 
-    def ids(self) -> Ids:
-        """Render the ids that the scene's camera sees."""
-        self._switch(1.0)
-        cycles = self._scene.cycles
-        usual, cycles.filter_width = cycles.filter_width, SMALLEST_FILTER
-        try:
-            pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
-        finally:
-            cycles.filter_width = usual
-        numbers = np.rint(pixels).astype(np.uint8)
-        sky = pixels[..., 3] < 0.5
-        semantic = np.where(sky, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])
-        which = np.ascontiguousarray(numbers[..., 1])
-        return Ids(semantic, which, semantics.find_instances(which, self._categories))
-
-    def annotate(self, ids: Ids, visible: float, seed: int) -> Annotation:
-        """Render coverage and distance for the scene's camera, beside what is known of it."""
+    def annotate(self, visible: Callable[[NDArray[np.uint8]], float], seed: int) -> Annotation:
+        """Render what the scene's camera sees; ``visible`` tells the visible share of the paint from the instances."""
+        semantic, instances = self._ids()
         self._switch(0.0)
         few, many = (contract.Quality(samples, denoise=False, bounces=0) for samples in (FEW_SAMPLES, SAMPLES))
-        crop = Crop.around(ids.instances == semantics.TARGET_INSTANCE, MARGIN_PX)
+        crop = Crop.around(instances == semantics.TARGET_INSTANCE, MARGIN_PX)
         # Many samples first: with few first, a frame's noise depends on what its process rendered before.
         pixels = near = render_linear(self._scene, many, seed, crop)
         if crop is not None:
@@ -101,15 +78,23 @@ class GeometryView:
         solid = pixels[..., 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(solid > 0.5, pixels[..., 2] / solid, np.inf)
-        return Annotation(
-            color.to_bytes(pixels[..., 0]),
-            color.to_bytes(pixels[..., 1]),
-            distance.astype(np.float16),
-            ids.semantic,
-            ids.instances,
-            ids.others,
-            visible,
-        )
+        vehicle, paint = color.to_bytes(pixels[..., 0]), color.to_bytes(pixels[..., 1])
+        others = semantics.find_instances(instances, self._categories)
+        share = visible(instances)
+        return Annotation(vehicle, paint, distance.astype(np.float16), semantic, instances, others, share)
+
+    def _ids(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Semantic and instance ids at the pixels' centers, (H, W) each."""
+        self._switch(1.0)
+        cycles = self._scene.cycles
+        usual, cycles.filter_width = cycles.filter_width, SMALLEST_FILTER
+        try:
+            pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
+        finally:
+            cycles.filter_width = usual
+        numbers = np.rint(pixels).astype(np.uint8)
+        semantic = np.where(pixels[..., 3] < 0.5, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])
+        return semantic, np.ascontiguousarray(numbers[..., 1])
 
     def _switch(self, mode: float) -> None:
         for socket in self._modes:
@@ -185,9 +170,7 @@ class _Emitters:
             tree.links.new(_class_where(tree, mask, "paint", "vehicle_part"), ids.inputs["X"])
         elif not ours:  # decided where it is shown: a collection's object may be a vehicle in one instance only
             tree.links.new(_class_where(tree, instance.outputs["Fac"], "other_vehicle", name), ids.inputs["X"])
-        mode = tree.nodes.new("ShaderNodeValue")
-        mode.name = MODE
-        shown = nodes.mix_color(tree, mode.outputs[0], coverage.outputs[0], ids.outputs[0])
+        shown = nodes.mix_color(tree, nodes.number(tree, MODE), coverage.outputs[0], ids.outputs[0])
         nodes.output(tree, Surface=nodes.add(tree, "ShaderNodeEmission", Color=shown).outputs[0])
         return material
 

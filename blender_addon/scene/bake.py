@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import bake, color, contract, files, geometry
+from .blocks import values_of
 from .coating import Coat, set_baked_layer
-from .images import image_linear
-from .mesh_edits import Surface, require_own_faces
-from .paint import blender_pixels, image_of_pixels
-from .uv_faults import OVERLAP_LIMIT, shared_texels
-from .vehicle_arrays import Piece, values_of
+from .images import blender_pixels, float_image, image_linear
+from .mesh_edits import Surface, require_own_faces, write_layer
+from .uvs import BEYOND, OVERLAP_LIMIT, in_tile, shared_texels, smart_project
+from .vehicle_arrays import Piece
 
-BEYOND = 1e-3  # of the image's side; less is rounding
 HOMELESS_LIMIT = 0.005  # of the paint's area; slivers may have no area in a layout
 POINTS = 200_000  # on the surface, where the baked picture is held against the camouflage
 IMAGE_NAME = "rauca baked"
@@ -84,6 +82,26 @@ def other_layers(surface: Surface) -> list[str]:
     return [layer.name for layer in pieces[0][0].owner.data.uv_layers if layer.name in set.intersection(*names) - own]
 
 
+def add_layer(surface: Surface) -> str:
+    """Lay the paint out by Blender's Smart UV Project in a new UV layer; returns its name. Active layers stay so.
+
+    Raises:
+        RaucaError: a mesh that cannot be written to, or has no room for another layer; nothing was changed.
+    """
+    pieces = surface.painted_pieces()
+    require_own_faces(piece for piece, _ in pieces)
+    full = [piece.owner.name for piece, _ in pieces if len(piece.owner.data.uv_layers) >= 8]
+    if full:
+        raise contract.RaucaError(f"{full[0]}: has 8 UV layers, Blender's most; remove one")
+    taken = {layer.name for piece, _ in pieces for layer in piece.owner.data.uv_layers}
+    name = next(n for n in ("baked", *(f"baked.{i:03}" for i in range(1, 100))) if n not in taken)
+    uvs = np.zeros_like(surface.vehicle.uvs)
+    uvs[surface.paint] = smart_project(surface.vehicle)
+    for piece, span in pieces:
+        write_layer(piece, surface.paint[span], uvs[span], name)
+    return name
+
+
 def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_overlaps: bool) -> Task:
     """Gather what a bake into the UV layer ``layer`` needs.
 
@@ -96,8 +114,12 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
     paint = np.concatenate([np.flatnonzero(surface.paint[span]) + span.start for _, span in pieces])
     moved, wraps = _within(target, layer)
     _require_room(surface, paint, moved, layer)
-    if not allow_overlaps:
-        _require_apart(moved, layer)
+    shared = shared_texels(moved) or 0.0
+    if shared > OVERLAP_LIMIT and not allow_overlaps:
+        raise contract.RaucaError(
+            f"UV layer {layer!r}: {shared:.0%} of its texels lie on two parts at once, which would both lose their own "
+            "camouflage; unwrap it without mirrored or stacked islands, or switch on Allow overlaps"
+        )
     vehicle = surface.vehicle
     camouflage, mask = coat.image("camouflage"), coat.image("mask")
     if camouflage is None or mask is None:
@@ -125,25 +147,13 @@ def run_bake(task: Task, progress: Callable[[float], None]) -> Baked:
     return Baked(files.png_bytes(srgb), blender_pixels(linear), *_on_surface(task, linear))
 
 
-def finish_bake(surface: Surface, coat: Coat, layer: str, task: Task, baked: Baked, path: Path) -> None:
-    """Write the PNG, keep the same picture inside the .blend, and let the coat show it.
-
-    Raises:
-        RaucaError: the folder cannot be written to; neither disk nor scene was changed.
-    """
-    files.write_bytes(path, baked.png)
-    image = baked_image(baked)
-    image.pack()
-    show_baked(surface, coat, layer, task.wraps, image)
-
-
 def baked_image(baked: Baked) -> bpy.types.Image:
     """The picture as an image of this .blend, to be packed.
 
     It is a float image in linear light, as the camouflage is: of 8-bit ones Cycles mixes neighboring texels before it
     decodes them, which game engines do not, and which costs 3 dB on a camouflage with fine detail.
     """
-    return image_of_pixels(IMAGE_NAME, baked.pixels)
+    return float_image(IMAGE_NAME, baked.pixels)
 
 
 def show_baked(surface: Surface, coat: Coat, layer: str, wraps: bool, image: bpy.types.Image) -> None:
@@ -163,7 +173,7 @@ def _layer_uvs(surface: Surface, piece: Piece, span: slice, layer: str) -> NDArr
     found = mesh.uv_layers.get(layer)
     if found is None:
         raise contract.RaucaError(f"{piece.owner.name}: has no UV layer {layer!r}; all painted parts need it")
-    values = values_of(found.uv, "vector", (len(mesh.loops), 2), np.float32)
+    values = values_of(found.uv, "vector", np.float32, 2)
     return values[piece.loops[surface.paint[span]]].astype(np.float64)
 
 
@@ -171,15 +181,13 @@ def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], 
     """The UVs moved by whole tiles into [0, 1], and whether any had to be."""
     if not np.isfinite(uvs).all():
         raise contract.RaucaError(f"UV layer {layer!r}: some of its UVs are not numbers; unwrap it again")
-    tile = np.floor(uvs.min(axis=1, keepdims=True) + BEYOND)
-    moved = uvs - tile
-    crossing = moved.max(axis=(1, 2)) > 1 + BEYOND
+    moved, crossing, tile = in_tile(uvs, BEYOND)
     if crossing.any():
         raise contract.RaucaError(
             f"UV layer {layer!r}: {int(crossing.sum())} of {len(uvs)} painted triangles reach beyond the image; "
             "scale or move their islands into it in the UV editor (UV > Pack Islands)"
         )
-    return np.clip(moved, 0.0, 1.0), bool((tile != 0).any())
+    return moved, bool((tile != 0).any())
 
 
 def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.float64], layer: str) -> None:
@@ -190,16 +198,6 @@ def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.fl
     if lost > HOMELESS_LIMIT:
         raise contract.RaucaError(
             f"UV layer {layer!r}: {lost:.0%} of the paint has no place in it; unwrap these faces in that layer"
-        )
-
-
-def _require_apart(uvs: NDArray[np.float64], layer: str) -> None:
-    """Refuse a layout in which two places on the vehicle share texels."""
-    shared = shared_texels(uvs) or 0.0
-    if shared > OVERLAP_LIMIT:
-        raise contract.RaucaError(
-            f"UV layer {layer!r}: {shared:.0%} of its texels lie on two parts at once, which would both lose their own "
-            "camouflage; unwrap it without mirrored or stacked islands, or switch on Allow overlaps"
         )
 
 

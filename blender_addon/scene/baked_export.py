@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -13,11 +12,11 @@ import numpy as np
 
 from ..core import color, contract, files
 from . import nodes
+from .blocks import values_of
 from .coating import PAINTED, Coat, take_off
-from .images import image_linear
+from .images import blender_pixels, image_linear
 from .mesh_edits import Surface
 from .render import silenced
-from .vehicle_arrays import values_of
 
 
 def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: str, path: Path) -> None:
@@ -31,7 +30,7 @@ def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: 
         raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 7)")
     with (
         _as_bytes(image) as picture,
-        _copies(context, surface, _Plain(picture, layer)),
+        _copies(context, surface, picture, layer),
         tempfile.TemporaryDirectory(prefix="rauca-") as folder,
     ):
         written = Path(folder) / "vehicle.glb"
@@ -55,36 +54,15 @@ def _as_bytes(image: bpy.types.Image) -> Iterator[bpy.types.Image]:
     width, height = image.size
     copy = bpy.data.images.new(image.name, width, height, alpha=False)
     try:
-        pixels = np.ones((height, width, 4), np.float32)
-        pixels[..., :3] = color.linear_to_srgb(image_linear(image)[::-1])
-        copy.pixels.foreach_set(pixels.ravel())
+        copy.pixels.foreach_set(blender_pixels(color.linear_to_srgb(image_linear(image))).ravel())
         copy.pack()
         yield copy
     finally:
         bpy.data.images.remove(copy)
 
 
-@dataclass(frozen=True, eq=False)
-class _Plain:
-    """The baked image and its UV layer, for plain materials."""
-
-    image: bpy.types.Image
-    layer: str
-
-    def painted(self, spec: contract.Material) -> bpy.types.Material:
-        """The baked image on the surface of a contract material."""
-        material = _principled(spec)
-        tree = material.node_tree
-        uv = nodes.add(tree, "ShaderNodeUVMap")
-        uv.uv_map = self.layer
-        texture = nodes.add(tree, "ShaderNodeTexImage", Vector=uv.outputs[0])
-        texture.image = self.image
-        tree.links.new(texture.outputs["Color"], nodes.principled(tree).inputs["Base Color"])
-        return material
-
-
 @contextlib.contextmanager
-def _copies(context: bpy.types.Context, surface: Surface, plain: _Plain) -> Iterator[None]:
+def _copies(context: bpy.types.Context, surface: Surface, picture: bpy.types.Image, uvs: str) -> Iterator[None]:
     """Within: the selection is a copy of the vehicle in plain materials; afterwards all is as before."""
     layer = context.view_layer
     active, selected = layer.objects.active, [thing for thing in layer.objects if thing.select_get()]
@@ -103,7 +81,7 @@ def _copies(context: bpy.types.Context, surface: Surface, plain: _Plain) -> Iter
             copy.matrix_world = owner.matrix_world
             copy.hide_set(False)
             if copy.type == "MESH":
-                materials |= _exchange(surface, owner, copy, plain)
+                materials |= _exchange(surface, owner, copy, picture, uvs)
             copy.select_set(True)
             layer.objects.active = copy
         yield
@@ -115,39 +93,36 @@ def _copies(context: bpy.types.Context, surface: Surface, plain: _Plain) -> Iter
 
 
 def _exchange(
-    surface: Surface, owner: bpy.types.Object, copy: bpy.types.Object, plain: _Plain
+    surface: Surface, owner: bpy.types.Object, copy: bpy.types.Object, picture: bpy.types.Image, layer: str
 ) -> set[bpy.types.Material]:
     """Give a copy plain materials: the baked image on painted faces, the rest as it was; returns the new ones."""
-    mesh = copy.data
-    count = len(mesh.materials)
-    specs = _specs(surface, owner)
-    made: set[bpy.types.Material] = set()
-    painted_slot: dict[int, int] = {}
-    faces = len(mesh.polygons)
-    painted = np.zeros(faces, np.float32)
+    mesh, specs = copy.data, _specs(surface, owner)
+    painted = np.zeros(len(mesh.polygons), np.bool_)
     if mark := mesh.attributes.get(PAINTED):
-        painted = values_of(mark.data, "value", (faces,), np.float32)
+        painted = values_of(mark.data, "value", np.float32) > 0.5
         mesh.attributes.remove(mark)
-    index = values_of(mesh.polygons, "material_index", (faces,), np.int32)
-    for slot in np.unique(index[painted > 0.5]):
-        material = plain.painted(specs.get((int(slot), True), contract.Material("paint", "paint")))
-        made.add(material)
-        painted_slot[int(slot)] = len(mesh.materials)
-        mesh.materials.append(material)
-    for slot in range(count):
-        own = owner.material_slots[slot].material
-        if own is None:
+    made: set[bpy.types.Material] = set()
+    index = values_of(mesh.polygons, "material_index", np.int32)
+    for slot, worn in enumerate(owner.material_slots):
+        here = painted & (index == slot)
+        if here.any():
+            index[here] = len(mesh.materials)
+            material = _principled(specs.get((slot, True), contract.Material("paint", "paint")))
+            node = nodes.texture(material.node_tree, picture, layer)
+            node.extension = "REPEAT"  # the UVs may lie in several tiles
+            nodes.feed(material.node_tree, nodes.principled(material.node_tree).inputs["Base Color"], node.outputs[0])
+            mesh.materials.append(material)
+            made.add(material)
+        if worn.material is None:
             continue
-        if "rauca_class" in own and (slot, False) in specs:  # its color passes through groups that glTF cannot follow
+        if "rauca_class" in worn.material and (slot, False) in specs:  # its color passes groups that glTF cannot follow
             material = _principled(specs[slot, False])
         else:
-            material = own.copy()
+            material = worn.material.copy()
             take_off(material)
         made.add(material)
         copy.material_slots[slot].link = "DATA"
         mesh.materials[slot] = material
-    for slot, new in painted_slot.items():
-        index[(index == slot) & (painted > 0.5)] = new
     mesh.polygons.foreach_set("material_index", index)
     mesh.update()
     return made
@@ -172,10 +147,8 @@ def _specs(surface: Surface, owner: bpy.types.Object) -> dict[tuple[int, bool], 
 def _principled(spec: contract.Material) -> bpy.types.Material:
     """A contract material without textures, as one Principled BSDF."""
     material = bpy.data.materials.new(spec.name)
-    tree = nodes.fresh_tree(material)
-    shader = nodes.add(
-        tree,
-        "ShaderNodeBsdfPrincipled",
+    nodes.principled_surface(
+        nodes.fresh_tree(material),
         Base_Color=(*spec.base_color, 1.0),
         Roughness=spec.roughness,
         Metallic=0.0 if spec.kind == "paint" else spec.metallic,
@@ -183,5 +156,4 @@ def _principled(spec: contract.Material) -> bpy.types.Material:
         Emission_Color=(*spec.base_color, 1.0),
         Emission_Strength=spec.emission,
     )
-    nodes.output(tree, Surface=shader.outputs[0])
     return material

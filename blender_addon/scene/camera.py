@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import bpy
 import numpy as np
 from mathutils import Matrix
 
 from ..core import contract
-from .overrides import override, restore
+from .overrides import Setting, override, restore
 
 SENSOR_MM = 36.0
 
@@ -20,9 +18,12 @@ def place(scene: bpy.types.Scene, camera: contract.Camera) -> None:
         scene.camera = new_holder()
         scene.collection.objects.link(scene.camera)
     aim(scene.camera, camera)
-    scene.render.resolution_x, scene.render.resolution_y = camera.width, camera.height
-    scene.render.resolution_percentage = 100
-    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
+    override(scene, "", _picture(camera))
+
+
+def _picture(camera: contract.Camera) -> dict[str, Setting]:
+    size = {"render.resolution_x": camera.width, "render.resolution_y": camera.height}
+    return {**size, "render.resolution_percentage": 100, "render.pixel_aspect_x": 1.0, "render.pixel_aspect_y": 1.0}
 
 
 def new_holder() -> bpy.types.Object:
@@ -54,22 +55,12 @@ def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
     holder.matrix_world = Matrix(pose.tolist())
 
 
-class Looking(Protocol):
-    """Where a scene keeps the view's camera and what it replaced; a property group.
+def look(scene: bpy.types.Scene, kept: bpy.types.PropertyGroup, camera: contract.Camera) -> None:
+    """Make a view's camera the scene's, its picture as large as the data set's.
 
-    Attributes:
-        camera: the view's; None before the first look.
-        camera_before: the artist's own; None if there was none.
-        overrides: see `overrides.py`.
+    Args:
+        kept: where the scene keeps the view's ``camera`` and what it replaced: ``camera_before`` and ``overrides``.
     """
-
-    camera: bpy.types.Object | None
-    camera_before: bpy.types.Object | None
-    overrides: str
-
-
-def look(scene: bpy.types.Scene, kept: Looking, camera: contract.Camera) -> None:
-    """Make a view's camera the scene's, its picture as large as the data set's."""
     if kept.camera is None:
         kept.camera = new_holder()
         kept.camera.hide_select = True
@@ -78,17 +69,10 @@ def look(scene: bpy.types.Scene, kept: Looking, camera: contract.Camera) -> None
     if scene.camera != kept.camera:
         kept.camera_before, scene.camera = scene.camera, kept.camera
     aim(kept.camera, camera)
-    picture = {
-        "render.resolution_x": camera.width,
-        "render.resolution_y": camera.height,
-        "render.resolution_percentage": 100,
-        "render.pixel_aspect_x": 1.0,
-        "render.pixel_aspect_y": 1.0,
-    }
-    kept.overrides = override(scene, kept.overrides, picture)
+    kept.overrides = override(scene, kept.overrides, _picture(camera))
 
 
-def leave(scene: bpy.types.Scene, kept: Looking) -> None:
+def leave(scene: bpy.types.Scene, kept: bpy.types.PropertyGroup) -> None:
     """Give the scene its own camera and picture size back; the view's camera goes."""
     restore(scene, kept.overrides)
     view = kept.camera

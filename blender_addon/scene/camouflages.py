@@ -130,23 +130,17 @@ def _noted(note: Path) -> object:
         return None
 
 
-def apply_camouflage(scene: bpy.types.Scene, vehicle: contract.Vehicle, camouflage: Path) -> SceneVehicle:
-    """Add ``vehicle`` to ``scene``, painted with ``camouflage`` (.json).
+def save_blend(vehicle: contract.Vehicle, camouflage: Path, out: Path) -> None:
+    """Write a .blend that holds nothing but the vehicle painted with ``camouflage`` (.json), images packed.
 
     Raises:
-        RaucaError: the camouflage is damaged or was made for another UV atlas; the scene is left as it was.
+        RaucaError: the camouflage is damaged or was made for another UV atlas.
     """
     paintwork = read_paintwork(camouflage, vehicle.atlas_id)
+    scene = bpy.data.scenes.new("rauca")
     placed = SceneVehicle(scene, vehicle)
     placed.paint.set_map(paintwork.uv_map_srgb)
     placed.paint.pack()
     placed.object.name = f"{vehicle.name} {paintwork.name}"
-    return placed
-
-
-def save_blend(vehicle: contract.Vehicle, camouflage: Path, out: Path) -> None:
-    """Write a .blend that holds nothing but the vehicle in camouflage, images packed."""
-    scene = bpy.data.scenes.new("rauca")
-    placed = apply_camouflage(scene, vehicle, camouflage)
     out.parent.mkdir(parents=True, exist_ok=True)
     bpy.data.libraries.write(str(out), {scene, placed.object}, fake_user=True, compress=True)

@@ -1,4 +1,4 @@
-"""One frame of a data set: its light, what the weather adds before the lens, what is known of it, the folder.
+"""Frames of a data set: light, what the weather adds before the lens, what is known of each, the folder.
 
 A frame's bytes depend on the plan alone, never on the frames rendered before it or by whom. The rain's drops are the
 same whatever the paint.
@@ -10,6 +10,9 @@ every paint gets the same exposure.
 
 from __future__ import annotations
 
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import color, contract, seeding, semantics
+from ..jobs.worker import News
 from .annotate import Annotation
 from .light_maps import light_maps
 from .session import Session
@@ -27,6 +31,9 @@ MOST_STOPS = 2.5
 LEAST_SHARE = 0.05  # of the frame must be metered
 DARK_ALTITUDE_DEG = -6.0  # the sun at which nothing is compensated: nights are to stay dark
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+Tell = Callable[[News], None]
 
 
 @dataclass(eq=False)
@@ -52,6 +59,67 @@ class Light:
         A = None if self.A is None else contract.rain.over_gain(self.A, rain)
         B = None if self.B is None else contract.rain.over(self.B, rain)
         return Light(contract.rain.over(self.image, rain), A, B)
+
+
+def render_chunk(
+    session: Session,
+    folder: Path,
+    chunk: Sequence[contract.PlannedFrame],
+    tell: Tell,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Render frames of one location into the data set ``folder``.
+
+    All coverage comes first: Cycles draws other noise before the first coverage render of a process than after it, and
+    a frame's bytes must not depend on what was rendered before. A frame whose paint is hidden beyond the plan's limit
+    is told ``occluded``; one at which Python raises is told ``failed``, and the others go on.
+
+    Args:
+        chunk: frames of one location, as :func:`contract.chunks` gives them.
+        tell: is told what happens.
+        stopped: asked before each camera's coverage and each frame; True ends the work there.
+
+    Raises:
+        RaucaError: what only the user can mend: no space, no permission.
+    """
+    tell(News("begin", chunk[0].id))
+    session.enter(chunk[0].location)
+    annotations = session.annotations(chunk[0].location, _announced(chunk, tell, stopped))
+    weather = None
+    for task in chunk:
+        if stopped():
+            return
+        annotation = annotations[task.view]
+        if annotation.visible < session.plan.min_visible:
+            tell(News("occluded", task.id, visible=round(annotation.visible, 3)))
+            continue
+        tell(News("begin", task.id))
+        started = time.perf_counter()
+        try:
+            if task.weather != weather:
+                weather = None  # until it is set: an exception on the way leaves the scene between two
+                session.set_weather(task.weather)
+                weather = task.weather
+            render_frame(session, folder, task, annotation)
+        except contract.RaucaError:
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            tell(News("failed", task.id, reason=f"{type(error).__name__}: {' '.join(str(error).split())}"))
+        else:
+            tell(News("done", task.id, seconds=round(time.perf_counter() - started, 3)))
+
+
+def _announced(chunk: Sequence[contract.PlannedFrame], tell: Tell, stopped: Callable[[], bool]) -> Iterator[int]:
+    """The views to look at; each is told as its first frame's begin, so that a crash there has a name."""
+    first: dict[int, str] = {}
+    for task in chunk:
+        first.setdefault(task.view, task.id)
+    for view, frame_id in sorted(first.items()):
+        if stopped():
+            return
+        tell(News("begin", frame_id))
+        yield view
 
 
 def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, annotation: Annotation) -> None:

@@ -15,6 +15,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..core import contract, reading
+from .images import image_header
 
 FLOAT = 5126
 JSON_CHUNK = 0x4E4F534A
@@ -98,11 +99,7 @@ def _image_header(document: dict[str, Any], image: dict[str, Any], binary: bytes
     uri = image.get("uri", "")
     if uri.startswith("data:"):
         return base64.b64decode(uri.split(",", 1)[1])[: reading.HEADER_BYTES]
-    beside = path.parent / unquote(uri)
-    if not uri or not beside.is_file():
-        return b""
-    with beside.open("rb") as stream:
-        return stream.read(reading.HEADER_BYTES)
+    return image_header(path.parent / unquote(uri)) if uri else b""
 
 
 def _buffer(buffer: dict[str, Any], binary: bytes, path: Path) -> bytes:

@@ -48,7 +48,11 @@ def light_maps(
         else:
             light = _render_light(session, location, view, weather, painted)
         session.memory.keep(location, view, weather, light)
-    return fold(refine_edges(light.gain, coverage), light.black, painted, reference_linear)
+    gain = refine_edges(light.gain, coverage)
+    image = gain * reference_linear + light.black
+    A = np.where(painted[..., None], gain, 0.0).astype(np.float32)
+    B = np.where(painted[..., None], light.black, image).astype(np.float32)
+    return A, B, image.astype(np.float32)
 
 
 def _render_light(session: Session, location: int, view: int, weather: contract.Weather, painted: Mask) -> PaintLight:
@@ -110,11 +114,3 @@ def _spread(image: Image) -> Image:
         before, after = (image.take(np.clip(here + step, 0, last), axis) for step in (-1, 1))
         image = (before + 2 * image + after) / 4
     return image
-
-
-def fold(gain: Image, black: Image, painted: Mask, reference_linear: Image) -> tuple[Image, Image, Image]:
-    """A, B and the image in the reference paint, from the light of a :class:`PaintLight`."""
-    image = gain * reference_linear + black
-    A = np.where(painted[..., None], gain, 0.0).astype(np.float32)
-    B = np.where(painted[..., None], black, image).astype(np.float32)
-    return A, B, image.astype(np.float32)

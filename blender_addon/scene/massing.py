@@ -156,12 +156,6 @@ class MeshParts:
             yield next(metric[corners.shape[1]]) if uvs is None else uvs
 
 
-def box_solid(low: Point, high: Point) -> tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]:
-    """Corners and outward faces of an axis-aligned box."""
-    corners = [(x, y, z) for z in (low[2], high[2]) for y in (low[1], high[1]) for x in (low[0], high[0])]
-    return corners, [tuple(face) for face in BOX_FACES]
-
-
 def turned(angle: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDArray[np.float64]:
     """(4, 4) a turn about z by ``angle`` radians, then a shift."""
     frame = np.eye(4)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core import contract
 from .paint import UV_LAYER
-from .vehicle_arrays import PAINT_MARK, Piece, Soup, read_objects, values_of
+from .vehicle_arrays import PAINT_MARK, Piece, Soup, marked_faces, read_objects
 
 
 @contextlib.contextmanager
@@ -69,31 +69,26 @@ def require_own_faces(pieces: Iterable[Piece]) -> None:
         require_writable(piece.owner)
 
 
-def write_layer(piece: Piece, faces: NDArray[np.bool_], uvs: NDArray[np.float32]) -> None:
-    """Write UVs (f, 3, 2) of a piece's triangles where ``faces`` (f,) is True into the camouflage's layer.
+def write_layer(piece: Piece, faces: NDArray[np.bool_], uvs: NDArray[np.float32], name: str = UV_LAYER) -> None:
+    """Write UVs (f, 3, 2) of a piece's triangles where ``faces`` (f,) is True into a layer, else the camouflage's.
 
-    The layer that renders show stays the one it was.
+    The layer that renders show stays the one it was; the camouflage's becomes the one that is edited.
 
     Raises:
         RaucaError: the mesh has no room for another UV layer; nothing was changed.
     """
     mesh = piece.owner.data
-    layer = mesh.uv_layers.get(UV_LAYER)
+    edited = mesh.uv_layers.active.name if mesh.uv_layers.active is not None else name
+    layer = mesh.uv_layers.get(name)
     if layer is None:
-        layer = mesh.uv_layers.new(name=UV_LAYER, do_init=False)
+        layer = mesh.uv_layers.new(name=name, do_init=False)
         if layer is None:
             raise contract.RaucaError(f"{piece.owner.name}: has 8 UV layers, Blender's most; remove one")
     values = np.zeros((len(mesh.loops), 2), np.float32)
     values[piece.loops[faces].ravel()] = uvs[faces].reshape(-1, 2)
     layer.uv.foreach_set("vector", values.ravel())
-    mesh.uv_layers.active = layer
+    mesh.uv_layers.active = layer if name == UV_LAYER else mesh.uv_layers[edited]
     mesh.update()
-
-
-def marked_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
-    """(polygons,) True where marked as paint; of a mesh in object mode."""
-    mark, count = mesh.attributes.get(PAINT_MARK), len(mesh.polygons)
-    return np.zeros(count, np.bool_) if mark is None else values_of(mark.data, "value", (count,), np.bool_)
 
 
 def mark_faces(mesh: bpy.types.Mesh, marked: NDArray[np.bool_]) -> None:
@@ -106,11 +101,6 @@ def mark_faces(mesh: bpy.types.Mesh, marked: NDArray[np.bool_]) -> None:
         mark = mesh.attributes.new(PAINT_MARK, "BOOLEAN", "FACE")
     mark.data.foreach_set("value", marked)
     mesh.update()
-
-
-def selected_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
-    """(polygons,) True where selected; of a mesh in object mode."""
-    return values_of(mesh.polygons, "select", (len(mesh.polygons),), np.bool_)
 
 
 def select_faces(context: bpy.types.Context, wanted: dict[bpy.types.Object, NDArray[np.bool_]]) -> None:

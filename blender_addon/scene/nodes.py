@@ -19,14 +19,51 @@ def add(tree: bpy.types.NodeTree, kind: str, **inputs: Any) -> bpy.types.Node:
     """Add a node; keyword arguments set inputs by name (underscores for spaces): a value, or a socket to link."""
     node = tree.nodes.new(kind)
     for name, value in inputs.items():
-        socket = node.inputs[name.replace("_", " ")]
-        feed(tree, socket, value)
+        feed(tree, node.inputs[name.replace("_", " ")], value)
+    return node
+
+
+def group(name: str, inputs: dict[str, str], outputs: dict[str, str]) -> bpy.types.NodeTree:
+    """A new node group with sockets of these names and kinds: Color, Float, Vector."""
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    for way, sockets in (("INPUT", inputs), ("OUTPUT", outputs)):
+        for socket, kind in sockets.items():
+            tree.interface.new_socket(socket, in_out=way, socket_type=f"NodeSocket{kind}")
+    return tree
+
+
+def number(tree: bpy.types.NodeTree, name: str, value: float = 0.0) -> bpy.types.NodeSocket:
+    """A number that :func:`set_number` changes; returns its socket."""
+    node = add(tree, "ShaderNodeValue")
+    node.name, node.outputs[0].default_value = name, value
+    return node.outputs[0]
+
+
+def set_number(tree: bpy.types.NodeTree, name: str, value: float) -> None:
+    """Change a :func:`number`."""
+    tree.nodes[name].outputs[0].default_value = value
+
+
+def texture(tree: bpy.types.NodeTree, image: bpy.types.Image | None, uv: str | bpy.types.NodeSocket) -> bpy.types.Node:
+    """An image in the UV layer ``uv``, or at a socket's place, interpolated as the renderer does; its edge goes on."""
+    if isinstance(uv, str):
+        layer = add(tree, "ShaderNodeUVMap")
+        layer.uv_map, uv = uv, layer.outputs[0]
+    node = add(tree, "ShaderNodeTexImage", Vector=uv)
+    node.image, node.interpolation, node.extension = image, "Linear", "EXTEND"
     return node
 
 
 def principled(tree: bpy.types.NodeTree) -> bpy.types.Node:
     """The Principled BSDF of a tree that has one, by its type: its name is in the language of the user's Blender."""
     return next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def principled_surface(tree: bpy.types.NodeTree, **inputs: Any) -> bpy.types.Node:
+    """Make a Principled BSDF with these inputs the tree's surface."""
+    shader = add(tree, "ShaderNodeBsdfPrincipled", **inputs)
+    output(tree, Surface=shader.outputs[0])
+    return shader
 
 
 def mix_color(tree: bpy.types.NodeTree, factor: Any, first: Any, second: Any) -> bpy.types.NodeSocket:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..core import contract, geometry
 from .mesh_edits import require_own_faces, write_layer
-from .uv_faults import UvFaults, uv_faults
+from .uvs import UvFaults, uv_faults
 from .vehicle_arrays import Piece
 from .vehicle_reading import Reading
 

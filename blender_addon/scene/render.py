@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .. import compat
 from ..core import contract
 from ..folders import scratch_folder
+from .images import image_values
 
 BRIGHTEST_BOUNCE = 10.0  # display whites a path may bring after its first bounce; brighter ones are fireflies
 
@@ -112,12 +113,9 @@ def _read_exr(path: str) -> NDArray[np.float32]:
     image = bpy.data.images.load(path)
     try:
         image.colorspace_settings.name = "Non-Color"
-        width, height = image.size
-        pixels = np.empty(width * height * 4, np.float32)
-        image.pixels.foreach_get(pixels)
+        return image_values(image).copy()
     finally:
         bpy.data.images.remove(image)
-    return pixels.reshape(height, width, 4)[::-1].copy()
 
 
 @contextlib.contextmanager

@@ -71,14 +71,8 @@ def eye_at(
 ) -> NDArray[np.float64]:
     """Where a camera of these polar coordinates stands, (3,) in the vehicle's frame; never in the ground."""
     flat = distance_m * math.cos(math.radians(elevation_deg))
-    offset = np.array(
-        [
-            flat * math.cos(math.radians(azimuth_deg)),
-            flat * math.sin(math.radians(azimuth_deg)),
-            distance_m * math.sin(math.radians(elevation_deg)),
-        ]
-    )
-    eye: NDArray[np.float64] = center + offset
+    azimuth, up = math.radians(azimuth_deg), distance_m * math.sin(math.radians(elevation_deg))
+    eye: NDArray[np.float64] = center + np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), up])
     eye[2] = max(eye[2], GROUND_CLEARANCE_M)
     return eye
 
@@ -89,6 +83,7 @@ CIRCLE_STEPS, EDGE_STEPS = 72, 6
 MOST_CAMERAS = 400  # drawn; of more, every n-th
 MOST_RANGES = 48  # with more cameras only the chosen one shows how far it may stray
 CAMERA_SIZE, CHOSEN_SIZE = 0.04, 0.12  # length of a drawn camera over its distance
+NONE = np.zeros((0, 2, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,59 +106,44 @@ class RingLines:
 def ring_lines(
     shots: Shots, location: int, chosen: int, vehicle_to_world: NDArray[np.float64], center: NDArray[np.float64]
 ) -> RingLines:
-    """The lines of a ring around a vehicle.
-
-    Args:
-        chosen: index of the view that is drawn large.
-        vehicle_to_world: (4, 4) rigid transform.
-        center: (3,) the point looked at, in the vehicle's frame, metres.
-    """
-    count = len(shots.ring)
-    every = range(0, count, math.ceil(count / MOST_CAMERAS))
+    """The lines of a ring around a vehicle placed as for :func:`viewpoint`; the view ``chosen`` is drawn large."""
+    ring, count = shots.ring, len(shots.ring)
 
     def at(view: int) -> Viewpoint:
         return viewpoint(shots, location, view, vehicle_to_world, center)
 
+    def world(segments: list[NDArray[np.float64]]) -> Segments:
+        turned = np.concatenate([NONE, *segments]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
+        return turned.astype(np.float32)  # the graphics card's precision
+
+    turns = np.linspace(0.0, 360.0, CIRCLE_STEPS + 1).tolist()
+    rings = itertools.product(ring.elevations_deg, ring.distances_m)
+    every = range(0, count, math.ceil(count / MOST_CAMERAS))
     cameras = [_frustum(at(view), CAMERA_SIZE) for view in every if view != chosen]
     picked = at(chosen)
     target = vehicle_to_world[:3, :3] @ center + vehicle_to_world[:3, 3]
+    sight = np.stack([picked.camera.position, target])[None]
     straying = range(count) if count <= MOST_RANGES else (chosen,)
-    ranges = [_range(shots.ring, view, center) for view in straying]
     return RingLines(
-        circles=_world(_circles(shots.ring, center), vehicle_to_world),
-        ranges=_world(np.concatenate(ranges), vehicle_to_world),
-        cameras=_float32(cameras),
-        chosen=_float32([_frustum(picked, CHOSEN_SIZE), np.stack([picked.camera.position, target])[None]]),
+        circles=world([_joined([eye_at(turn, up, away, center) for turn in turns]) for up, away in rings]),
+        ranges=world([edge for view in straying for edge in _range(ring, view, center)]),
+        cameras=np.concatenate([NONE, *cameras]).astype(np.float32),
+        chosen=np.concatenate([_frustum(picked, CHOSEN_SIZE), sight]).astype(np.float32),
     )
 
 
-def _circles(ring: contract.Ring, center: NDArray[np.float64]) -> NDArray[np.float64]:
-    turns = np.linspace(0.0, 360.0, CIRCLE_STEPS + 1).tolist()
-    rings = itertools.product(ring.elevations_deg, ring.distances_m)
-    return np.concatenate([_joined([eye_at(turn, up, away, center) for turn in turns]) for up, away in rings])
-
-
-def _range(ring: contract.Ring, view: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
+def _range(ring: contract.Ring, view: int, center: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Edges of a view's box in azimuth, elevation and distance; what does not vary has no edge."""
-    azimuth, elevation, distance = ring.nominal(view)
-    halves = (ring.jitter_azimuth_deg, ring.jitter_elevation_deg, ring.jitter_distance * distance)
-    spans = [
-        (middle - half, middle + half) for middle, half in zip((azimuth, elevation, distance), halves, strict=True)
-    ]
+    nominal = ring.nominal(view)
+    halves = (ring.jitter_azimuth_deg, ring.jitter_elevation_deg, ring.jitter_distance * nominal[2])
+    spans = [(middle - half, middle + half) for middle, half in zip(nominal, halves, strict=True)]
     spans[1] = (min(spans[1][0], HIGHEST_DEG), min(spans[1][1], HIGHEST_DEG))
-    edges = [np.zeros((0, 2, 3))]
-    for along in range(3):
-        if halves[along] == 0.0:
-            continue
-        others = [sorted(set(spans[axis])) for axis in range(3) if axis != along]
-        for corner in itertools.product(*others):
-            path = []
-            for value in np.linspace(*spans[along], EDGE_STEPS + 1).tolist():
-                place = [*corner]
-                place.insert(along, value)
-                path.append(eye_at(place[0], place[1], place[2], center))
-            edges.append(_joined(path))
-    return np.concatenate(edges)
+    edges = []
+    for along in (axis for axis in range(3) if halves[axis]):
+        for corner in itertools.product(*(sorted(set(span)) for axis, span in enumerate(spans) if axis != along)):
+            places = [np.insert(corner, along, value) for value in np.linspace(*spans[along], EDGE_STEPS + 1)]
+            edges.append(_joined([eye_at(*place.tolist(), center) for place in places]))
+    return edges
 
 
 def _frustum(view: Viewpoint, size: float) -> NDArray[np.float64]:
@@ -172,21 +152,11 @@ def _frustum(view: Viewpoint, size: float) -> NDArray[np.float64]:
     half = depth * camera.width / 2 / camera.K[0, 0]
     corners = np.array([[-half, -half, depth], [half, -half, depth], [half, half, depth], [-half, half, depth]])
     roof = np.array([[-0.5 * half, -1.15 * half, depth], [0.0, -1.7 * half, depth], [0.5 * half, -1.15 * half, depth]])
-    eye = np.zeros(3)
-    rays = [(eye, corner) for corner in corners]
-    frame = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    gable = list(zip(roof, np.roll(roof, -1, axis=0), strict=True))
-    return np.array([*rays, *frame, *gable]) @ camera.R + camera.position  # rows times R: from the camera to the world
+    rays = [(np.zeros(3), corner) for corner in corners]
+    outlines = [pair for outline in (corners, roof) for pair in zip(outline, np.roll(outline, -1, axis=0), strict=True)]
+    return np.array([*rays, *outlines]) @ camera.R + camera.position  # rows times R: from the camera to the world
 
 
 def _joined(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     path = np.array(points)
     return np.stack([path[:-1], path[1:]], axis=1)
-
-
-def _world(segments: NDArray[np.float64], vehicle_to_world: NDArray[np.float64]) -> Segments:
-    return (segments @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]).astype(np.float32)
-
-
-def _float32(parts: list[NDArray[np.float64]]) -> Segments:
-    return np.concatenate([np.zeros((0, 2, 3)), *parts]).astype(np.float32)  # the graphics card's precision

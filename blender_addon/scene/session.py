@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -16,6 +17,8 @@ from . import camera, composed_fog, render
 from .annotate import Annotation, geometry_only
 from .composed_fog import is_composed
 from .ring import Viewpoint, viewpoint
+from .town import Town
+from .user_scene import UserScene
 from .vehicle import SceneVehicle
 from .visibility import PaintVisibility
 from .weather import SceneWeather, VehicleLamps
@@ -23,25 +26,7 @@ from .weather import SceneWeather, VehicleLamps
 MOST_BYTES = 256 << 20  # about a hundred views of 320 x 320
 
 
-class Place(Protocol):
-    """The surroundings of a data set, inside a scene.
-
-    Attributes:
-        lamps: light objects that the weather switches on at night.
-        notes: what was left out or assumed, for people.
-    """
-
-    lamps: list[bpy.types.Object]
-    notes: list[str]
-
-    def pose(self, location: int) -> NDArray[np.float64]:
-        """(4, 4) rigid vehicle-to-world transform of a location; wheels on the ground, front along its +x."""
-
-    def enter(self, location: int) -> None:
-        """Show what surrounds a location; called before anything there is rendered."""
-
-    def light_windows(self, level: float) -> None:
-        """Turn up what shines after dark without being a lamp, 0 (by day) to 1."""
+Place = Town | UserScene  # the surroundings of a data set, inside a scene
 
 
 def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None, own: str = "car") -> Place:
@@ -55,15 +40,11 @@ def build_place(scene: bpy.types.Scene, plan: contract.Plan, blend: Path | None,
         RaucaError: the file is missing, is not the one the plan was made with, or marks no location.
     """
     if plan.scenery.kind == "town":
-        from .town import Town
-
         return Town(scene, plan.seed, own)
     if blend is None:
         raise contract.RaucaError(f"this data set was made in {plan.scenery.name}; give that file as --scene")
     if contract.Scenery.of_file(blend) != plan.scenery:
         raise contract.RaucaError(f"{blend}: not the scene this data set was made in ({plan.scenery.name})")
-    from .user_scene import UserScene
-
     return UserScene(scene, blend, plan.locations, own)
 
 
@@ -159,10 +140,9 @@ class Session:
             for view in views:
                 seen_by = self.viewpoint(location, view).camera
                 camera.place(self.scene, seen_by)
-                ids = geometry.ids()
-                visible = self._visibility.share(seen_by.relative_to(pose), ids.instances)
+                visible = partial(self._visibility.share, seen_by.relative_to(pose))
                 seed = seeding.named_seed(self.plan.seed, "coverage", location, view)
-                result[view] = geometry.annotate(ids, visible, seed)
+                result[view] = geometry.annotate(visible, seed)
         return result
 
     def render(

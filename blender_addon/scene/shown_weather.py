@@ -10,7 +10,6 @@ the drops is not known here, so they fall before everything.
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import bpy
 import numpy as np
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..core import contract, seeding
 from . import nodes, wetness
-from .overrides import Setting, override, restore
-from .sky import DAY_CARD, GREY_CARD, draw_sky, film_exposure, new_world, sun_diameter_deg, sun_share
+from .overrides import override, restore
+from .sky import DAY_CARD, GREY_CARD, draw_sky, film_exposure, new_world, sun_diameter_deg, sun_share, toward_sun
 from .town.materials import NIGHT_GROUP, set_lit
 from .weather import MARCH_RATE, StreetLamps, fill_with_fog, new_fog_box
 
@@ -28,27 +27,9 @@ EEVEE_FOG_END_M = 400.0
 LOWEST_SUN = math.sin(math.radians(4.0))  # a grazing sun lamp would need endless strength
 
 
-class Shown(Protocol):
-    """Where a scene keeps what was added to it and what it replaced; a property group.
-
-    Attributes:
-        on: True while a weather is shown.
-        world, fog, sun: what was added; None before.
-        world_before: the artist's own; None if there was none.
-        overrides: see `overrides.py`.
-    """
-
-    on: bool
-    world: bpy.types.World | None
-    world_before: bpy.types.World | None
-    fog: bpy.types.Object | None
-    sun: bpy.types.Object | None
-    overrides: str
-
-
 def show(
     scene: bpy.types.Scene,
-    shown: Shown,
+    shown: bpy.types.PropertyGroup,
     asked: contract.Weather,
     lamps: list[bpy.types.Object],
     ground: NDArray[np.float64],
@@ -57,12 +38,15 @@ def show(
     """Put a weather into the scene, or change the one that is there.
 
     Args:
+        shown: where the scene keeps what was added (``world``, ``fog``, ``sun``), what that replaced (``world_before``,
+            ``overrides``), and whether a weather is ``on``.
         lamps: street lamps, turned up after dark.
         ground: (3,) the point under the vehicle, metres, where fog lies.
         turn_deg: how far the street stands turned from where the data set has it; the sun turns with it.
     """
     turned = contract.Weather(**{**asked.to_json(), "sun_azimuth_angle": asked.sun_azimuth_angle + turn_deg})
-    world, box, sun = _added(scene, shown)
+    _add_missing(scene, shown)
+    world, box = shown.world, shown.fog
     if scene.world != world:
         shown.world_before, scene.world = scene.world, world
     draw_sky(world, turned)
@@ -70,27 +54,29 @@ def show(
     fill_with_fog(box, turned)
     box.location = ground
     box.hide_render = box.hide_viewport = turned.extinction == 0.0
-    _aim_sun(sun, turned)
-    shown.overrides = override(scene, shown.overrides, _settings(turned))
-    StreetLamps(lamps).shine(turned.lamps)
-    # Both groups serve all scenes; without one, nothing here can get wet or be lit.
-    if wetness.GROUP in bpy.data.node_groups:
-        wetness.set_wetness(turned.film, turned.puddles, turned.ripples)
-    if NIGHT_GROUP in bpy.data.node_groups:
-        set_lit(turned.lamps)
+    _aim_sun(shown.sun, turned)
+    settings = {  # what Cycles and the display need to show it as the data set's frames have it
+        "cycles.film_exposure": film_exposure(turned),
+        "cycles.volume_step_rate": MARCH_RATE,
+        "cycles.volume_biased": not turned.fog_is_uniform,
+        "cycles.volume_bounces": 2,
+        "eevee.volumetric_end": EEVEE_FOG_END_M,
+        "view_settings.view_transform": "Standard",
+        "view_settings.look": "None",
+        "view_settings.exposure": 0.0,
+        "view_settings.gamma": 1.0,
+    }
+    shown.overrides = override(scene, shown.overrides, settings)
+    _wet_and_light(lamps, turned.lamps, turned.film, turned.puddles, turned.ripples)
     shown.on = True
 
 
-def remove(scene: bpy.types.Scene, shown: Shown, lamps: list[bpy.types.Object]) -> None:
+def remove(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup, lamps: list[bpy.types.Object]) -> None:
     """Take the weather out: the artist's world and settings are back, what was added is gone."""
     restore(scene, shown.overrides)
     if scene.world == shown.world:
         scene.world = shown.world_before
-    StreetLamps(lamps).shine(0.0)
-    if wetness.GROUP in bpy.data.node_groups:
-        wetness.set_wetness(0.0, 0.0)
-    if NIGHT_GROUP in bpy.data.node_groups:
-        set_lit(0.0)
+    _wet_and_light(lamps, 0.0, 0.0, 0.0, 0.0)
     added = [shown.world, shown.fog, shown.sun]
     for thing in (shown.fog, shown.sun):
         if thing is not None:
@@ -100,23 +86,17 @@ def remove(scene: bpy.types.Scene, shown: Shown, lamps: list[bpy.types.Object]) 
     bpy.data.batch_remove([block for block in added if block is not None])
 
 
-def _settings(asked: contract.Weather) -> dict[str, Setting]:
-    """What Cycles and the display need to show a weather as the data set's frames have it."""
-    return {
-        "cycles.film_exposure": film_exposure(asked),
-        "cycles.volume_step_rate": MARCH_RATE,
-        "cycles.volume_biased": not asked.fog_is_uniform,
-        "cycles.volume_bounces": 2,
-        "eevee.volumetric_end": EEVEE_FOG_END_M,
-        "view_settings.view_transform": "Standard",
-        "view_settings.look": "None",
-        "view_settings.exposure": 0.0,
-        "view_settings.gamma": 1.0,
-    }
+def _wet_and_light(lamps: list[bpy.types.Object], level: float, film: float, puddles: float, ripples: float) -> None:
+    """Both node groups serve all scenes; without one, nothing here can get wet or be lit."""
+    StreetLamps(lamps).shine(level)
+    if wetness.GROUP in bpy.data.node_groups:
+        wetness.set_wetness(film, puddles, ripples)
+    if NIGHT_GROUP in bpy.data.node_groups:
+        set_lit(level)
 
 
-def _added(scene: bpy.types.Scene, shown: Shown) -> tuple[bpy.types.World, bpy.types.Object, bpy.types.Object]:
-    """The world, the fog's box and EEVEE's sun; those that are missing are added: an artist may have deleted one."""
+def _add_missing(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup) -> None:
+    """Add the world, the fog's box and EEVEE's sun; an artist may have deleted one."""
     if shown.world is None:
         shown.world = new_world()
     if shown.fog is None:
@@ -125,20 +105,15 @@ def _added(scene: bpy.types.Scene, shown: Shown) -> tuple[bpy.types.World, bpy.t
         shown.fog.hide_select = True
     if shown.sun is None:
         light = bpy.data.lights.new("rauca sun", "SUN")
-        _hide_from_cycles(light)
+        # Cycles follows a light's nodes, EEVEE does not: nodes that emit nothing leave the lamp to EEVEE.
+        light.use_nodes = True
+        emission = next(node for node in light.node_tree.nodes if node.type == "EMISSION")
+        emission.inputs["Strength"].default_value = 0.0
         shown.sun = bpy.data.objects.new("rauca sun", light)
         shown.sun.hide_select = True
     for thing in (shown.fog, shown.sun):
         if thing.name not in scene.objects:
             scene.collection.objects.link(thing)
-    return shown.world, shown.fog, shown.sun
-
-
-def _hide_from_cycles(light: bpy.types.Light) -> None:
-    """Cycles follows a light's nodes, EEVEE does not: nodes that emit nothing leave the lamp to EEVEE."""
-    light.use_nodes = True
-    emission = next(node for node in light.node_tree.nodes if node.type == "EMISSION")
-    emission.inputs["Strength"].default_value = 0.0
 
 
 def _expose_for_eevee(tree: bpy.types.NodeTree, exposure: float) -> None:
@@ -158,11 +133,10 @@ def _expose_for_eevee(tree: bpy.types.NodeTree, exposure: float) -> None:
 def _aim_sun(sun: bpy.types.Object, asked: contract.Weather) -> None:
     """EEVEE's sun lights the grey card as strongly as the sky's sun does, within a fifth or so."""
     cover, altitude = asked.cloudiness / 100.0, asked.sun_altitude_angle
-    up, around = math.radians(altitude), math.radians(asked.sun_azimuth_angle)
-    direction = Vector((math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)))
-    sun.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+    direction = toward_sun(asked)
+    sun.rotation_euler = Vector(direction).to_track_quat("Z", "Y").to_euler()
     direct = min(1.0, max(0.0, altitude / 20.0)) * 0.8 * sun_share(cover)  # share of the light on the ground
-    sun.data.energy = direct * DAY_CARD * math.pi / GREY_CARD / max(math.sin(up), LOWEST_SUN)
+    sun.data.energy = direct * DAY_CARD * math.pi / GREY_CARD / max(direction[2], LOWEST_SUN)
     sun.data.angle = math.radians(sun_diameter_deg(cover))
     warm = min(1.0, max(0.0, 1.0 - altitude / 25.0))
     sun.data.color = (1.0, 1.0 - 0.25 * warm, 1.0 - 0.55 * warm)

@@ -112,9 +112,7 @@ def _sky(tree: bpy.types.NodeTree, weather: contract.Weather) -> bpy.types.NodeS
     if cover > 0.0:
         sky.sun_intensity = sun_share(cover)
         sky.sun_size = math.radians(sun_diameter_deg(cover))
-        up, around = math.radians(altitude), math.radians(weather.sun_azimuth_angle)
-        sun = (math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up))
-        color = draw_clouds(tree, color, cover, clear_card(altitude), sun, altitude)
+        color = _clouds(tree, color, weather)
     return color
 
 
@@ -144,25 +142,15 @@ def sun_diameter_deg(cover: float) -> float:
     return SUN_DIAMETER_DEG + SUN_WIDENING_DEG * cover**2
 
 
-def draw_clouds(
-    tree: bpy.types.NodeTree,
-    sky: bpy.types.NodeSocket,
-    cover: float,
-    card: float,
-    sun: tuple[float, float, float],
-    sun_altitude_deg: float,
-) -> bpy.types.NodeSocket:
-    """Put clouds before a sky.
+def toward_sun(weather: contract.Weather) -> tuple[float, float, float]:
+    """Unit vector to the sun."""
+    up, around = math.radians(weather.sun_altitude_angle), math.radians(weather.sun_azimuth_angle)
+    return math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)
 
-    Args:
-        sky: linear radiance of the clear sky with the dimmed sun in it.
-        cover: in (0, 1].
-        card: radiance of an 18 % grey card on the ground under the clear sky, in the sky's units.
-        sun: unit vector to the sun.
 
-    Returns:
-        Linear radiance of sky and clouds.
-    """
+def _clouds(tree: bpy.types.NodeTree, sky: bpy.types.NodeSocket, weather: contract.Weather) -> bpy.types.NodeSocket:
+    """Linear radiance of sky and clouds, from that of the clear sky with the dimmed sun in it."""
+    cover = weather.cloudiness / 100.0
     toward = nodes.add(tree, "ShaderNodeTexCoord").outputs["Generated"]
     parts = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=toward).outputs
     height = nodes.compute(tree, "ADD", nodes.compute(tree, "MAXIMUM", parts["Z"], 0.0), LAYER_CURVATURE)
@@ -179,22 +167,16 @@ def draw_clouds(
     thickness = nodes.compute(tree, "SUBTRACT", noise.outputs[0], level)
     opacity = nodes.compute(tree, "MULTIPLY", thickness, 1.0 / 0.15, clamp=True)
     if sun_share(cover) > 0.0:
-        opacity = nodes.compute(tree, "MULTIPLY", opacity, _beside_sun(tree, toward, sun, cover))
-    return nodes.mix_color(tree, opacity, sky, _radiance(tree, noise.outputs[0], cover, card, sun_altitude_deg))
-
-
-def _radiance(
-    tree: bpy.types.NodeTree, noise: bpy.types.NodeSocket, cover: float, card: float, sun_altitude_deg: float
-) -> bpy.types.NodeSocket:
-    """Thick parts are darker, as seen from below; a low sun warms broken clouds."""
-    open_sky = 1.0 - cover**2
-    level = card / GREY_CARD * (CLOSED + (SUNLIT - CLOSED) * open_sky)
-    warmth = open_sky * max(0.0, 1.0 - abs(sun_altitude_deg - 1.0) / 14.0)
+        opacity = nodes.compute(tree, "MULTIPLY", opacity, _beside_sun(tree, toward, toward_sun(weather), cover))
+    # Thick parts are darker, as seen from below; a low sun warms broken clouds.
+    altitude, open_sky = weather.sun_altitude_angle, 1.0 - cover**2
+    level = clear_card(altitude) / GREY_CARD * (CLOSED + (SUNLIT - CLOSED) * open_sky)
+    warmth = open_sky * max(0.0, 1.0 - abs(altitude - 1.0) / 14.0)
     tint = (1.0 + 0.25 * warmth, 1.0 - 0.06 * warmth, 1.03 - 0.33 * warmth)
     bright = (*(level * (1.0 + SHADE_CONTRAST) * c for c in tint), 1.0)
     dark = (*(level * (1.0 - SHADE_CONTRAST) * c for c in tint), 1.0)
-    depth = nodes.compute(tree, "MULTIPLY_ADD", noise, 2.5, -0.75, clamp=True)
-    return nodes.mix_color(tree, depth, bright, dark)
+    depth = nodes.compute(tree, "MULTIPLY_ADD", noise.outputs[0], 2.5, -0.75, clamp=True)
+    return nodes.mix_color(tree, opacity, sky, nodes.mix_color(tree, depth, bright, dark))
 
 
 def _beside_sun(

@@ -10,8 +10,8 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..core import contract
+from .blocks import Since, all_blocks
 from .town import Town
-from .user_scene import all_blocks
 
 MARK = "rauca_street"  # on every data block of a street
 
@@ -27,11 +27,11 @@ def build(
     Returns:
         The street's collection, and how far it is turned from its place in the data set, degrees.
     """
-    before = {block.as_pointer() for block in all_blocks()}
+    new = Since()
     town = Town(scene, seed)
     town.enter(location)
     moved = vehicle_to_world @ np.linalg.inv(town.pose(location))
-    fresh = [block for block in all_blocks() if block.as_pointer() not in before]
+    fresh = new.blocks()
     for block in fresh:
         block[MARK] = True
     collection = next(block for block in fresh if isinstance(block, bpy.types.Collection))

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ..core import contract, semantics
 from .annotatable import require_annotatable
+from .blocks import Since, layers_below
 from .massing import turned
 from .render import silenced
-from .rendered import layers_below
-from .vehicle_files import DAMAGE, all_blocks, scripts_off
+from .vehicle_files import DAMAGE, scripts_off
 
 MARK = "rauca"
 LAMP_MARK = "rauca lamp"
@@ -45,13 +45,13 @@ class UserScene:
                 unknown semantic class, or the masks could not be right (see `annotatable.py`).
         """
         self.notes: list[str] = []
-        before = {block.as_pointer() for block in all_blocks()}
+        new = Since()
         try:
             source = _marked(_appended(path), path)
             _adopt(scene, source)
-            _make_local(before)
-            self._leave_light_behind(source, _since(before), path)
-            fresh = _since(before)
+            _make_local(new)
+            self._leave_light_behind(source, new.blocks(), path)
+            fresh = new.blocks()
             _show_what_renders_show(fresh)
             self._check_files(fresh, path)
             self._classify(fresh, path)
@@ -71,7 +71,7 @@ class UserScene:
             for extra in [block for block in fresh if isinstance(block, bpy.types.Scene)]:
                 bpy.data.scenes.remove(extra)
         except contract.RaucaError:
-            bpy.data.batch_remove(_since(before))
+            bpy.data.batch_remove(new.blocks())
             raise
 
     def pose(self, location: int) -> NDArray[np.float64]:
@@ -127,11 +127,6 @@ class UserScene:
             )
 
 
-def _since(before: set[int]) -> list[bpy.types.ID]:
-    """The data blocks that came after those at these addresses."""
-    return [block for block in all_blocks() if block.as_pointer() not in before]
-
-
 def _appended(path: Path) -> list[bpy.types.Scene]:
     """All scenes of a file, appended, their drivers removed before anything could evaluate them."""
     try:
@@ -171,16 +166,16 @@ def _adopt(scene: bpy.types.Scene, source: bpy.types.Scene) -> None:
         scene.collection.objects.link(thing)
 
 
-def _make_local(before: set[int]) -> None:
+def _make_local(new: Since) -> None:
     """Make local what the file links from others: a linked surface's material cannot be exchanged.
 
     From the outside in, as only what nothing linked uses becomes local itself, and not a copy beside it.
     """
     for kind in (bpy.types.Collection, bpy.types.Object):
-        for block in _since(before):
+        for block in new.blocks():
             if isinstance(block, kind) and block.library is not None:
                 block.make_local()
-    shapes = {block.data for block in _since(before) if isinstance(block, bpy.types.Object)} - {None}
+    shapes = {block.data for block in new.blocks() if isinstance(block, bpy.types.Object)} - {None}
     for shape in shapes:
         if shape.library is not None:
             shape.make_local()

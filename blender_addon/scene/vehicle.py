@@ -5,6 +5,8 @@ The vehicles that rauca brings can be added to the open scene, and are known aga
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -12,10 +14,9 @@ from numpy.typing import NDArray
 
 from ..core import assets, contract
 from . import nodes
+from .blocks import rendered, values_of
 from .images import read_image_blender
-from .paint import UV_LAYER, Paint, paint_material
-from .rendered import rendered
-from .vehicle_arrays import values_of
+from .paint import UV_LAYER, Paint, finish_of
 from .vehicle_request import VehicleRequest
 from .wetness import wet
 
@@ -40,10 +41,7 @@ class SceneVehicle:
         self.object = bpy.data.objects.new("rauca vehicle", mesh)
         scene.collection.objects.link(self.object)
         self.paint = Paint(vehicle)
-        self.materials = [
-            paint_material(m, self.paint, finish) if m.kind == "paint" else _plain_material(m, self.paint)
-            for m in vehicle.materials
-        ]
+        self.materials = [_material(spec, self.paint, finish) for spec in vehicle.materials]
         for spec, material in zip(vehicle.materials, self.materials, strict=True):
             material["rauca_class"] = SEMANTIC_CLASSES.get(spec.kind, "vehicle_part")
             mesh.materials.append(material)
@@ -83,22 +81,21 @@ def _mesh(vehicle: contract.Vehicle) -> bpy.types.Mesh:
     return mesh
 
 
-def _plain_material(spec: contract.Material, paint: Paint) -> bpy.types.Material:
+def _material(spec: contract.Material, paint: Paint, finish: str) -> bpy.types.Material:
+    """The material of a part: under the paint in a finish, or plain."""
     material = bpy.data.materials.new(f"rauca {spec.name}")
     tree = nodes.fresh_tree(material)
-    color = paint.base_texture_socket(tree) if spec.textured else (*spec.base_color, 1.0)
-    base, roughness = wet(tree, color, spec.roughness, porosity=0.0)
-    shader = nodes.add(
-        tree,
-        "ShaderNodeBsdfPrincipled",
-        Base_Color=base,
-        Roughness=roughness,
-        Metallic=spec.metallic,
-        Coat_Weight=spec.coat,
-        Emission_Color=(*spec.base_color, 1.0),
-        Emission_Strength=spec.emission,
-    )
-    nodes.output(tree, Surface=shader.outputs[0])
+    color = paint.below(tree, spec)
+    if spec.kind == "paint":
+        inputs: dict[str, Any] = finish_of(spec, finish)
+        color = paint.connect(tree, color)
+        metallic = 0.0  # a metallic base tints its highlights: radiance would no longer be affine in the color
+    else:
+        glow = {"Emission_Color": (*spec.base_color, 1.0), "Emission_Strength": spec.emission}
+        inputs = {"Roughness": spec.roughness, "Coat_Weight": spec.coat, **glow}
+        metallic = spec.metallic
+    base, roughness = wet(tree, color, inputs["Roughness"], porosity=0.0)
+    nodes.principled_surface(tree, **{**inputs, "Base_Color": base, "Roughness": roughness, "Metallic": metallic})
     return material
 
 
@@ -134,18 +131,13 @@ def untouched_shipped(objects: list[bpy.types.Object], request: VehicleRequest) 
     thing = meshes[0]
     vehicle, mesh = load_shipped(thing[NAME_KEY]), thing.data
     layer = mesh.uv_layers.get(UV_LAYER)
-    shape = (len(vehicle.positions), len(vehicle.triangles), 3 * len(vehicle.triangles))
     scaled = not np.allclose(thing.matrix_world.to_scale(), 1.0, atol=1e-4)
-    if scaled or thing.modifiers or layer is None or (len(mesh.vertices), len(mesh.polygons), len(mesh.loops)) != shape:
+    if scaled or thing.modifiers or layer is None:
         return None
-    kept = (
-        (mesh.vertices, "co", vehicle.positions),
-        (mesh.loops, "vertex_index", vehicle.triangles),
-        (layer.uv, "vector", vehicle.uvs),
-        (mesh.polygons, "material_index", vehicle.material),
+    same = (
+        np.array_equal(values_of(mesh.vertices, "co", np.float32, 3), vehicle.positions)
+        and np.array_equal(values_of(mesh.loops, "vertex_index", np.int32), vehicle.triangles.ravel())
+        and np.array_equal(values_of(layer.uv, "vector", np.float32, 2), vehicle.uvs.reshape(-1, 2))
+        and np.array_equal(values_of(mesh.polygons, "material_index", np.int32), vehicle.material)
     )
-    for items, key, array in kept:
-        kind = np.float32 if array.dtype.kind == "f" else np.int32
-        if not np.array_equal(values_of(items, key, array.shape, kind), array):
-            return None
-    return vehicle
+    return vehicle if same else None

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract
+from .blocks import rendered, unhidden, values_of
 from .paint import UV_LAYER
-from .rendered import rendered, unhidden
 
 SHAPES = ("MESH", "CURVE", "SURFACE", "META", "FONT")  # objects that have faces
 MAX_FACES = 2**24  # of all objects and instances together: as arrays some 3 GiB; scans of cars have one or two million
@@ -138,7 +138,7 @@ def _same_faces(mesh: bpy.types.Mesh, original: bpy.types.Mesh) -> bool:
     shape = (len(mesh.vertices), len(mesh.loops), len(mesh.polygons))
     if shape != (len(original.vertices), len(original.loops), len(original.polygons)):
         return False
-    one, two = (values_of(m.loops, "vertex_index", (shape[1],), np.int32) for m in (mesh, original))
+    one, two = (values_of(m.loops, "vertex_index", np.int32) for m in (mesh, original))
     return bool((one == two).all())
 
 
@@ -147,17 +147,15 @@ def _triangles(
 ) -> Soup:
     """One mesh in world space; ``origin`` is the piece's owner, and whether it is an instance, and direct."""
     mesh.calc_loop_triangles()
-    count, loops = len(mesh.loop_triangles), len(mesh.loops)
-    positions = values_of(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32).astype(np.float64)
-    corners = values_of(mesh.loop_triangles, "loops", (count, 3), np.int32)
-    vertex = values_of(mesh.loops, "vertex_index", (loops,), np.int32)
-    normals = values_of(mesh.corner_normals, "vector", (loops, 3), np.float32)[corners]
-    slot = values_of(mesh.loop_triangles, "material_index", (count,), np.int32)
-    polygon = values_of(mesh.loop_triangles, "polygon_index", (count,), np.int32)
+    positions = values_of(mesh.vertices, "co", np.float32, 3).astype(np.float64)
+    corners = values_of(mesh.loop_triangles, "loops", np.int32, 3)
+    vertex = values_of(mesh.loops, "vertex_index", np.int32)
+    normals = values_of(mesh.corner_normals, "vector", np.float32, 3)[corners]
+    slot = values_of(mesh.loop_triangles, "material_index", np.int32)
+    polygon = values_of(mesh.loop_triangles, "polygon_index", np.int32)
     layer = read_layer(mesh)
-    uvs = np.full((loops, 2), np.nan, np.float32)
-    if layer is not None:
-        uvs = values_of(layer.uv, "vector", (loops, 2), np.float32)
+    bare = np.full((len(mesh.loops), 2), np.nan, np.float32)
+    uvs = bare if layer is None else values_of(layer.uv, "vector", np.float32, 2)
     linear = to_world[:3, :3]
     positions = positions @ linear.T + to_world[:3, 3]
     if np.linalg.det(linear) < 0:  # a mirrored object turns its faces inside out
@@ -167,17 +165,18 @@ def _triangles(
     material = np.minimum(slot, len(slots) - 1).astype(np.int16)
     shown = layer is not None and (layer.active_render or len(mesh.uv_layers) == 1)
     piece = Piece(*origin, polygon, corners, layer.name if layer else None, len(mesh.uv_layers), shown)
-    marked = _marks(mesh)[polygon]
+    marked = marked_faces(mesh)[polygon]
     soup = Soup(positions, triangles, uvs[corners], _unit(normals, positions, triangles), material, marked, slots)
     soup.pieces.append(piece)
     return soup
 
 
-def _marks(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
+def marked_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
+    """(polygons,) True where marked as paint by hand; of a mesh in object mode."""
     mark = mesh.attributes.get(PAINT_MARK)
     if mark is None or mark.domain != "FACE" or mark.data_type != "BOOLEAN":
         return np.zeros(len(mesh.polygons), np.bool_)
-    return values_of(mark.data, "value", (len(mesh.polygons),), np.bool_)
+    return values_of(mark.data, "value", np.bool_)
 
 
 def _unit(
@@ -210,10 +209,3 @@ def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> 
         blocks,
         [piece for p in found for piece in p.pieces],
     )
-
-
-def values_of(collection: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], kind: type) -> NDArray:
-    """An attribute of all items of a collection of Blender's, as an array of this shape and type."""
-    values: NDArray = np.empty(shape, kind)
-    collection.foreach_get(name, values.ravel())
-    return values

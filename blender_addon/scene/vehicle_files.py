@@ -12,10 +12,10 @@ import addon_utils
 import bpy
 
 from ..core import contract, reading
+from .blocks import Since, rendered_by
 from .gltf_check import check_gltf
-from .images import read_image_blender
+from .images import image_header, read_image_blender
 from .render import silenced
-from .rendered import rendered_by
 from .vehicle_arrays import SHAPES
 from .vehicle_reading import read_vehicle
 from .vehicle_request import VehicleRequest
@@ -45,21 +45,20 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
         raise contract.RaucaError(f"{path}: not found")
     if path.suffix.lower() not in SUFFIXES:
         raise contract.RaucaError(f"{path}: format {path.suffix!r} is not read; use {', '.join(SUFFIXES)}")
-    before = {block.as_pointer() for block in all_blocks()}
-    known = {o.as_pointer() for o in bpy.data.objects}
+    new = Since()
     try:
         try:
             _require_finite(path)
             with silenced(), _into_the_scenes_own_collection():
                 _import(path)
-            _check_images([image for image in bpy.data.images if image.as_pointer() not in before], path)
+            _check_images([block for block in new.blocks() if isinstance(block, bpy.types.Image)], path)
         except DAMAGE as error:
             reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
             raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); export it again") from error
         bpy.context.view_layer.update()
-        yield [o for o in bpy.data.objects if o.as_pointer() not in known]
+        yield [block for block in new.blocks() if isinstance(block, bpy.types.Object)]
     finally:
-        bpy.data.batch_remove([block for block in all_blocks() if block.as_pointer() not in before])
+        bpy.data.batch_remove(new.blocks())
 
 
 def _require_finite(path: Path) -> None:
@@ -122,13 +121,12 @@ def scripts_off() -> Iterator[None]:
     preferences = bpy.context.preferences.filepaths
     trusted = preferences.use_scripts_auto_execute
     preferences.use_scripts_auto_execute = False
-    before = {block.as_pointer() for block in all_blocks()}
+    new = Since()
     try:
         yield
     finally:
-        for block in all_blocks():
-            if block.as_pointer() not in before:
-                _remove_drivers(block)
+        for block in new.blocks():
+            _remove_drivers(block)
         preferences.use_scripts_auto_execute = trusted
 
 
@@ -159,7 +157,7 @@ def _check_images(fresh: list[bpy.types.Image], path: Path) -> None:
             named = bpy.path.abspath(image.filepath, library=image.library)
             if not appended:
                 _refuse_outside(path, named)
-            header = _beginning(Path(named))
+            header = image_header(Path(named))
         reading.require_size(header, f"{path}: image {image.name!r}")
 
 
@@ -174,23 +172,10 @@ def _all_users(block: bpy.types.ID, users: dict[bpy.types.ID, set[bpy.types.ID]]
     return found
 
 
-def _beginning(path: Path) -> bytes:
-    if not path.is_file():
-        return b""
-    with path.open("rb") as stream:
-        return stream.read(reading.HEADER_BYTES)
-
-
 def _refuse_outside(path: Path, named: str) -> None:
     """A file outside that does not exist is none that could be read: exporters leave paths of their own machine."""
     if "\0" not in named and (path.parent / named).exists():
         reading.require_inside(path, named)
-
-
-def all_blocks() -> list[bpy.types.ID]:
-    """Every data block of the session."""
-    collections = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
-    return [block for name in collections for block in getattr(bpy.data, name)]
 
 
 def import_vehicle(path: Path, paint_mask: Path | None = None, paint_material: str | None = None) -> contract.Vehicle:

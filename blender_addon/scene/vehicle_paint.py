@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ..core import color, contract
 from .images import image_linear, image_pixels, read_image_blender
 
-PAINT_NAMES = re.compile(r"paint|body|car", re.IGNORECASE)
 KINDS = [
     ("glass", r"glass|window|windscreen|windshield"),
     ("tyre", r"tyre|tire|rubber"),
@@ -41,9 +40,8 @@ def choose_paint(names: list[str], wanted: str | None, has_mask: bool, where: st
         return [wanted]
     if has_mask:
         return names
-    likely = [n for n in names if PAINT_NAMES.search(n)]
     for word in ("paint", "body", "car"):  # the clearest word first
-        found = [n for n in likely if word in n.lower()]
+        found = [n for n in names if word in n.lower()]
         if len(names) > 1 and len(found) == 1:
             return found
     raise contract.RaucaError(f"{where}: cannot tell which faces are paint; it has {shown}; {remedy}")
@@ -81,11 +79,11 @@ def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDAr
         if image.is_float:  # Blender keeps these in linear light, whatever their file holds
             return color.to_bytes(color.linear_to_srgb(image_linear(image)))
         pixels = image_pixels(image)
-        return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
-    if beside is not None and beside.is_file():
+    elif beside is not None and beside.is_file():
         pixels = read_image_blender(beside)
-        return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
-    return None
+    else:
+        return None
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
 def describe(

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..core import contract, geometry
 from . import vehicle_paint
-from .smart_project import smart_project
-from .uv_faults import uv_verdict
+from .blocks import values_of
+from .uvs import unwrapped, uv_verdict
 from .vehicle import NAME_KEY, untouched_shipped
-from .vehicle_arrays import SHAPES, Soup, read_objects, values_of
+from .vehicle_arrays import SHAPES, Soup, read_objects
 from .vehicle_request import TURNS, VehicleRequest, orient
 
 DEFAULT_ATLAS = 1024
@@ -68,8 +68,8 @@ class Reading:
         if np.abs(soup.positions).max() > contract.MAX_EXTENT_M:  # farther, xatlas can turn for ever
             raise contract.RaucaError(f"{request.where}: reaches beyond {contract.MAX_EXTENT_M:g} m; repair the mesh")
         paint, base, mask = _choose_paint(soup, request, notes)
-        if layers := _chosen_layers(soup, paint):
-            notes.append(f"UVs: layer {layers}, of several")
+        if layers := {repr(piece.layer) for piece, _ in soup.painted(paint) if piece.layers > 1}:
+            notes.append(f"UVs: layer {', '.join(sorted(layers))}, of several")
         return Reading(request, soup, paint, base, mask, to_vehicle, notes)
 
     def vehicle(self) -> contract.Vehicle:
@@ -91,7 +91,10 @@ class Reading:
         uvs = np.nan_to_num(soup.uvs, nan=0.0, posinf=0.0, neginf=0.0)
         uvs[self.paint] = painted
         materials, material = self._materials(base)
-        size = len(self.mask) if self.mask is not None else _atlas_size(self.base)
+        mask = self.mask
+        if mask is None:
+            square = self.base is not None and self.base.shape[0] == self.base.shape[1]
+            mask = geometry.chart_mask(painted, len(self.base) if square else DEFAULT_ATLAS)
         return contract.Vehicle(
             name=self.request.name,
             positions=soup.positions.astype(np.float32),
@@ -100,7 +103,7 @@ class Reading:
             normals=soup.normals,
             material=material,
             materials=materials,
-            paint_mask=self.mask if self.mask is not None else geometry.chart_mask(painted, size),
+            paint_mask=mask,
             base_texture=base,
             source=self.request.source,
             notes=self.notes,
@@ -126,15 +129,6 @@ class Reading:
                         spec = replace(spec, name=f"{spec.name} (unpainted)")
                     materials.append(replace(spec, textured=textured))
         return materials, index
-
-
-def unwrapped(vehicle: contract.Vehicle) -> tuple[contract.Vehicle, str]:
-    """The vehicle with a fresh atlas by xatlas, and ''; without xatlas by Blender, and the words that say so."""
-    try:
-        return geometry.unwrap(vehicle), ""
-    except ImportError:
-        fresh = geometry.repack(vehicle, smart_project(vehicle))
-        return fresh, " by Blender's Smart UV Project, as xatlas is not installed"
 
 
 def _choose_paint(
@@ -167,19 +161,9 @@ def _choose_paint(
 
 def _base_of(soup: Soup, paint: NDArray[np.bool_], request: VehicleRequest) -> NDArray[np.uint8] | None:
     """The paint's texture, unless the UVs that were read are another layer than the one it is shown with."""
-    for piece, span in soup.spans():
-        if paint[span].any() and piece.layer is not None and not piece.shows_layer:
-            return None
+    if any(piece.layer is not None and not piece.shows_layer for piece, _ in soup.painted(paint)):
+        return None
     return vehicle_paint.base_image(soup.blocks[soup.names[soup.material[paint][0]]], request.beside)
-
-
-def _chosen_layers(soup: Soup, paint: NDArray[np.bool_]) -> str:
-    """The UV layers that were read where there was a choice, for a note."""
-    return ", ".join(sorted({repr(p.layer) for p, span in soup.spans() if p.layers > 1 and paint[span].any()}))
-
-
-def _atlas_size(base: NDArray[np.uint8] | None) -> int:
-    return len(base) if base is not None and base.shape[0] == base.shape[1] else DEFAULT_ATLAS
 
 
 def _under_mask(uvs: NDArray[np.float32], mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -248,5 +232,4 @@ def _vertices(thing: bpy.types.Object) -> NDArray[np.float64]:
     evaluated = thing.evaluated_get(bpy.context.view_layer.depsgraph)
     if thing.type != "MESH" or thing.mode == "EDIT":
         return np.array(evaluated.bound_box, float).reshape(-1, 3)
-    vertices = evaluated.data.vertices
-    return values_of(vertices, "co", (len(vertices), 3), np.float32).astype(np.float64)
+    return values_of(evaluated.data.vertices, "co", np.float32, 3).astype(np.float64)

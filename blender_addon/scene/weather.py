@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 from .. import compat
 from ..core import contract
 from . import nodes
-from .massing import box_solid
+from .massing import BOX_FACES
 from .sky import draw_sky, film_exposure, new_world
 from .wetness import set_wetness
 
 
 class SceneWeather:
-    """The world, the fog layer, the street's lamps and the water on surfaces, set from a contract weather."""
+    """The world, the fog, the street's lamps and the water on surfaces, set from a contract weather.
+
+    Attributes:
+        fog: the box of fog, hidden when there is none; it stands on the ground at its own origin.
+    """
 
     def __init__(self, scene: bpy.types.Scene, lamps: list[bpy.types.Object]) -> None:
         self._scene = scene
@@ -33,58 +37,37 @@ class SceneWeather:
         self._world = new_world()
         self._drawn: tuple[float, ...] | None = None
         scene.world = self._world
-        self._layer = FogLayer(scene)
-        self.fog = self._layer.box
+        self.fog = new_fog_box()
+        self.fog.hide_render = True
+        scene.collection.objects.link(self.fog)
+        scene.cycles.volume_step_rate = MARCH_RATE
 
     def apply(self, weather: contract.Weather) -> None:
         """Set everything; equal :meth:`contract.Weather.light_key` give equal renders."""
-        self._draw_sky(weather)
-        self._scene.cycles.film_exposure = film_exposure(weather)
-        self._lamps.shine(weather.lamps)
-        self._layer.apply(weather)
-        set_wetness(weather.film, weather.puddles, weather.ripples)
-
-    def _draw_sky(self, weather: contract.Weather) -> None:
-        """Draw the sky if it is another: Cycles works every newly drawn one out, for 0.7 CPU seconds."""
-        if weather.sky_key() != self._drawn:
+        if weather.sky_key() != self._drawn:  # Cycles works every newly drawn sky out, for 0.7 CPU seconds
             self._drawn = None  # until it is drawn: an exception on the way leaves it between two
             draw_sky(self._world, weather)
             self._drawn = weather.sky_key()
+        self._scene.cycles.film_exposure = film_exposure(weather)
+        self._lamps.shine(weather.lamps)
+        self.fog.hide_render = weather.extinction == 0.0
+        compat.march_volumes(self._scene, not weather.fog_is_uniform)
+        fill_with_fog(self.fog, weather)
+        set_wetness(weather.film, weather.puddles, weather.ripples)
 
 
 HALF_WIDTH_M = 300.0
 ANISOTROPY = 0.5  # forward scattering of droplets, tempered as multiple scattering evens it out
 MARCH_RATE = 0.2  # of Cycles' default step, a tenth of the box; only fog that varies is marched through
+SHAPE = ("extinction", "fog_falloff", "fog_distance")  # of fog that varies
 CLEARING_EDGE = 0.1  # share of fog_distance over which fog sets in
-
-
-class FogLayer:
-    """The layer of one scene.
-
-    Attributes:
-        box: its object, hidden when there is no fog; it stands on the ground at its own origin.
-    """
-
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.box = new_fog_box()
-        self.box.hide_render = True
-        scene.collection.objects.link(self.box)
-        scene.cycles.volume_step_rate = MARCH_RATE
-        self._scene = scene
-
-    def apply(self, weather: contract.Weather) -> None:
-        """Set density and shape, see :meth:`contract.Weather.extinction_at`."""
-        self.box.hide_render = weather.extinction == 0.0
-        compat.march_volumes(self._scene, not weather.fog_is_uniform)
-        fill_with_fog(self.box, weather)
 
 
 def new_fog_box() -> bpy.types.Object:
     """The layer's box with a material of its own, in no scene yet."""
-    half = HALF_WIDTH_M
-    corners, faces = box_solid((-half, -half, -0.5), (half, half, contract.weather.FOG_TOP_M))
+    sides, heights = (-HALF_WIDTH_M, HALF_WIDTH_M), (-0.5, contract.weather.FOG_TOP_M)
     mesh = bpy.data.meshes.new("rauca fog")
-    mesh.from_pydata(corners, [], faces)
+    mesh.from_pydata([(x, y, z) for z in heights for y in sides for x in sides], [], BOX_FACES)
     mesh.materials.append(bpy.data.materials.new("rauca fog"))
     return bpy.data.objects.new("rauca fog", mesh)
 
@@ -100,16 +83,12 @@ def fill_with_fog(box: bpy.types.Object, weather: contract.Weather) -> None:
         return
     if tree is None or "fog_falloff" not in tree.nodes:
         _build_shaped_fog(nodes.fresh_tree(material))
-    for name in ("extinction", "fog_falloff", "fog_distance"):
-        material.node_tree.nodes[name].outputs[0].default_value = getattr(weather, name)
+    for name in SHAPE:
+        nodes.set_number(material.node_tree, name, getattr(weather, name))
 
 
 def _build_shaped_fog(tree: bpy.types.NodeTree) -> None:
-    numbers = {}
-    for name in ("extinction", "fog_falloff", "fog_distance"):
-        node = nodes.add(tree, "ShaderNodeValue")
-        node.name = name
-        numbers[name] = node.outputs[0]
+    numbers = {name: nodes.number(tree, name) for name in SHAPE}
     position = nodes.add(tree, "ShaderNodeTexCoord").outputs["Object"]  # the box stands on the ground
     height = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=position).outputs["Z"]
     above = nodes.compute(tree, "MAXIMUM", height, 0.0)

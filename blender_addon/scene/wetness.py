@@ -59,43 +59,33 @@ def set_wetness(wetness: float, puddles: float, ripples: float = 0.0) -> None:
         ripples: 0 to 1, how far falling rain breaks the mirror of puddles.
     """
     group = _group()
-    group.nodes["wetness"].outputs[0].default_value = wetness
-    group.nodes["puddles"].outputs[0].default_value = puddles
-    group.nodes["puddle roughness"].outputs[0].default_value = (
-        PUDDLE_ROUGHNESS + (RIPPLED_ROUGHNESS - PUDDLE_ROUGHNESS) * ripples
-    )
+    nodes.set_number(group, "wetness", wetness)
+    nodes.set_number(group, "puddles", puddles)
+    roughness = PUDDLE_ROUGHNESS + (RIPPLED_ROUGHNESS - PUDDLE_ROUGHNESS) * ripples
+    nodes.set_number(group, "puddle roughness", roughness)
 
 
 def _group() -> bpy.types.NodeTree:
     known = bpy.data.node_groups.get(GROUP)
-    return known if known is not None else _build()
-
-
-def _build() -> bpy.types.NodeTree:
-    tree = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
-    for name, kind, way in (
-        *(("Color", "Color", "INPUT"), ("Roughness", "Float", "INPUT"), ("Porosity", "Float", "INPUT")),
-        *(("Color", "Color", "OUTPUT"), ("Roughness", "Float", "OUTPUT")),
-    ):
-        tree.interface.new_socket(name, in_out=way, socket_type=f"NodeSocket{kind}")
+    if known is not None:
+        return known
+    colors = {"Color": "Color", "Roughness": "Float"}
+    tree = nodes.group(GROUP, {**colors, "Porosity": "Float"}, colors)
     surface = nodes.add(tree, "NodeGroupInput").outputs
-    wetness, puddles, smooth = (nodes.add(tree, "ShaderNodeValue") for _ in range(3))
-    wetness.name, puddles.name, smooth.name = "wetness", "puddles", "puddle roughness"
-    for node, dry in ((wetness, 0.0), (puddles, 0.0), (smooth, PUDDLE_ROUGHNESS)):
-        node.outputs[0].default_value = dry
-
+    wetness, puddles = nodes.number(tree, "wetness"), nodes.number(tree, "puddles")
+    smooth = nodes.number(tree, "puddle roughness", PUDDLE_ROUGHNESS)
     geometry = nodes.add(tree, "ShaderNodeNewGeometry")
     up = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=geometry.outputs["Normal"]).outputs["Z"]
     facing = nodes.compute(tree, "MULTIPLY_ADD", up, 1.0 - WALL_SHARE, WALL_SHARE, clamp=True)
-    film = nodes.compute(tree, "MULTIPLY", facing, wetness.outputs[0])
-    puddle = _puddle_mask(tree, puddles.outputs[0], geometry.outputs["Position"], up, surface["Porosity"])
+    film = nodes.compute(tree, "MULTIPLY", facing, wetness)
+    puddle = _puddle_mask(tree, puddles, geometry.outputs["Position"], up, surface["Porosity"])
     soaked = nodes.compute(tree, "MAXIMUM", film, puddle)
 
     lost = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", soaked, surface["Porosity"]), PORE_DARKENING)
     kept = nodes.compute(tree, "SUBTRACT", 1.0, lost)
     darker = nodes.compute_vector(tree, "SCALE", surface["Color"], kept)
     filmed = _towards(tree, surface["Roughness"], FILM_ROUGHNESS, film)
-    glossier = _towards(tree, filmed, smooth.outputs[0], puddle)
+    glossier = _towards(tree, filmed, smooth, puddle)
     nodes.add(tree, "NodeGroupOutput", Color=darker, Roughness=glossier)
     return tree
 

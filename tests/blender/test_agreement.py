@@ -14,7 +14,7 @@ from rauca_core.study.agreement import measure_agreement
 @pytest.mark.parametrize(("weather", "inside_db"), [(Weather("day", 45), 32.0), (Weather("fog", 45, 60, 50), 32.0)])
 def test_predicted_and_rendered_camouflage_agree(session, box_vehicle, tmp_path, weather, inside_db):
     from blender_addon.scene.camouflages import read_paintwork, render_camouflages
-    from blender_addon.scene.dataset import render_chunk
+    from blender_addon.scene.frame import render_chunk
 
     def ignore(done, total, last):
         pass

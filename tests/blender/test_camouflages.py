@@ -17,7 +17,7 @@ from tests.hostile.nasty import DEEP
 def painted(session, box_vehicle, tmp_path):
     """A data set in rain, a paint for it, and a session that renders it."""
     from blender_addon.scene.camouflages import read_paintwork
-    from blender_addon.scene.dataset import render_chunk
+    from blender_addon.scene.frame import render_chunk
 
     weather = Weather("rain", 30, precipitation=60)
     session.plan = replace(session.plan, size=192, quality=Quality(8), weathers=(weather,))

@@ -25,7 +25,7 @@ def weather(addon):
 
 def blocks(bpy) -> set[str]:
     """Every data block by kind and name; what the session itself keeps (images, screens) does not change."""
-    from blender_addon.scene.vehicle_files import all_blocks
+    from blender_addon.scene.blocks import all_blocks
 
     return {f"{type(block).__name__} {block.name_full}" for block in all_blocks()}
 

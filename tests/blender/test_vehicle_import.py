@@ -18,7 +18,7 @@ from tests.atlas_report import atlas_report
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 from blender_addon.scene.images import read_image_blender  # noqa: E402
-from blender_addon.scene.smart_project import smart_project  # noqa: E402
+from blender_addon.scene.uvs import smart_project  # noqa: E402
 from blender_addon.scene.vehicle_files import import_vehicle  # noqa: E402
 
 CORNERS = np.array([(x, y, z) for z in (0, 1.5) for y in (-1, 1) for x in (-2, 2)], float)

@@ -29,8 +29,8 @@ class Town:
     """Districts by location, built when entered and removed when left.
 
     Attributes:
-        lamps: the present district's street lamps; always the same list.
-        notes: nothing is left out of a town.
+        lamps: the present district's street lamps, which the weather switches on at night; always the same list.
+        notes: what was left out or assumed, for people: nothing of a town.
     """
 
     def __init__(self, scene: bpy.types.Scene, seed: int, own: str = "car") -> None:

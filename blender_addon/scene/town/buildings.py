@@ -77,7 +77,7 @@ def tower(parts: MeshParts, rng: np.random.Generator, district: District, width:
         _lobby(parts, rng, wall, wide, lobby)
         with parts.at(turned(0.0, z=lobby)):
             if glass:
-                glass_front(parts, wide, 0.0, storeys * 3.6, rng)
+                glass_front(parts, wide, storeys * 3.6, rng)
             else:
                 front(parts, wide, storeys, style, rng, near and is_front)
     top = lobby + storeys * (3.6 if glass else 3.5)
@@ -154,14 +154,13 @@ def far_block(parts: MeshParts, rng: np.random.Generator, district: District, wi
     wall, depth = pick(rng, district.walls), rng.uniform(9, 16)
     style = Style(wall, "window dark", 3.0, 3.2, (1.4, 1.5), ground="")
     storeys = max(1, int(height / 3.0))
+    top = storeys * 3.0
     for wide, _ in around(parts, width, depth):
         front(parts, wide, storeys, style, rng, False)
     if height < 24 and rng.random() < 0.7:
-        parts.gable(
-            pick(rng, ROOFS), (-0.3, -0.3, storeys * 3.0), (width + 0.3, depth + 0.3, storeys * 3.0 + 3.0), wall
-        )
+        parts.gable(pick(rng, ROOFS), (-0.3, -0.3, top), (width + 0.3, depth + 0.3, top + 3.0), wall)
     else:
-        parts.box("flat roof", (0, 0, storeys * 3.0), (width, depth, storeys * 3.0 + 0.5))
+        parts.box("flat roof", (0, 0, top), (width, depth, top + 0.5))
 
 
 def around(parts: MeshParts, width: float, depth: float) -> Iterator[tuple[float, bool]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..massing import MeshParts, shifted
 
@@ -48,7 +48,8 @@ def front(
     parts: MeshParts, width: float, storeys: int, style: Style, rng: np.random.Generator, deep: bool = True
 ) -> None:
     """A front from the ground up; not ``deep``: panes lie on the wall, for fronts seen from afar or from the side."""
-    middles = _bays(width, style)
+    count = max(1, int((width - 0.6) / style.bay_m))
+    middles = (np.arange(count) + 0.5) * width / count
     for storey in range(storeys):
         low = storey * style.storey_m
         if storey == 0 and style.ground == "shops" and deep:
@@ -67,18 +68,15 @@ def front(
                 _balconies(parts, middles[:: style.balconies], low)
 
 
-def glass_front(parts: MeshParts, width: float, low: float, high: float, rng: np.random.Generator) -> None:
+def glass_front(parts: MeshParts, width: float, height: float, rng: np.random.Generator) -> None:
     """A curtain wall: panes of 1.5 by 3.6 m, fins and bands in front of them."""
-    columns, rows = max(1, round(width / 1.5)), max(1, round((high - low) / 3.6))
+    columns, rows = max(1, round(width / 1.5)), max(1, round(height / 3.6))
     start = rng.integers(0, PANES, 2)
-    corners = np.array([[(0, 0, low), (width, 0, low), (width, 0, high), (0, 0, high)]], float)
     uvs = np.array([[(0, 0), (columns, 0), (columns, rows), (0, rows)]]) + start
-    parts.quads("curtain wall", corners, uvs)
-    x = np.linspace(0, width, columns // 2 + 1)[:, None]
-    fins = np.broadcast_to([[0.0, 0.0, low]], (len(x), 3)) + x * [1, 0, 0]
-    parts.boxes("galvanised fin", shifted(fins, -0.05, -0.22, 0), shifted(fins, 0.05, 0, high - low))
-    z = np.linspace(low, high, rows + 1)[:, None]
-    bands = z * [0, 0, 1]
+    parts.quads("curtain wall", _upright([(0, width, 0, height)], 0.0), uvs)
+    fins = np.linspace(0, width, columns // 2 + 1)[:, None] * [1, 0, 0]
+    parts.boxes("galvanised fin", shifted(fins, -0.05, -0.22, 0), shifted(fins, 0.05, 0, height))
+    bands = np.linspace(0, height, rows + 1)[:, None] * [0, 0, 1]
     parts.boxes("trim dark", shifted(bands, 0, -0.1, -0.16), shifted(bands, width, 0, 0.16))
 
 
@@ -89,11 +87,6 @@ def panes(
     if len(openings):
         unit = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
         parts.quads(material, _upright(openings, depth), unit + rng.integers(0, PANES, (len(openings), 1, 2)))
-
-
-def _bays(width: float, style: Style) -> NDArray[np.float64]:
-    count = max(1, int((width - 0.6) / style.bay_m))
-    return (np.arange(count) + 0.5) * width / count
 
 
 def _openings(middles: NDArray[np.float64], low: float, style: Style, door: int) -> NDArray[np.float64]:
@@ -110,7 +103,7 @@ def _storey(
 ) -> None:
     """A storey's wall, and the sides of its openings when they are cut."""
     if not deep:
-        _wall(parts, wall, [whole])
+        parts.quads(wall, _upright([whole], 0.0))
         return
     x0, x1, z0, z1 = openings.T
     left, right, low, high = whole
@@ -118,18 +111,15 @@ def _storey(
     piers = np.stack([np.append(left, x1), np.append(x0, right), np.full(n + 1, low), np.full(n + 1, high)], axis=1)
     below = np.stack([x0, x1, np.full(n, low), z0], axis=1)
     above = np.stack([x0, x1, z1, np.full(n, high)], axis=1)
-    _wall(parts, wall, np.concatenate([piers, below, above]))
+    parts.quads(wall, _upright(np.concatenate([piers, below, above]), 0.0))
     face, back = _upright(openings, 0.0), _upright(openings, REVEAL_M)
     for a, b in ((0, 1), (1, 2), (2, 3), (3, 0)):
         parts.quads(wall, np.stack([face[:, a], face[:, b], back[:, b], back[:, a]], axis=1))
 
 
-def _wall(parts: MeshParts, material: str, rectangles: object) -> None:
-    parts.quads(material, _upright(np.asarray(rectangles, float), 0.0))
-
-
-def _upright(rectangles: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
+def _upright(rectangles: ArrayLike, depth: float) -> NDArray[np.float64]:
     """Corners (N, 4, 3) of rectangles (N, 4) x0, x1, z0, z1 in the plane y = depth."""
+    rectangles = np.asarray(rectangles, float)
     corners = np.full((len(rectangles), 4, 3), depth)
     corners[..., 0] = rectangles[:, [0, 1, 1, 0]]
     corners[..., 2] = rectangles[:, [2, 2, 3, 3]]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -13,38 +12,11 @@ from ...core import seeding
 from ..massing import MeshParts, pick, shifted
 from .materials import Materials
 from .site import Site
+from .tables import TREES, Tree
 
 TREE_ROOM_M = 5.0  # from the vehicle: a crown above it would shade every view
 BESIDE_M = 13.0  # where cameras stand; only every third tree grows there
 MODELS = 3  # meshes per kind of tree
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of tree: sizes in metres.
-
-    Attributes:
-        leaves: materials, one drawn per mesh.
-        trunk_m: height of the bare trunk, its radius.
-        crown_m: half-width and half-height of the crown.
-        clumps: how many balls make the crown.
-        sprays: small polygons that roughen it.
-    """
-
-    leaves: tuple[str, ...]
-    trunk_m: tuple[float, float]
-    crown_m: tuple[float, float]
-    clumps: int
-    sprays: int
-
-
-KINDS = {
-    "round": Kind(("leaves", "leaves light", "leaves dark"), (2.8, 0.19), (2.5, 2.2), 9, 420),
-    "tall": Kind(("leaves", "leaves dark"), (2.4, 0.2), (1.7, 4.2), 11, 460),
-    "small": Kind(("leaves light", "leaves"), (1.9, 0.09), (1.25, 1.3), 6, 260),
-    "conifer": Kind(("needles",), (0.9, 0.16), (1.9, 3.6), 0, 0),
-    "bush": Kind(("hedge", "leaves"), (0.0, 0.04), (1.0, 0.75), 5, 160),
-}
 
 
 class Nursery:
@@ -60,7 +32,7 @@ class Nursery:
         if key not in self._meshes:
             rng = seeding.named_rng(self._seed, "tree", kind, model)
             parts = MeshParts()
-            (_conifer if kind == "conifer" else _broadleaf)(parts, KINDS[kind], rng)
+            (_conifer if kind == "conifer" else _broadleaf)(parts, TREES[kind], rng)
             self._meshes[key] = parts.to_mesh(f"rauca {kind} tree {model}", self._materials)
         return bpy.data.objects.new(name, self._meshes[key])
 
@@ -109,7 +81,7 @@ def _tree(site: Site, rng: np.random.Generator, kind: str, along: float, aside: 
     if not site.clear_of_crossing(along, 2.5):
         return
     frame = site.frame(along, aside, spin)
-    crown = KINDS[kind].crown_m[0] * scale
+    crown = TREES[kind].crown_m[0] * scale
     away = site.layout.from_vehicle(frame[:3, 3])
     if away < TREE_ROOM_M + crown or (away < BESIDE_M and thinned) or not site.claim(frame, max(0.7, crown * 0.6)):
         return
@@ -159,7 +131,7 @@ def _pickets(parts: MeshParts, length: float) -> None:
         parts.box("picket", (-length / 2, 0.02, z), (length / 2, 0.05, z + 0.08))
 
 
-def _broadleaf(parts: MeshParts, kind: Kind, rng: np.random.Generator) -> None:
+def _broadleaf(parts: MeshParts, kind: Tree, rng: np.random.Generator) -> None:
     leaves = pick(rng, kind.leaves)
     (trunk, radius), (half_width, half_height) = kind.trunk_m, kind.crown_m
     middle = np.array([0.0, 0.0, trunk + half_height * 0.85])
@@ -213,7 +185,7 @@ def _sprays(
     parts.quads(material, corners)
 
 
-def _conifer(parts: MeshParts, kind: Kind, rng: np.random.Generator) -> None:
+def _conifer(parts: MeshParts, kind: Tree, rng: np.random.Generator) -> None:
     (trunk, radius), (half_width, half_height) = kind.trunk_m, kind.crown_m
     parts.column("bark", (0, 0, -0.1), radius, trunk + half_height, 7, 0.4)
     tiers, spikes = 8, 11

@@ -22,18 +22,15 @@ def glow(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
 
 def set_lit(level: float) -> None:
     """Turn up every material that went through :func:`glow`, in every scene: 0 (by day) to 1."""
-    _group().nodes["lit"].outputs[0].default_value = level
+    nodes.set_number(_group(), "lit", level)
 
 
 def _group() -> bpy.types.NodeTree:
     known = bpy.data.node_groups.get(NIGHT_GROUP)
     if known is not None:
         return known
-    tree = bpy.data.node_groups.new(NIGHT_GROUP, "ShaderNodeTree")
-    tree.interface.new_socket("Lit", in_out="OUTPUT", socket_type="NodeSocketFloat")
-    value = nodes.add(tree, "ShaderNodeValue")
-    value.name, value.outputs[0].default_value = "lit", 0.0
-    nodes.add(tree, "NodeGroupOutput", Lit=value.outputs[0])
+    tree = nodes.group(NIGHT_GROUP, {}, {"Lit": "Float"})
+    nodes.add(tree, "NodeGroupOutput", Lit=nodes.number(tree, "lit"))
     return tree
 
 
@@ -54,7 +51,10 @@ class Materials(dict[str, bpy.types.Material]):
         # Windows and signs are seen and reflected, but not sampled as lamps: they are faint and many.
         material.cycles.emission_sampling = "NONE"
         tree = nodes.fresh_tree(material)
-        nodes.output(tree, Surface=_window(tree, glazing) if glazing else _surface(tree, SURFACES[name]))
+        if glazing:
+            _window(tree, glazing)
+        else:
+            _surface(tree, SURFACES[name])
         self[name] = material
         return material
 
@@ -64,7 +64,7 @@ def _scaled(albedo: Albedo, factor: float) -> tuple[float, float, float, float]:
     return red, green, blue, 1.0
 
 
-def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
+def _surface(tree: bpy.types.NodeTree, spec: Surface) -> None:
     color: Any = _scaled(spec.albedo, 1.0)
     if spec.contrast:
         position = nodes.add(tree, "ShaderNodeNewGeometry").outputs["Position"]
@@ -74,12 +74,11 @@ def _surface(tree: bpy.types.NodeTree, spec: Surface) -> bpy.types.NodeSocket:
     if spec.joints[0]:
         color = _jointed(tree, spec, color)
     color, roughness = wet(tree, color, spec.roughness, spec.porosity)
-    shader = nodes.add(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=roughness, Metallic=spec.metallic)
+    shader = nodes.principled_surface(tree, Base_Color=color, Roughness=roughness, Metallic=spec.metallic)
     if spec.glow:
         strength = nodes.compute(tree, "MULTIPLY", glow(tree), spec.glow)
         tree.links.new(strength, shader.inputs["Emission Strength"])
         shader.inputs["Emission Color"].default_value = (1.0, 0.82, 0.6, 1.0)
-    return shader.outputs[0]
 
 
 def _jointed(tree: bpy.types.NodeTree, spec: Surface, color: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
@@ -102,7 +101,7 @@ def _jointed(tree: bpy.types.NodeTree, spec: Surface, color: bpy.types.NodeSocke
     return nodes.compute_vector(tree, "MULTIPLY", color, stones.outputs["Color"])
 
 
-def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
+def _window(tree: bpy.types.NodeTree, spec: Glazing) -> None:
     """A pane in its frame: curtains by day behind some, light after dark behind others."""
     uv = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=nodes.add(tree, "ShaderNodeUVMap").outputs[0]).outputs
     cell = nodes.compute_vector(tree, "FLOOR", nodes.add(tree, "ShaderNodeUVMap").outputs[0])
@@ -119,15 +118,13 @@ def _window(tree: bpy.types.NodeTree, spec: Glazing) -> bpy.types.NodeSocket:
     bright = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", lit, open_to_view), glow(tree))
     height = nodes.compute(tree, "FRACT", uv["Y"])
     from_above = nodes.compute(tree, "MULTIPLY_ADD", height, 0.65 * LIT_RADIANCE, 0.35 * LIT_RADIANCE)
-    shader = nodes.add(
+    nodes.principled_surface(
         tree,
-        "ShaderNodeBsdfPrincipled",
         Base_Color=color,
         Roughness=roughness,
         Emission_Color=nodes.mix_color(tree, other[1], (*LIT_COLORS[0], 1.0), (*LIT_COLORS[1], 1.0)),
         Emission_Strength=nodes.compute(tree, "MULTIPLY", bright, from_above),
     )
-    return shader.outputs[0]
 
 
 def _frame(

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..massing import MeshParts, turned
 from . import buildings
-from .site import SIDE_ROAD_HALF_M, Path, Site, ribbon
+from .site import SIDE_ROAD_HALF_M, Path, Site
 from .streets import SIDE_ROAD_M
 from .tables import District
 
@@ -39,50 +38,37 @@ def build_sides(site: Site) -> None:
     layout = site.layout
     for side in (-1, 1):
         rng = layout.rng("side", side)
-        for low, high in site.stretches(BUILT_HALF_M, SIDE_ROAD_HALF_M + 2.2):
-            _row(site, rng, layout.path, side, layout.sides[side], (low, high), beside_vehicle=True)
+        for stretch in site.stretches(BUILT_HALF_M, SIDE_ROAD_HALF_M + 2.2):
+            _row(site, rng, layout.path, side, stretch)
         if layout.sides[side] == "fields":
             _fields(site, rng, side)
     behind = layout.district.front_m[1] + 16.0
     for number, arm in enumerate(layout.side_roads):
         for hand in (-1, 1):
-            kind = layout.sides[hand]
-            rng = layout.rng("side road", number, hand)
-            _row(site, rng, arm, hand, kind, (behind, SIDE_ROAD_M - 5.0), beside_vehicle=False)
+            _row(site, layout.rng("side road", number, hand), arm, hand, (behind, SIDE_ROAD_M - 5.0))
 
 
-def _row(
-    site: Site,
-    rng: np.random.Generator,
-    path: Path,
-    side: int,
-    kind: str,
-    stretch: tuple[float, float],
-    beside_vehicle: bool,
-) -> None:
-    district = site.layout.district
+def _row(site: Site, rng: np.random.Generator, path: Path, side: int, stretch: tuple[float, float]) -> None:
+    layout, district = site.layout, site.layout.district
+    kind = layout.sides[side]
     build, widths, gaps = ROWS[kind]
     along = stretch[0] + (rng.uniform(0, gaps[1] / 2) if gaps[1] else 0.0)
     while along < stretch[1] - widths[0]:
         width = min(rng.uniform(*widths), stretch[1] - along)
         away = rng.uniform(*district.front_m) + SETBACK_M.get(kind, 0.0)
-        if not beside_vehicle:
+        if path is not layout.path:
             away = SIDE_ROAD_HALF_M + max(2.5, district.front_m[0] - district.road_half_m)
         elif along < BESIDE_M and along + width > -BESIDE_M:
             away = max(away, district.clear_m + SETBACK_M.get(kind, 0.0))
         away = _inside_bend(path, side, away)
         length = width / (1 - path.curvature * side * away)
-        frame = _plot(path, along + length / 2, side, away, width)
+        looking = path.frame(along + length / 2, side * away, 0.0 if side > 0 else math.pi)  # its front at the path
+        frame = looking @ turned(0.0, -width / 2)
         frame[2, 3] = site.ground_m(away)
-        near = site.layout.from_vehicle((frame @ [width / 2, 0, 0, 1])[:3]) < NEAR_M
+        near = layout.from_vehicle((frame @ [width / 2, 0, 0, 1])[:3]) < NEAR_M
         with site.parts.at(frame):
             build(site.parts, rng, district, width, near)
         along += length + (rng.uniform(*gaps) / (1 - path.curvature * side * away) if gaps[1] else 0.0)
-
-
-def _plot(path: Path, middle: float, side: int, away: float, width: float) -> NDArray[np.float64]:
-    """The frame of a building whose front's middle is ``away`` from the path, looking at it."""
-    return path.frame(middle, side * away, 0.0 if side > 0 else math.pi) @ turned(0.0, -width / 2)
 
 
 def _fields(site: Site, rng: np.random.Generator, side: int) -> None:
@@ -94,8 +80,7 @@ def _fields(site: Site, rng: np.random.Generator, side: int) -> None:
         far = _inside_bend(path, side, outer + rng.uniform(50, 110))
         if crop != "meadow":
             top, down = (0.35, 0.5) if crop == "wheat" else (-0.015, 0.0)
-            ends = (along, along + length - 1.5)
-            ribbon(site.parts, path, crop, ends, (side * outer, side * far), top, down)
+            site.lay(crop, (along, along + length - 1.5), (side * outer, side * far), top, down)
         along += length
 
 
@@ -131,9 +116,6 @@ def _hills(site: Site, rng: np.random.Generator) -> None:
     heights[-1] = heights[0]
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     foot, crest = 250 * ring, 300 * ring + heights[:, None] * [0, 0, 1]
-    for low, high, material in (
-        (foot, crest, "meadow"),
-        (crest, 330 * ring + heights[:, None] * [0, 0, 1.4], "leaves dark"),
-    ):
-        corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
-        site.parts.quads(material, corners)
+    wood = 330 * ring + heights[:, None] * [0, 0, 1.4]
+    for low, high, material in ((foot, crest, "meadow"), (crest, wood, "leaves dark")):
+        site.parts.quads(material, np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))

@@ -170,22 +170,22 @@ class Site:
             return [(-half_length, half_length)]
         return [(-half_length, crossing - gap), (crossing + gap, half_length)]
 
-
-def ribbon(
-    parts: MeshParts,
-    path: Path,
-    material: str,
-    along: tuple[float, float],
-    aside: tuple[float, float],
-    height: float,
-    skirt: float = 0.0,
-) -> None:
-    """A strip of ground along a path; ``skirt`` draws its long edges down by so much."""
-    pieces = max(1, math.ceil((along[1] - along[0]) / 4.0)) if path.curvature else 1
-    steps = np.linspace(*along, pieces + 1)
-    right, left = (path.points(steps, a, height) for a in sorted(aside))
-    parts.quads(material, np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
-    if skirt:
-        down = np.array([0.0, 0.0, skirt])
-        for edge in (right, left):
-            parts.quads(material, np.stack([edge[:-1] - down, edge[1:] - down, edge[1:], edge[:-1]], axis=1))
+    def lay(
+        self,
+        material: str,
+        along: tuple[float, float],
+        aside: tuple[float, float],
+        height: float,
+        skirt: float = 0.0,
+        path: Path | None = None,
+    ) -> None:
+        """A strip of ground along a path, by default the main road; ``skirt`` draws its long edges down by so much."""
+        path = path or self.layout.path
+        pieces = max(1, math.ceil((along[1] - along[0]) / 4.0)) if path.curvature else 1
+        steps = np.linspace(*along, pieces + 1)
+        right, left = (path.points(steps, a, height) for a in sorted(aside))
+        self.parts.quads(material, np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
+        if skirt:
+            down = np.array([0.0, 0.0, skirt])
+            for edge in (right, left):
+                self.parts.quads(material, np.stack([edge[:-1] - down, edge[1:] - down, edge[1:], edge[:-1]], axis=1))

@@ -1,4 +1,4 @@
-"""What the town is made of, as data of ``assets/town/``: districts, surfaces, furniture and parked vehicles."""
+"""What the town is made of: the tables of ``assets/town/``, each of which says what its numbers are."""
 
 from __future__ import annotations
 
@@ -20,26 +20,7 @@ def _table(name: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class District:
-    """What a kind of district is made of; lengths are metres, sideways ones from the street's middle line.
-
-    Attributes:
-        shapes: courses its street may take: straight, bend, crossing.
-        road, pavement, apron: ground materials; the apron is what lies between pavement and houses, and behind them.
-        road_half_m: from the middle line to the kerb.
-        pavement_m: 0 leaves out kerb and pavement.
-        lanes: per direction.
-        lines: how the road is marked: city, country, bays (parking bays along both sides) or none.
-        front_m: least and largest distance of the fronts.
-        clear_m: least distance of fronts beside the vehicle, where cameras stand.
-        sides: what may stand along a side of the street, two of them drawn: row, houses, towers,
-            slabs, halls, containers, park, fields.
-        walls: wall materials.
-        trees: kinds of tree; tree_every_m: their spacing along the street; 0 plants none there.
-        lamp_every_m, lamp_height_m: street lamps.
-        furniture: small things on the pavement.
-        parked: COCO classes of what is parked; never ``car``, of which an image has one.
-        skyline_m: least and largest height of what closes the horizon.
-    """
+    """What a kind of district is made of, metres."""
 
     name: str
     shapes: tuple[str, ...]
@@ -65,19 +46,7 @@ class District:
 
 @dataclass(frozen=True)
 class Surface:
-    """An opaque surface.
-
-    Attributes:
-        albedo: linear, in the middle of what it varies over.
-        shows_as: semantic class.
-        roughness, metallic: of the Principled BSDF.
-        contrast, noise_per_m: the albedo varies by +-contrast with noise of that frequency.
-        porosity: how much it darkens when wet, see ``wetness.wet``.
-        joints: width and height (metres) of its stones, boards or sheets, and how wide the joints between them are;
-            0 wide: no stones. They follow the UVs.
-        joint_shade: the joints' albedo as a fraction of the surface's.
-        glow: radiance after dark.
-    """
+    """An opaque surface."""
 
     albedo: Albedo
     shows_as: str
@@ -93,15 +62,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Glazing:
-    """Windows: a unit square of the UVs is one pane with its frame; the integers below it tell panes apart.
-
-    Attributes:
-        frame: linear albedo of the frame.
-        frame_share: its width as a share of the pane.
-        bars: mullions across: 0 none, 1 one upright and one level.
-        lit_share: share of panes lit after dark.
-        curtained: share of panes with curtains.
-    """
+    """Windows: a unit square of the UVs is one pane with its frame; the integers below it tell panes apart."""
 
     frame: Albedo
     frame_share: float
@@ -112,13 +73,7 @@ class Glazing:
 
 @dataclass(frozen=True)
 class Solids:
-    """Something made of plain solids.
-
-    Attributes:
-        solids: each the name of a method of :class:`MeshParts`, a material or a color's name, and sizes.
-        colors: the materials that each color is drawn from.
-        load_m: least and largest height of the load, which is drawn.
-    """
+    """Something made of plain solids, which are methods of :class:`MeshParts` with a material or color and sizes."""
 
     solids: list[list[Any]] = field(default_factory=list)
     colors: dict[str, list[str]] = field(default_factory=dict)
@@ -144,13 +99,7 @@ def _load(parts: MeshParts, material: str, low: list[float], high: list[float], 
 
 @dataclass(frozen=True)
 class Furniture(Solids):
-    """A small thing on the pavement.
-
-    Attributes:
-        room_m: radius that it needs.
-        where: across the pavement: kerb, middle or wall.
-        run: how many stand in a row.
-    """
+    """A small thing on the pavement."""
 
     room_m: float = 0.0
     where: str = "middle"
@@ -165,8 +114,20 @@ class Parked(Solids):
     width_m: float = 0.0
 
 
+@dataclass(frozen=True)
+class Tree:
+    """A kind of tree."""
+
+    leaves: tuple[str, ...]
+    trunk_m: tuple[float, float]
+    crown_m: tuple[float, float]
+    clumps: int
+    sprays: int
+
+
 DISTRICTS = tuple(District(name, **row) for name, row in _table("districts").items())
 SURFACES = {name: Surface(**row) for name, row in _table("surfaces")["surfaces"].items()}
 GLAZINGS = {name: Glazing(**row) for name, row in _table("surfaces")["glazings"].items()}
+TREES = {name: Tree(**row) for name, row in _table("trees").items()}
 FURNITURE = {name: Furniture(**row) for name, row in _table("furniture").items()}
 PARKED = {name: Parked(**row) for name, row in _table("parked").items()}

@@ -13,10 +13,9 @@ from bpy.app.translations import pgettext_rpt as rpt
 from ...core import contract, files
 from ...folders import chosen_folder
 from ...jobs import watch
-from ...scene.bake import Baked, Task, baked_image, other_layers, prepare_bake, run_bake, show_baked
+from ...scene.bake import Baked, Task, add_layer, baked_image, other_layers, prepare_bake, run_bake, show_baked
 from ...scene.baked_export import export_glb
 from ...scene.mesh_edits import object_mode
-from ...scene.smart_project import add_layer
 from ..camouflage.painted_vehicle import coat_shown, painted_surface, painted_vehicle, require_coat, surface_of
 from ..operator import NO_UNDO, RaucaOperator
 

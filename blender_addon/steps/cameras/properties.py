@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ...core import contract
+from ...scene.blocks import rendered
 from ...scene.camera import look
-from ...scene.rendered import rendered
 from ...scene.ring import Viewpoint, viewpoint
 from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ..panel import angle

@@ -12,8 +12,8 @@ from mathutils import Matrix
 from ...core import contract
 from ...scene import camera
 from ...scene.camouflages import read_paintwork
+from ...scene.coating import paint_surface, painted_objects, uncoat
 from ...scene.mesh_edits import Surface, object_mode
-from ...scene.painting import paint_surface, painted_objects, uncoat
 from ..operator import RaucaOperator, tooltip
 from .evaluation import EvaluatedFrame, Views, camera_in_world, find_evaluation
 from .painted_vehicle import coat_shown, objects_of, place, require_coat, vehicle_for

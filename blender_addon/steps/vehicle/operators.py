@@ -7,9 +7,11 @@ import numpy as np
 from bpy.app.translations import pgettext_rpt as rpt
 
 from ...core import contract
-from ...scene.mesh_edits import mark_faces, marked_faces, object_mode, require_writable, select_faces, selected_faces
+from ...scene.blocks import values_of
+from ...scene.mesh_edits import mark_faces, object_mode, require_writable, select_faces
 from ...scene.paint_layer import check_paint, polygons_of
 from ...scene.vehicle import add_shipped, shipped_names
+from ...scene.vehicle_arrays import marked_faces
 from ..operator import RaucaOperator, tooltip
 
 DISPLAY_NAMES = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
@@ -82,10 +84,11 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
         for thing in edited:
             require_writable(thing)
         with object_mode(context):
-            if not any(selected_faces(thing.data).any() for thing in edited):
+            selected = {thing: values_of(thing.data.polygons, "select", np.bool_) for thing in edited}
+            if not any(chosen.any() for chosen in selected.values()):
                 raise contract.RaucaError("No face is selected; select faces with 3 and a click or a box")
-            for thing in edited:
-                old, chosen = marked_faces(thing.data), selected_faces(thing.data)
+            for thing, chosen in selected.items():
+                old = marked_faces(thing.data)
                 mark_faces(thing.data, old | chosen if self.action == "ASSIGN" else old & ~chosen)
             settings.paint = "FACES"
             settings.count_marked(context)

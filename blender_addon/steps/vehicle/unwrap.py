@@ -15,8 +15,9 @@ from ...jobs.endings import ending
 from ...scene.images import read_image_blender
 from ...scene.mesh_edits import object_mode
 from ...scene.paint_layer import to_unwrap, write_unwrapped
+from ...scene.uvs import unwrapped
 from ...scene.vehicle import untouched_shipped
-from ...scene.vehicle_reading import Reading, unwrapped
+from ...scene.vehicle_reading import Reading
 from ..operator import RaucaOperator
 
 

@@ -1,17 +1,22 @@
-"""What is wrong with the UVs of the paint: as a verdict for the import, and face by face for the artist."""
+"""UVs of the paint: what is wrong with them, as a whole for the import and by faces for the artist, and new ones."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import geometry
+from ..core import contract, geometry
+from .blocks import values_of
+from .render import silenced
 
 OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and one texel would paint two places
 CHECK_ATLAS = 1024
 BEYOND = 1e-3  # of the texture's side; less is rounding
+SMART_ANGLE_DEG = 40.0
 DENSITY_RATIO = 2.0  # times finer or coarser than the paint's median: the pattern visibly changes its size
 
 
@@ -40,7 +45,7 @@ def uv_faults(uvs: NDArray[np.float32], area: NDArray[np.float64]) -> UvFaults:
     solid = area > 1e-12
     missing = ~finite | (solid & (uv_area < 1e-12))
     outside = finite & ((clean < -BEYOND) | (clean > 1 + BEYOND)).any(axis=(1, 2))
-    moved, _ = _in_tile(clean)
+    moved, _, _ = in_tile(clean)
     texels, faces = geometry.covered(moved, CHECK_ATLAS, conservative=False)
     shared = np.bincount(texels, minlength=1)[texels] > 1
     overlapping = np.zeros(len(uvs), np.bool_)
@@ -60,7 +65,7 @@ def uv_verdict(uvs: NDArray[np.float32]) -> tuple[str, NDArray[np.float32]]:
         return ("they are missing" if np.isnan(uvs).all() else "some are NaN or missing"), np.nan_to_num(uvs)
     if np.ptp(uvs, axis=(0, 1)).max() < 1e-6:
         return "all are in one point", uvs
-    moved, crossing = _in_tile(uvs)
+    moved, crossing, _ = in_tile(uvs)
     if crossing.any():
         return f"{crossing.mean():.1%} of the painted faces reach beyond the texture", moved
     overlap = shared_texels(moved)
@@ -75,14 +80,60 @@ def shared_texels(uvs: NDArray[np.floating]) -> float | None:
     return float((hits > 1).sum() / (hits > 0).sum()) if hits.any() else None
 
 
-def _in_tile(uvs: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
-    """UVs moved into [0, 1] by whole tiles, where a repeated texture looks the same; True where that cannot be."""
-    moved = uvs - np.floor(uvs.min(axis=1, keepdims=True) + 1e-4)
+def in_tile(uvs: NDArray, slack: float = 1e-4) -> tuple[NDArray, NDArray[np.bool_], NDArray]:
+    """UVs (F, 3, 2) moved into [0, 1] by whole tiles, where a repeated texture looks the same.
+
+    Returns:
+        The moved UVs, True (F,) where a face reaches beyond its tile, and the tiles (F, 1, 2).
+    """
+    tile = np.floor(uvs.min(axis=1, keepdims=True) + slack)
+    moved = uvs - tile
     crossing = moved.max(axis=(1, 2)) > 1 + BEYOND
-    return np.clip(moved, 0.0, 1.0), crossing
+    return np.clip(moved, 0.0, 1.0), crossing, tile
 
 
 def _median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
     order = np.argsort(values)
     rising = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(rising, rising[-1] / 2)])
+
+
+def unwrapped(vehicle: contract.Vehicle) -> tuple[contract.Vehicle, str]:
+    """The vehicle with a fresh atlas by xatlas, and ''; without xatlas by Blender, and the words that say so."""
+    try:
+        return geometry.unwrap(vehicle), ""
+    except ImportError:
+        fresh = geometry.repack(vehicle, smart_project(vehicle))
+        return fresh, " by Blender's Smart UV Project, as xatlas is not installed"
+
+
+def smart_project(vehicle: contract.Vehicle) -> NDArray[np.float64]:
+    """Flat charts of the paint faces by Smart UV Project: (F_paint, 3, 2), not packed."""
+    faces = vehicle.triangles[vehicle.paint_faces()]
+    used, compact = np.unique(faces, return_inverse=True)
+    mesh = bpy.data.meshes.new("rauca unwrap")
+    item = bpy.data.objects.new("rauca unwrap", mesh)
+    layer = bpy.context.view_layer
+    active, selected = layer.objects.active, list(layer.objects.selected)
+    for other in selected:  # edit mode takes in whatever is selected, and would lay it out anew as well
+        other.select_set(False)
+    try:
+        mesh.from_pydata(vehicle.positions[used].tolist(), [], compact.reshape(-1, 3).tolist())
+        mesh.uv_layers.new(name="flat")
+        bpy.context.scene.collection.objects.link(item)
+        layer.update()
+        layer.objects.active = item
+        item.select_set(True)
+        with silenced():
+            bpy.ops.object.mode_set(mode="EDIT")
+            bpy.ops.mesh.select_all(action="SELECT")
+            bpy.ops.uv.smart_project(angle_limit=math.radians(SMART_ANGLE_DEG), island_margin=0.002)
+            bpy.ops.object.mode_set(mode="OBJECT")
+        uvs = values_of(mesh.uv_layers[0].uv, "vector", np.float32, 2).reshape(-1, 3, 2)
+    finally:
+        bpy.data.objects.remove(item)
+        bpy.data.meshes.remove(mesh)
+        for other in selected:
+            other.select_set(True)
+        layer.objects.active = active
+    return uvs.astype(np.float64)
