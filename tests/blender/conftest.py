@@ -6,9 +6,15 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rauca_core.contract import Plan, Quality, Ring, Weather
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    """Of values in [0, 1], dB."""
+    return float(-10 * np.log10(np.mean((a - b) ** 2)))
 
 
 @pytest.fixture(scope="session")

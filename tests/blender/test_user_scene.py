@@ -74,6 +74,30 @@ def _place(bpy, path, locations=2, own="car"):
     return scene, UserScene(scene, path, locations, own)
 
 
+@pytest.fixture
+def entered(bpy_module, yard, box_vehicle):
+    """Writes a changed .blend and enters its first location."""
+    from blender_addon.scene.session import Session
+
+    def enter(change=None, **plan):
+        path = yard(change=change)
+        session = Session(replace(_plan(box_vehicle, path), **plan), box_vehicle, path)
+        session.enter(0)
+        return session
+
+    return enter
+
+
+def _instance(bpy, scene, collection, x=3.0, y=-5.5, number=None, category="bus"):
+    """An empty that shows a collection, beside the first location's vehicle."""
+    shown = bpy.data.objects.new("shown", None)
+    shown.instance_type, shown.instance_collection, shown.location = "COLLECTION", collection, (x, y, 0.5)
+    if number:
+        shown["rauca_instance"], shown["rauca_category"] = number, category
+    scene.collection.objects.link(shown)
+    return shown
+
+
 def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
     path = yard()
     scene, place = _place(bpy_module, path)
@@ -110,11 +134,8 @@ def test_no_script_of_the_file_is_run(bpy_module, yard):
     assert scene.objects["block"].animation_data is None or not scene.objects["block"].animation_data.drivers
 
 
-def test_a_frame_of_the_users_scene(bpy_module, yard, box_vehicle):
-    from blender_addon.scene.session import Session
-
-    path = yard()
-    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+def test_a_frame_of_the_users_scene(entered):
+    session = entered()
     for location in (0, 1):
         session.enter(location)
         seen = session.annotations(location, [0])[0]
@@ -126,9 +147,7 @@ def test_a_frame_of_the_users_scene(bpy_module, yard, box_vehicle):
 
 
 @pytest.mark.parametrize("falloff", [0.0, 2.0])
-def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(bpy_module, yard, box_vehicle, falloff):
-    from blender_addon.scene.session import Session
-
+def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(entered, falloff):
     fog = Weather("fog", 45.0, fog_density=90.0, fog_falloff=falloff)
 
     def picture(x, z):
@@ -136,10 +155,7 @@ def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(bpy_module, yard, bo
             for thing in scene.objects:
                 thing.location.x, thing.location.z = thing.location.x + x, thing.location.z + z
 
-        path = yard(change=move)
-        plan = replace(_plan(box_vehicle, path), quality=Quality(16, denoise=False), weathers=(fog,))
-        session = Session(plan, box_vehicle, path)
-        session.enter(0)
+        session = entered(move, quality=Quality(16, denoise=False), weathers=(fog,))
         session.set_weather(fog)
         return session.render(0, 0, fog)
 
@@ -247,11 +263,8 @@ def test_what_is_linked_from_another_file_is_annotated_too(bpy_module, yard, tmp
     bpy, library = bpy_module, tmp_path / "library.blend"
 
     def link(scene):
-        props, shed, lone = (
-            bpy.data.collections.new("props"),
-            _quad(bpy, "shed", 1.0, 2.0),
-            _quad(bpy, "lone", 1.0, 1.0),
-        )
+        props = bpy.data.collections.new("props")
+        shed, lone = _quad(bpy, "shed", 1.0, 2.0), _quad(bpy, "lone", 1.0, 1.0)
         for thing in (shed, lone):
             thing.data.materials.append(bpy.data.materials["slab"])
         props.objects.link(shed)
@@ -260,11 +273,8 @@ def test_what_is_linked_from_another_file_is_annotated_too(bpy_module, yard, tmp
             bpy.data.batch_remove([thing])
         with bpy.data.libraries.load(str(library), link=True) as (_, target):
             target.collections, target.objects = ["props"], ["lone"]
-        for name in ("one", "two"):
-            empty = bpy.data.objects.new(name, None)
-            empty.instance_type, empty.instance_collection = "COLLECTION", target.collections[0]
-            empty["rauca_instance"], empty["rauca_category"] = len(name), "bus"
-            scene.collection.objects.link(empty)
+        for number in (1, 2):
+            _instance(bpy, scene, target.collections[0], number=number)
         scene.collection.objects.link(target.objects[0])
 
     scene, _ = _place(bpy, yard(change=link))
@@ -288,20 +298,16 @@ def test_a_surface_whose_material_geometry_nodes_choose_is_refused(bpy_module, y
 def test_a_surface_that_only_the_viewport_hides_is_refused_too(bpy_module, yard, hidden):
     def add_nodes(scene):
         modifier = _add_nodes(bpy_module, scene.objects["block"], "GeometryNodeSetMaterial")
-        if hidden == "object":
-            scene.objects["block"].hide_viewport = True
-        else:
-            modifier.show_viewport = False
+        scene.objects["block"].hide_viewport = hidden == "object"
+        modifier.show_viewport = hidden == "object"
 
-    path = yard(change=add_nodes)
     with pytest.raises(RaucaError, match=r"yard.blend: object block: its geometry nodes .* apply its modifiers"):
-        _place(bpy_module, path)
+        _place(bpy_module, yard(change=add_nodes))
 
 
 @pytest.mark.parametrize("how", ["object", "collection", "excluded", "instancer", "inner", "modifier", "nowhere"])
-def test_what_no_render_shows_is_not_refused(bpy_module, yard, box_vehicle, how):
+def test_what_no_render_shows_is_not_refused(bpy_module, entered, how):
     """Neither another vehicle of the data set's own class nor a material that geometry nodes choose."""
-    from blender_addon.scene.session import Session
 
     def hide(scene):
         tools = bpy_module.data.collections.new("tools")
@@ -316,10 +322,7 @@ def test_what_no_render_shows_is_not_refused(bpy_module, yard, box_vehicle, how)
         else:
             tool["rauca_instance"], tool["rauca_category"] = 3, "car"
         if how in ("instancer", "inner"):
-            shown = bpy_module.data.objects.new("shown", None)
-            shown.instance_type, shown.instance_collection = "COLLECTION", tools
-            shown.hide_render = how == "instancer"
-            scene.collection.objects.link(shown)
+            _instance(bpy_module, scene, tools, 0.0, 0.0).hide_render = how == "instancer"
         else:
             scene.collection.children.link(tools)
         tool.hide_render = how in ("object", "inner")
@@ -327,36 +330,25 @@ def test_what_no_render_shows_is_not_refused(bpy_module, yard, box_vehicle, how)
         if how == "excluded":
             scene.view_layers[0].layer_collection.children["tools"].exclude = True
 
-    path = yard(change=hide)
-    session = Session(_plan(box_vehicle, path), box_vehicle, path)
-    session.enter(0)
-    assert session.annotations(0, [0])[0].others == ()
+    assert entered(hide).annotations(0, [0])[0].others == ()
 
 
-def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_module, yard, box_vehicle):
+def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_module, entered):
     """Numbers are whole, though a custom property is a float where nobody says otherwise."""
-    from blender_addon.scene.session import Session
 
     def add_instance(scene):
         parts = bpy_module.data.collections.new("parts")
         inner = _quad(bpy_module, "inner", 1.0, 1.0)
         inner["rauca_instance"], inner["rauca_category"] = 3, "car"
         parts.objects.link(inner)
-        shown = bpy_module.data.objects.new("shown", None)
-        shown.instance_type, shown.instance_collection = "COLLECTION", parts
-        shown.location = (3.0, -5.5, 0.5)
-        shown["rauca_instance"], shown["rauca_category"] = 4.0, "bus"
-        scene.collection.objects.link(shown)
+        _instance(bpy_module, scene, parts, number=4.0)
 
-    path = yard(change=add_instance)
-    session = Session(_plan(box_vehicle, path), box_vehicle, path)
-    session.enter(0)
-    assert [(other.id, other.category) for other in session.annotations(0, [0])[0].others] == [(4, "bus")]
+    seen = entered(add_instance).annotations(0, [0])[0]
+    assert [(other.id, other.category) for other in seen.others] == [(4, "bus")]
 
 
-def test_what_a_collections_instance_brings_is_seen(bpy_module, yard, box_vehicle):
+def test_what_a_collections_instance_brings_is_seen(bpy_module, entered):
     """Its sun stays behind; its truck is another vehicle where the instance says so, and only there."""
-    from blender_addon.scene.session import Session
 
     def add_instances(scene):
         rig = bpy_module.data.collections.new("rig")
@@ -366,19 +358,12 @@ def test_what_a_collections_instance_brings_is_seen(bpy_module, yard, box_vehicl
         tarpaulin["rauca_class"] = "pole"  # a class that nothing else here has
         truck.data.materials.append(tarpaulin)
         rig.objects.link(truck)
-        for sideways, number in ((-3.5, 9), (3.5, None)):
-            shown = bpy_module.data.objects.new("shown", None)
-            shown.instance_type, shown.instance_collection = "COLLECTION", rig
-            shown.location = (3.0, -2.0 + sideways, 0.5)
-            if number:
-                shown["rauca_instance"], shown["rauca_category"] = number, "truck"
-            scene.collection.objects.link(shown)
+        _instance(bpy_module, scene, rig, y=-5.5, number=9, category="truck")
+        _instance(bpy_module, scene, rig, y=1.5)
 
-    path = yard(change=add_instances)
-    session = Session(_plan(box_vehicle, path), box_vehicle, path)
+    session = entered(add_instances)
     assert "sun 'rig sun'" in " ".join(session.place.notes)
     assert "rig sun" not in bpy_module.data.objects
-    session.enter(0)
     seen = session.annotations(0, [0])[0]
     assert [(other.id, other.category) for other in seen.others] == [(9, "truck")]
     assert (seen.semantic[seen.instances == 9] == CLASS_IDS["other_vehicle"]).all()

@@ -77,11 +77,12 @@ def whole(tmp_path_factory) -> Path:
     return folder
 
 
-def supervise(folder: Path, whole: Path, listener, workers: int = 1, recycle: int = 200):
-    """Supervise in this process, so that a test hears which worker renders what; plan and vehicle are ``whole``'s."""
+def supervise(folder: Path, whole: Path, news, workers: int = 1, recycle: int = 200):
+    """Supervise in this process, so that ``news`` hears which worker renders what; plan and vehicle are ``whole``'s."""
     from blender_addon.child import child_command
-    from blender_addon.jobs.supervisor import Crew, Supervisor
+    from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
 
+    listener = Listener(lambda progress: None, lambda note: None, news)
     plan = read_plan(whole)
     order = folder.with_name("worker.json")
     save_job(order, RenderFrames(whole, folder))
@@ -92,12 +93,6 @@ def supervise(folder: Path, whole: Path, listener, workers: int = 1, recycle: in
     return supervisor
 
 
-def hearing(news):
-    from blender_addon.jobs.supervisor import Listener
-
-    return Listener(lambda progress: None, lambda note: None, news)
-
-
 def test_recycled_workers_side_by_side_render_the_same_bytes(whole, tmp_path):
     frames_of = defaultdict(list)
 
@@ -105,7 +100,7 @@ def test_recycled_workers_side_by_side_render_the_same_bytes(whole, tmp_path):
         if heard.event == "done":
             frames_of[worker.pid].append(heard.frame)
 
-    supervise(tmp_path / "set", whole, hearing(news), workers=2, recycle=2)
+    supervise(tmp_path / "set", whole, news, workers=2, recycle=2)
     assert sum(map(len, frames_of.values())) == 8
     assert max(map(len, frames_of.values())) <= 2
     assert {k: v for k, v in content(whole).items() if k.startswith("frames")} == content(tmp_path / "set")
@@ -135,7 +130,7 @@ def test_a_frame_that_fails_twice_is_quarantined_and_the_rest_goes_on(whole, tmp
             kills[heard.frame] += 1
             os.kill(worker.pid, signal.SIGKILL)
 
-    supervisor = supervise(folder, whole, hearing(news))
+    supervisor = supervise(folder, whole, news)
     assert set(supervisor.quarantined) == {deadly, blocked}
     assert "killed by SIGKILL" in supervisor.quarantined[deadly]
     assert "NotADirectoryError" in supervisor.quarantined[blocked]

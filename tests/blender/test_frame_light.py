@@ -1,4 +1,4 @@
-"""A frame's own exposure: opens up in shade, never for the vehicle's sake, not at night."""
+"""A frame's light: exposed for shade, never for the vehicle's sake, not at night; edges of paint as annotated."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 from blender_addon.scene.frame import MOST_STOPS, TARGET, expose, metered_stops
+from blender_addon.scene.light_maps import refine_edges
 from rauca_core.contract.semantics import CLASS_IDS, TARGET_INSTANCE
 
 SIZE = 20
@@ -46,3 +47,20 @@ def test_a_vehicle_that_fills_the_frame_has_the_weathers_exposure():
     image, semantic, instances = street(0.001)
     instances[:] = TARGET_INSTANCE
     assert metered_stops(image, semantic, instances, 45.0) == 0.0
+
+
+def test_edges_take_their_coverage_from_the_annotation():
+    rng = np.random.default_rng(0)
+    rows, columns = np.mgrid[:40, :40]
+    coverage = np.clip((columns - 0.3 * rows - 5.3) / 2 + 0.5, 0, 1).astype(np.float32)
+    light = (0.4 + 0.004 * rows)[..., None] * np.array([1.0, 0.9, 0.7])
+    truth = coverage[..., None] * light
+    edge = (coverage > 0) & (coverage < 1)
+    sampled = np.where(edge, rng.binomial(8, coverage) / 8, coverage)
+    gain = (sampled[..., None] * light).astype(np.float32)
+
+    refined = refine_edges(gain, coverage)
+    assert np.array_equal(refined[~edge], gain[~edge])
+    assert np.square(refined - truth)[edge].mean() < 0.5 * np.square(gain - truth)[edge].mean()
+    # A mask of True and False has no edges.
+    assert np.array_equal(refine_edges(gain, coverage > 0), gain)
