@@ -22,9 +22,9 @@ from rauca_core.environment import LightSplitter, PublishedEfe, load_extractor
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import measure, total
-from rauca_core.training.extractor import EpochReport, Job, Outcome, train
+from rauca_core.training.extractor import EpochReport, Job, Outcome, smoothed, train
 from rauca_core.training.extractor_learners import BaseLearner, FinalLearner, Learner, SplitterLearner
-from rauca_core.training.extractor_settings import TrainingSettings, make_training_settings, smoothed
+from rauca_core.training.settings import ExtractorSettings
 
 from .harness import Row, Settings
 
@@ -70,7 +70,7 @@ def train_ours(
     frames: LightFrames, train_on: Sequence[int], test_on: Sequence[int], net: LightSplitter, title: str, **chosen: Any
 ) -> Trained:
     """Train our extractor; ``chosen`` are settings that differ from the benchmark's."""
-    settings = make_training_settings(**(OURS | chosen))
+    settings = ExtractorSettings.make(**(OURS | chosen))
     return _train(SplitterLearner(net, frames, settings), frames, train_on, test_on, settings, title)
 
 
@@ -79,7 +79,7 @@ def train_published(
 ) -> Trained:
     """Train the published extractor by its final loop, as published: Adam 0.01, BCE with W."""
     torch.manual_seed(named_seed(0, "published weights"))
-    chosen = make_training_settings(**(PUBLISHED | {"epochs": settings.published_epochs}))
+    chosen = ExtractorSettings.make(**(PUBLISHED | {"epochs": settings.published_epochs}))
     learner = FinalLearner(PublishedEfe(settings.widths), frames, chosen)
     return _train(learner, frames, train_on, test_on, chosen, title)
 
@@ -89,7 +89,7 @@ def _train(
     frames: LightFrames,
     train_on: Sequence[int],
     test_on: Sequence[int],
-    settings: TrainingSettings,
+    settings: ExtractorSettings,
     title: str,
 ) -> Trained:
     best: dict[str, torch.Tensor] = {}
@@ -116,10 +116,10 @@ def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings
     """
     some = list(train_on)[: settings.timed_frames]
     published = PublishedEfe(settings.widths)
-    chosen = make_training_settings(**PUBLISHED)
+    chosen = ExtractorSettings.make(**PUBLISHED)
     base_loop = BaseLearner(published, frames, chosen)
     final_loop = FinalLearner(published, frames, chosen)
-    ours_loop = SplitterLearner(LightSplitter(), frames, make_training_settings(**OURS))
+    ours_loop = SplitterLearner(LightSplitter(), frames, ExtractorSettings.make(**OURS))
     base, final, ours = (_time_epoch(loop, some) for loop in (base_loop, final_loop, ours_loop))
     started = time.process_time()
     frames.render_plain(some[0])

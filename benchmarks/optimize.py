@@ -135,7 +135,7 @@ class Algorithm2Run(Run):
         """The frame, its light at the pixels that Algorithm 2 covers."""
         if frame.frame.id not in self._views:
             pixels, rows = pixels_from_cells(self.store.vehicle, frame.frame.camera_in_vehicle)
-            light = self.store.light.of(frame.frame).light
+            light, _ = self.store.light.of(frame.frame)
             A, B = (torch.from_numpy(m.reshape(-1, 3)[pixels]) for m in (light.A, light.B))
             taps = _Cells(rows, pixels, frame.taps.width, frame.taps.height)
             self._views[frame.frame.id] = replace(frame, taps=taps, A=A, B=B)  # type: ignore[arg-type]

@@ -80,17 +80,18 @@ def detectors_train(
     from rauca_core.detect.synth.networks import find_recipe
     from rauca_core.study.harden_rounds import score
     from rauca_core.training.fit import Fit
-    from rauca_core.training.settings import make_detector_settings
+    from rauca_core.training.settings import DetectorSettings
 
     chosen = {"steps": steps, "batch": batch, "lr": lr, "size": size, "round": every, "precision": precision}
     chosen |= {"seed": seed, "threads": threads}
     given = {option: value for option, value in chosen.items() if value is not None}
-    settings = make_detector_settings(**{"lr": find_recipe(name).lr, **given})
+    settings = DetectorSettings.make(**{"lr": find_recipe(name).lr, **given})
     told = [one.strip() for one in classes.split(",") if one.strip()]
-    command = command_line(short=True)
-    weights, found = _train(
-        Fit(name, datasets, out, settings, score, test or [], start, told, command, remarks, device), resume
-    )
+    wanted = Fit(
+        name=name, datasets=datasets, out=out, settings=settings, score=score, tests=test or [], start=start,
+        classes=told, command=command_line(short=True), remarks=remarks, device=device,
+    )  # fmt: skip
+    weights, found = _train(wanted, resume)
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():
         table.add_row(group, f"{ap:.3f}", str(found.frames[group]))

@@ -173,10 +173,13 @@ def _train(
     device: str | None,
 ) -> None:
     from rauca_core.training.extractor_fit import Fit
-    from rauca_core.training.extractor_settings import make_training_settings
+    from rauca_core.training.settings import ExtractorSettings
 
-    settings = make_training_settings(**chosen)
-    wanted = Fit(datasets, out, settings, tests or (), start, command_line(short=True), remarks, device)
+    settings = ExtractorSettings.make(**chosen)
+    wanted = Fit(
+        datasets=datasets, out=out, settings=settings, tests=tests or (), start=start,
+        command=command_line(short=True), remarks=remarks, device=device,
+    )  # fmt: skip
     console.print(f"weights: {_fit(wanted, resume)}")
 
 

@@ -66,9 +66,9 @@ def harden(
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import HardeningNotes, write_hardening
     from rauca_core.study.views import HeldOut
-    from rauca_core.training.settings import make_harden_settings
+    from rauca_core.training.settings import HardenSettings
 
-    settings = make_harden_settings(
+    settings = HardenSettings.make(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,
         map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from rauca_core.attack import SmoothLoss, attack_loss, box_overlap, detection_score
-from rauca_core.attack.losses import OBJECTIVES, Predicted, log_loss
+from rauca_core.attack.losses import OBJECTIVES, Predicted
 from rauca_core.detect import DensePredictions
 
 from .checks import Check, Try, expect
@@ -91,7 +91,7 @@ def _without_end(dtype: torch.dtype) -> str:
 
 def _log_at_one(dtype: torch.dtype) -> str:
     leaf = torch.tensor([0.0, 0.5, 0.999999, 1.0], dtype=dtype, requires_grad=True)
-    loss = log_loss(leaf.to(_wide(dtype)))
+    loss = attack_loss(leaf.to(_wide(dtype)))
     loss.sum().backward()
     assert leaf.grad is not None
     expect(torch.isfinite(loss).all() and torch.isfinite(leaf.grad).all(), f"loss {loss.tolist()}")

@@ -1,13 +1,12 @@
 """The attack: losses, random output augmentation, the optimizer and the baselines it is compared with."""
 
 from .augmentation import Augmentation
-from .baselines import plain_camouflage, random_camouflage
 from .ensemble import DetectorEnsemble
 from .history import StepReport, read_history
 from .losses import attack_loss, box_overlap, detection_score
 from .methods import METHODS, settings_of
 from .optimizer import optimize, run_optimization
-from .paint import Paint, load_paint
+from .paint import Paint, load_paint, random_camouflage
 from .paint_losses import SmoothLoss
 from .renderer import Renderer
 from .settings import OptimizerSettings, make_settings
@@ -27,7 +26,6 @@ __all__ = [
     "load_paint",
     "make_settings",
     "optimize",
-    "plain_camouflage",
     "random_camouflage",
     "read_history",
     "run_optimization",

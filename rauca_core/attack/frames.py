@@ -112,9 +112,9 @@ class FrameStore:
 
     def _prepare(self, frame: Frame) -> ReadyFrame:
         taps = self.layout.taps.get(frame.camera_in_vehicle)
-        lit = self.light.of(frame)
-        A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (lit.light.A, lit.light.B))
-        return ReadyFrame(frame, taps, A, B, lit.image.reshape(-1, 3), self.light.linear)
+        light, image = self.light.of(frame)
+        A, B = (torch.from_numpy(m.reshape(-1, 3)[taps.pixels]) for m in (light.A, light.B))
+        return ReadyFrame(frame, taps, A, B, image.reshape(-1, 3), self.light.linear)
 
 
 def sample_texture(batch: Sequence[ReadyFrame], texture: MipmappedTexture) -> Tensor:

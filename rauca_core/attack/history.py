@@ -1,25 +1,24 @@
-"""What a run tells while it goes on: a line of JSON per step, tensorboard, and two pictures that any viewer shows."""
+"""What a run leaves in its folder: a line of JSON per step, tensorboard, two pictures, checkpoints."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from ..contract import RaucaError
 from ..contract.color import to_bytes
-from ..contract.files import append_line, png_bytes, write_bytes
+from ..contract.files import append_line, png_bytes, sweep_partials, write_bytes
 from ..contract.reading import parse_json, read_limited
 from ..runtime.board import Board
+from ..runtime.checkpoint_files import CHECKPOINTS, Checkpoint, save_checkpoint
 
 STAGES = ("load", "taps", "environment", "augmentation", "detector", "backward", "adam")
 
@@ -68,37 +67,6 @@ class StepReport:
     prior: float = 0.0
 
 
-class History:
-    """Writes history in blocks, so that it never runs ahead of the checkpoint it belongs to."""
-
-    def __init__(self, folder: Path, step: int) -> None:
-        """Open a run's record after ``step`` steps; what a killed run wrote beyond is dropped."""
-        self._path = folder / HISTORY
-        kept = [line for line in read_history(folder) if line["step"] <= step] if self._path.is_file() else []
-        if self._path.is_file():
-            write_bytes(self._path, "".join(json.dumps(line) + "\n" for line in kept).encode())
-        self._pending: list[str] = []
-        self._board = Board(folder / "tensorboard", step + 1)
-
-    def add(self, report: StepReport) -> None:
-        self._pending.append(json.dumps(asdict(report)))
-        self._board.scalars({name: getattr(report, name) for name in CURVES}, report.step)
-
-    def preview(self, step: int, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
-        """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
-        self._board.picture("uv_map", shrunk(uv_map_srgb, SIDE), step)
-        self._board.picture("frame", image_srgb.clamp(0, 1).cpu(), step)
-
-    def flush(self) -> None:
-        if self._pending:
-            append_line(self._path, "\n".join(self._pending))
-            self._pending = []
-        self._board.flush()
-
-    def close(self) -> None:
-        self._board.close()
-
-
 def read_history(folder: Path) -> list[dict[str, float]]:
     """The reports of a run in ``folder``, one per step.
 
@@ -131,35 +99,50 @@ SHARE = 0.02  # of the run's time that pictures may take: it is waited so much l
 PICTURE, UV_MAP = "preview.png", "preview-uv-map.png"
 
 
-class Preview:
-    """Replaces ``preview.png`` (the UV map, and a frame in the paint beside it) and ``preview-uv-map.png``.
+class Recorder:
+    """What a run leaves in its folder while it goes on: history, tensorboard, two pictures, checkpoints.
 
-    Both are replaced whole: a reader never meets half a picture.
+    The history is written in blocks, so that it never runs ahead of the checkpoint it belongs to. ``preview.png`` (the
+    UV map, and a frame in the paint beside it) and ``preview-uv-map.png`` are replaced whole.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._next_s = folder, 0.0
+    def __init__(self, out: Path, step: int) -> None:
+        """Open a run's record after ``step`` steps; what a killed run wrote beyond is dropped."""
+        sweep_partials(out)
+        self._out, self._history, self._next_s = out, out / HISTORY, 0.0
+        if self._history.is_file():
+            kept = [json.dumps(line) + "\n" for line in read_history(out) if line["step"] <= step]
+            write_bytes(self._history, "".join(kept).encode())
+        self._pending: list[str] = []
+        self._board = Board(out / "tensorboard", step + 1)
 
-    @property
-    def due(self) -> bool:
-        """Whether the pictures may be renewed without slowing the run."""
-        return time.monotonic() >= self._next_s
+    def add(self, report: StepReport, pictures: Callable[[], tuple[Tensor, Tensor]]) -> None:
+        """Note a step; ``pictures`` makes the UV map (3, size, size) and a frame (3, H, W), if it is time for them."""
+        self._pending.append(json.dumps(asdict(report)))
+        self._board.scalars({name: getattr(report, name) for name in CURVES}, report.step)
+        if time.monotonic() >= self._next_s:
+            self._preview(*pictures())
 
-    def show(self, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
-        """Show a UV map (3, size, size) and a rendered frame (3, H, W)."""
+    def save(self, checkpoint: Checkpoint, uv_map_srgb: Tensor, image_srgb: Tensor) -> None:
+        """Bring what is on disk up to a step."""
+        self._board.picture("uv_map", self._preview(uv_map_srgb, image_srgb), checkpoint.step)
+        self._board.picture("frame", image_srgb.clamp(0, 1).cpu(), checkpoint.step)
+        if self._pending:  # first: a resumed run cuts the history to its checkpoint, never extends it
+            append_line(self._history, "\n".join(self._pending))
+            self._pending = []
+        self._board.flush()
+        save_checkpoint(self._out / CHECKPOINTS, checkpoint)
+
+    def close(self) -> None:
+        self._board.close()
+
+    def _preview(self, uv_map_srgb: Tensor, image_srgb: Tensor) -> Tensor:
+        """Write both pictures; returns the UV map as shown, averaged in sRGB values: to look at only."""
         begin = time.monotonic()
-        small = shrunk(uv_map_srgb, SIDE)
+        small = functional.adaptive_avg_pool2d(uv_map_srgb.cpu(), min(SIDE, uv_map_srgb.shape[-1])).clamp(0, 1)
         frame = functional.interpolate(image_srgb[None].float().cpu(), size=small.shape[1:], mode="bilinear")[0]
-        write_bytes(self._folder / UV_MAP, png_bytes(_pixels(small)))
-        write_bytes(self._folder / PICTURE, png_bytes(_pixels(torch.cat([small, frame], 2))))
+        for name, picture in ((UV_MAP, small), (PICTURE, torch.cat([small, frame], 2))):
+            write_bytes(self._out / name, png_bytes(to_bytes(picture.clamp(0, 1).permute(1, 2, 0).numpy())))
         end = time.monotonic()
         self._next_s = end + (end - begin) * (1 / SHARE - 1)
-
-
-def shrunk(uv_map_srgb: Tensor, side: int) -> Tensor:
-    """A UV map (3, size, size) of ``side`` texels at most, by the mean of its sRGB values: to look at only."""
-    return functional.adaptive_avg_pool2d(uv_map_srgb.cpu(), min(side, uv_map_srgb.shape[-1])).clamp(0, 1)
-
-
-def _pixels(image: Tensor) -> NDArray[np.uint8]:
-    return to_bytes(image.clamp(0, 1).permute(1, 2, 0).numpy())
+        return small

@@ -28,37 +28,21 @@ LightName = Literal["exact", "ours", "published", "transfer", "none"]
 
 
 @dataclass(frozen=True, eq=False)
-class Lit:
-    """One frame's light, and the frame itself.
-
-    Attributes:
-        light: A and B (H, W, 3).
-        image: (H, W, 3) uint8 sRGB, in the reference paint.
-    """
-
-    light: Light
-    image: NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
 class LightSource:
     """A way to light frames.
 
     Attributes:
         linear: the image is ``linear_to_srgb(A * x + B)``; else ``A * linear_to_srgb(x) + B``, sRGB values.
-        of: the light of one frame; raises :class:`RaucaError` when its files are missing or damaged.
+        of: the light of one frame, and the frame itself (H, W, 3) uint8 sRGB, in the reference paint; raises
+            :class:`RaucaError` when its files are missing or damaged.
     """
 
     linear: bool
-    of: Callable[[Frame], Lit]
+    of: Callable[[Frame], tuple[Light, NDArray[np.uint8]]]
 
 
 def light_source(
-    name: LightName,
-    dataset: Dataset,
-    vehicle: Vehicle,
-    extractor: Path | None = None,
-    device: torch.device | str = "cpu",
+    name: LightName, dataset: Dataset, vehicle: Vehicle, extractor: Path | None, device: torch.device | str
 ) -> LightSource:
     """The source of that name.
 
@@ -76,30 +60,29 @@ def light_source(
     def image_of(frame: Frame) -> NDArray[np.uint8]:
         return read_picture(dataset.frame_folder(frame.id) / "image.png", size).permute(1, 2, 0).numpy()
 
-    def exact(frame: Frame) -> Lit:
+    def coverage_of(frame: Frame, of: str) -> Tensor:
+        return read_picture(dataset.frame_folder(frame.id) / of, size, grey=True).float() / 255
+
+    def exact(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
         light = load_exact(dataset, frame.id)
-        return Lit(light, to_bytes(linear_to_srgb(light.A * reference + light.B)))
+        return light, to_bytes(linear_to_srgb(light.A * reference + light.B))
 
-    def ours(frame: Frame) -> Lit:
-        return Lit(estimate(dataset, frame.id, net), image_of(frame))
+    def ours(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
+        return estimate(dataset, frame.id, net), image_of(frame)
 
-    def transfer(frame: Frame) -> Lit:
-        image = image_of(frame)
-        paint = read_picture(dataset.frame_folder(frame.id) / "paint.png", size, grey=True)
+    def transfer(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
+        image, paint = image_of(frame), coverage_of(frame, "paint.png")
         linear = torch.from_numpy(srgb_to_linear(image / 255.0).astype(np.float32)).permute(2, 0, 1)
-        A, B = transfer_light(linear, paint.float() / 255, torch.from_numpy(reference).float())
-        return Lit(Light(A.permute(1, 2, 0).numpy(), B.permute(1, 2, 0).numpy()), image)
+        return _maps(*transfer_light(linear, paint, torch.from_numpy(reference).float())), image
 
-    def none(frame: Frame) -> Lit:
+    def none(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
         image, plain = image_of(frame), plain_shading(vehicle, frame.camera_in_vehicle)
-        behind = torch.from_numpy(image / np.float32(255)) * (1 - plain.coverage[0])[..., None]
-        A = plain.paint[0][..., None].expand(-1, -1, 3)
-        return Lit(Light(A.numpy().copy(), (plain.rest.permute(1, 2, 0) + behind).numpy()), image)
+        behind = torch.from_numpy(image / np.float32(255)).permute(2, 0, 1) * (1 - plain.coverage)
+        return _maps(plain.paint.expand(3, -1, -1), plain.rest + behind), image
 
-    def published(frame: Frame) -> Lit:
+    def published(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
         image, plain = image_of(frame), plain_shading(vehicle, frame.camera_in_vehicle)
-        whole = read_picture(dataset.frame_folder(frame.id) / "vehicle.png", size, grey=True)
-        return Lit(published_light(teacher, image, whole.float() / 255, plain), image)
+        return published_light(teacher, image, coverage_of(frame, "vehicle.png"), plain), image
 
     if name == "ours":
         net = load_extractor(extractor)[0].to(device)
@@ -127,4 +110,9 @@ def published_light(net: PublishedEfe, image: NDArray[np.uint8], vehicle: Tensor
     inside = vehicle > 0
     paint = A * plain.paint * inside
     rest = (A * plain.rest + B) * inside + seen * (1 - vehicle)
-    return Light(paint.permute(1, 2, 0).numpy().copy(), rest.permute(1, 2, 0).numpy().copy())
+    return _maps(paint, rest)
+
+
+def _maps(A: Tensor, B: Tensor) -> Light:
+    """Of maps (3, H, W)."""
+    return Light(A.permute(1, 2, 0).numpy(), B.permute(1, 2, 0).numpy())

@@ -50,13 +50,8 @@ def detection_score(predictions: DensePredictions, truth: Tensor, label: int) ->
 
 
 def attack_loss(score: Tensor) -> Tensor:
-    """Eq. 6, ``-log(1 - max H_d)``, elementwise; finite with a non-zero slope up to and at a score of 1."""
-    return log_loss(score)
-
-
-def log_loss(values: Tensor) -> Tensor:
-    """``-log(1 - x)`` of values in [0, 1], elementwise; finite with a non-zero slope up to and at 1."""
-    return -torch.log1p(-values * (1.0 - SCORE_SHRINK))
+    """Eq. 6, ``-log(1 - x)`` of values in [0, 1], elementwise; finite with a non-zero slope up to and at 1."""
+    return -torch.log1p(-score * (1.0 - SCORE_SHRINK))
 
 
 ObjectiveName = Literal["eq6", "log-score", "stealth", "confidence", "three-terms", "attention"]

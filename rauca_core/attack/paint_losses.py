@@ -15,14 +15,15 @@ from ..contract.seeding import named_rng
 from ..render.kernels import njit
 from ..runtime.images import read_image
 from .frames import FrameStore, ReadyFrame
-from .losses import log_loss
+from .losses import attack_loss
 from .naturalness.colors import delta_e, lab
 from .naturalness.palette import cluster
 from .naturalness.texture import NaturalColors
 from .settings import OptimizerSettings
 from .texture import PaintedPanels, Texture
 
-PaintLoss = Callable[[Texture], Tensor]
+PaintLoss = Callable[[], Tensor]
+"""On a texture as it is."""
 LINES, BETWEEN = 0.9, 0.1  # DAS's weights of the seed picture on its lines and off them
 
 
@@ -55,13 +56,13 @@ def smooth_pattern(pattern: Tensor) -> Tensor:
     |.| of colors is the mean over the channels.
     """
     steps = (pattern[1:, :-1] - pattern[:-1, :-1], pattern[:-1, 1:] - pattern[:-1, :-1])
-    return torch.stack([log_loss(step.abs().mean(-1)).sum() for step in steps]).sum() / (len(pattern) - 1) ** 2
+    return torch.stack([attack_loss(step.abs().mean(-1)).sum() for step in steps]).sum() / (len(pattern) - 1) ** 2
 
 
 def near_palette(colors: Tensor, palette: Tensor) -> Tensor:
     """ACTIVE's Eq. 6: ``-log(1 - |distance|)`` of each color (N, 3) to the nearest of a palette (K, 3), the mean."""
     distance = (colors[:, None] - palette[None]).abs().mean(-1)
-    return log_loss(distance.amin(1)).mean()
+    return attack_loss(distance.amin(1)).mean()
 
 
 def near_seed(colors: Tensor, seed: Tensor, edges: Tensor) -> Tensor:
@@ -70,62 +71,42 @@ def near_seed(colors: Tensor, seed: Tensor, edges: Tensor) -> Tensor:
     return ((colors - seed).square().sum(1) * weight).sum()
 
 
-class NearReference:
-    """Mean CIE 1976 distance of the paint from a reference, over the vehicle's surface, in hundreds."""
-
-    def __init__(self, reference_srgb: Tensor, areas: Tensor) -> None:
-        """``reference_srgb`` (P, 3) in [0, 1]; ``areas`` (P,) of the texels."""
-        self._reference, self._share = lab(reference_srgb), areas / areas.sum() / 100
-
-    def __call__(self, texels: Tensor) -> Tensor:
-        """Texels (P, 3) sRGB -> scalar."""
-        return (delta_e(lab(texels), self._reference.to(texels)) * self._share.to(texels)).sum()
+def near_reference(texels: Tensor, reference_lab: Tensor, areas: Tensor) -> Tensor:
+    """Mean CIE 1976 distance of texels (P, 3) sRGB from CIELAB colors (P, 3), by areas (P,); in hundreds."""
+    return (delta_e(lab(texels), reference_lab) * (areas / areas.sum() / 100)).sum()
 
 
-def smooth_paint(store: FrameStore, settings: OptimizerSettings) -> PaintLoss | None:
+def smooth_paint(texture: Texture, store: FrameStore, settings: OptimizerSettings) -> PaintLoss | None:
     """The smoothness loss on the paint; None where it is taken on the picture."""
     if settings.smooth == "picture":
         return None
     if settings.smooth == "pattern":
         side = settings.pattern_side
-        _require(settings.paint == "pattern", "smooth: pattern", "paint: pattern")
-        return lambda texture: smooth_pattern(texture.colors().reshape(side, side, 3))
+        if settings.paint != "pattern":
+            raise RaucaError("smooth: pattern needs paint: pattern; choose another smooth")
+        return lambda: smooth_pattern(texture.colors().reshape(side, side, 3))
     smooth = SmoothLoss(store.pyramid.texels, settings.map_size)
-    return lambda texture: smooth(texture.texels())
+    return lambda: smooth(texture.texels())
 
 
-def prior(texture: Texture, settings: OptimizerSettings, palette: Callable[[], Any]) -> PaintLoss | None:
-    """The second loss on the paint.
-
-    Args:
-        palette: makes the background's colors (K, 3) sRGB, where they are asked for.
-
-    Raises:
-        RaucaError: the prior of a seed picture, or of a reference, for a texture without one.
-    """
+def prior(texture: Texture, dataset: Dataset, store: FrameStore, settings: OptimizerSettings) -> PaintLoss | None:
+    """The second loss on the paint; raises :class:`RaucaError` where the texture has not what it is to be near to."""
+    place = texture.parameter.device
     if settings.prior == "background":
-        colors = torch.from_numpy(palette())
-        return lambda texture: near_palette(texture.colors(), colors.to(texture.parameter.device))
+        colors = torch.from_numpy(background_colors(dataset, store, settings.palette, settings.seed)).to(place)
+        return lambda: near_palette(texture.colors(), colors)
     if settings.prior == "seed":
-        _require(isinstance(texture, PaintedPanels), "prior: seed", "cover: panels")
-        return lambda texture: near_seed(texture.free(), texture.seed, texture.edges)  # type: ignore[attr-defined]
+        if not isinstance(texture, PaintedPanels):
+            raise RaucaError("prior: seed needs cover: panels; choose another prior")
+        return lambda: near_seed(texture.free(), texture.seed, texture.edges)
     if settings.prior == "reference":
-        near = _near_reference(texture)
-        _require(near is not None, "prior: reference", "a --reference")
-        return lambda texture: near(texture.texels())  # type: ignore[misc]
+        if not isinstance(texture, NaturalColors) or texture.constraints.reference is None:
+            raise RaucaError("prior: reference needs a --reference; choose another prior")
+        given = texture.constraints.reference / 255.0, texture.constraints.points.areas
+        reference, areas = (torch.from_numpy(array).float().to(place) for array in given)
+        home = lab(reference)
+        return lambda: near_reference(texture.texels(), home, areas)
     return None
-
-
-def _near_reference(texture: Texture) -> NearReference | None:
-    if not isinstance(texture, NaturalColors) or texture.constraints.reference is None:
-        return None
-    reference, areas = texture.constraints.reference / 255.0, texture.constraints.points.areas
-    return NearReference(torch.from_numpy(reference).float(), torch.from_numpy(areas).float())
-
-
-def _require(fits: bool, what: str, needed: str) -> None:
-    if not fits:
-        raise RaucaError(f"{what} needs {needed}; choose another {what.split(':')[0]}")
 
 
 class SmoothLoss:
@@ -204,5 +185,4 @@ def background_colors(dataset: Dataset, store: FrameStore, count: int, seed: int
         if len(around):
             found.append(around[rng.integers(0, len(around), PIXELS)])
     pixels = np.concatenate(found) if found else np.full((1, 3), 128)
-    centers = cluster(pixels / 255.0, count, rng)
-    return np.asarray(centers[np.argsort(centers.sum(1))], np.float32)
+    return cluster(pixels / 255.0, count, rng).astype(np.float32)

@@ -24,10 +24,9 @@ from ..render import MipmappedTexture, srgb_to_linear
 from ..runtime.devices import find_device
 from .frames import FrameStore, boxes_of, render_batch
 from .lights import LightName
+from .paint import map_png
 from .settings import make_settings
-from .texture import map_png
-
-GREY = 0.5
+from .texture import GREY
 
 
 class Renderer:

@@ -15,17 +15,19 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..render import TAP_FORMAT, MipmappedTexture, srgb_to_linear
+from ..runtime.checkpoint_files import Checkpoint
 from ..runtime.cpu import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
-from .checkpoint import Checkpoint
 from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder
 from .frames import FrameStore, ReadyFrame, boxes_of, sample_texture, shade
 from .history import StepReport, Stopwatch
-from .paint_losses import background_colors, paint_of, prior, smooth_paint, smooth_picture
+from .paint_losses import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimizerSettings
 from .texture import Texture, make_texture
+
+ADAM = ("step", "exp_avg", "exp_avg_sq")  # what it remembers of a parameter
 
 
 class Run:
@@ -49,20 +51,22 @@ class Run:
         processes: Processes = SINGLE_PROCESS,
     ) -> None:
         if settings.batch < processes.size:
-            raise RaucaError(
-                f"batch: {settings.batch} frames for {processes.size} processes; give one to each at least"
-            )
+            told = f"batch: {settings.batch} frames for {processes.size} processes"
+            raise RaucaError(f"{told}; give one to each at least")
         self.settings, self.ensemble, self.processes = settings, ensemble, processes
         self.store = FrameStore(dataset, settings, processes.device)
         self.texture: Texture = make_texture(self.store, settings, processes.device)
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
-        self.smooth = smooth_paint(self.store, settings)
-        self.prior = prior(
-            self.texture, settings, lambda: background_colors(dataset, self.store, settings.palette, settings.seed)
-        )
+        self.smooth = smooth_paint(self.texture, self.store, settings)
+        self.prior = prior(self.texture, dataset, self.store, settings)
         self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
-        asked = identity_of(dataset, self.store, ensemble, settings)
-        self.identity = {**asked, "taps": TAP_FORMAT, "processes": processes.size}
+        self.identity = {
+            **settings.identity(),
+            "detectors": ensemble.identity,
+            "frames": _digest(dataset, self.store),
+            "taps": TAP_FORMAT,
+            "processes": processes.size,
+        }
         self.step, self.last_image = 0, torch.zeros(3, 1, 1)
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []
@@ -80,7 +84,6 @@ class Run:
         # Backward passes are cut at the images: the detectors' share can be timed, and a bad frame named.
         with watch.time("detector"):
             found = self._attack(seen, boxes, batch)
-        self._check(found, batch)
         with threads(1):
             smooth, extra = self._descend(images, seen, found, batch, watch)
         losses, scores, smooth = self._gather(drawn, found.losses, found.scores, smooth)
@@ -93,37 +96,27 @@ class Run:
             self.step, settings.steps, loss, attack, mean, float(scores.mean()), seconds, watch.seconds, extra
         )  # fmt: skip
 
-    def uv_map_srgb(self) -> Tensor:
-        """The UV map (3, size, size), black where nothing is paintable."""
-        flat = torch.zeros(self.settings.map_size**2, 3)
+    def pictures(self) -> tuple[Tensor, Tensor]:
+        """The UV map (3, size, size), black where nothing is paintable, and the latest frame (3, H, W), sRGB."""
+        side = self.settings.map_size
+        flat = torch.zeros(side**2, 3)
         flat[torch.from_numpy(self.store.pyramid.texels)] = self.texture.texels().detach().cpu()
-        return flat.T.reshape(3, self.settings.map_size, self.settings.map_size)
+        return flat.T.reshape(3, side, side), self.last_image
 
     def checkpoint(self) -> Checkpoint:
-        """Everything that the next step depends on."""
-        state = self.adam.state[self.texture.parameter]
-        tensors = {
-            "parameter": self.texture.parameter.detach(),
-            "exp_avg": state["exp_avg"],
-            "exp_avg_sq": state["exp_avg_sq"],
-            "adam_step": state["step"],
-            "order": self.order.state(),
-            "next": torch.tensor(self._next),
-        }
-        return Checkpoint(self.step, self.identity, tensors)
+        """Everything that the next step depends on; its frames are drawn, as they load while the step before works."""
+        parameter = self.texture.parameter
+        tensors = {"parameter": parameter.detach(), "order": self.order.state(), "next": torch.tensor(self._next)}
+        return Checkpoint(self.step, self.identity, {**tensors, **self.adam.state[parameter]})
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go back to a checkpoint of the same run."""
         tensors, parameter = checkpoint.tensors, self.texture.parameter
-        if tensors["parameter"].shape != parameter.shape:
-            raise RaucaError("checkpoint: its UV map has other texels; start the run in a new folder")
+        if set(tensors) != {"parameter", "order", "next", *ADAM} or tensors["parameter"].shape != parameter.shape:
+            raise RaucaError("checkpoint: it is of another texture; start the run in a new folder")
         with torch.no_grad():
             parameter.copy_(tensors["parameter"])
-        self.adam.state[parameter] = {
-            "step": tensors["adam_step"].to(parameter.device),  # where a fused Adam wants it
-            "exp_avg": tensors["exp_avg"].to(parameter.device),
-            "exp_avg_sq": tensors["exp_avg_sq"].to(parameter.device),
-        }
+        self.adam.state[parameter] = {name: tensors[name].to(parameter.device) for name in ADAM}
         self.order.restore(tensors["order"])
         self._prefetch(tensors["next"].tolist())
         self.step = checkpoint.step
@@ -182,8 +175,9 @@ class Run:
         return images, boxes
 
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:
+        """The detectors' losses and gradient; what is not finite is told by its frame."""
         try:
-            return self.ensemble.attack(seen, boxes)
+            found = self.ensemble.attack(seen, boxes)
         except RaucaError as error:  # a detector counts places in the batch, which nobody knows
             for frame, image in zip(batch, seen, strict=True):
                 if not torch.isfinite(image).all():
@@ -192,6 +186,15 @@ class Run:
                         "look at its light maps, then render the frame again or remove it"
                     ) from error
             raise
+        fine = torch.isfinite(found.losses) & torch.isfinite(found.gradient.flatten(1).sum(1))
+        bad = [frame.frame.id for frame, ok in zip(batch, fine.tolist(), strict=True) if not ok]
+        if self.processes.any(bool(bad)):
+            named = f"on frame {bad[0]}" if bad else "in another process"
+            raise RaucaError(
+                f"step {self.step + 1}: the loss or its gradient is not finite {named}; "
+                "check the detector's weights, then remove the frame"
+            )
+        return found
 
     def _descend(
         self, images: Tensor, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch
@@ -204,9 +207,9 @@ class Run:
                 smooth = smooth_picture(images, paint_of(batch).to(images.device))
                 weighted = [smooth.sum() * (settings.beta / settings.batch)]
             else:
-                smooth = self.smooth(self.texture)
+                smooth = self.smooth()
                 weighted = [smooth * (settings.beta * share)]
-            extra = None if self.prior is None else self.prior(self.texture)
+            extra = None if self.prior is None else self.prior()
             weighted += [] if extra is None else [extra * (settings.gamma * share)]
             self.adam.zero_grad(set_to_none=True)
             torch.autograd.backward(
@@ -225,28 +228,11 @@ class Run:
             self.texture.after_step()
         return smooth.detach().expand(len(batch)), 0.0 if extra is None else float(extra.detach())
 
-    def _check(self, found: Attacked, batch: list[ReadyFrame]) -> None:
-        fine = torch.isfinite(found.losses) & torch.isfinite(found.gradient.flatten(1).sum(1))
-        bad = [frame.frame.id for frame, ok in zip(batch, fine.tolist(), strict=True) if not ok]
-        if self.processes.any(bool(bad)):
-            named = f"on frame {bad[0]}" if bad else "in another process"
-            raise RaucaError(
-                f"step {self.step + 1}: the loss or its gradient is not finite {named}; "
-                "check the detector's weights, then remove the frame"
-            )
-
     def _gather(self, drawn: list[int], *mine: Tensor) -> Tensor:
         """Values of this process's part of the batch, (b,) each, as those of the whole batch (len(mine), B)."""
         every = torch.zeros(len(mine), len(drawn), device=self.processes.device)
         every[:, self.processes.rank :: self.processes.size] = torch.stack(mine)
         return self.processes.sum(every).cpu()
-
-
-def identity_of(
-    dataset: Dataset, store: FrameStore, ensemble: DetectorEnsemble, settings: OptimizerSettings
-) -> dict[str, Any]:
-    """What a run is asked for that its result depends on, as JSON."""
-    return {**settings.identity(), "detectors": ensemble.identity, "frames": _digest(dataset, store)}
 
 
 def _digest(dataset: Dataset, store: FrameStore) -> str:

@@ -6,18 +6,18 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ..render import Sampler
 from ..render.sampler import TEXTURE_SIZE
-from ..runtime.settings import checked
+from ..runtime.settings import Settings
 from .augmentation import AugmentationName
 from .lights import LightName
 from .losses import ObjectiveName
-from .naturalness.choice import Naturalness
+from .naturalness import Naturalness
 
 
-class OptimizerSettings(BaseModel):
+class OptimizerSettings(Settings):
     """Settings of :func:`optimizer.optimize`; the defaults are the paper's where it names one.
 
     Attributes:
@@ -60,8 +60,6 @@ class OptimizerSettings(BaseModel):
         augmentation: whose ranges ``roa`` draws from, see `augmentation`.
         natural: what the paint has to look like, see `naturalness`; None leaves it free.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     steps: int = Field(1000, ge=1)
     batch: int = Field(4, ge=1, le=1024)
@@ -109,13 +107,9 @@ class OptimizerSettings(BaseModel):
 
         Of a reference picture only the file's name: its contents have a digest, and where it lies changes nothing.
         """
-        free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
-        if self.natural is None:
-            free.add("natural")  # runs that began before it was known may go on
-        if self.decay == 1.0:
-            free.add("decay")
-        else:
-            free.remove("steps")  # the learning rate of every step depends on how many there will be
+        free = {"checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
+        if self.decay == 1.0:  # else the learning rate of every step depends on how many there will be
+            free.add("steps")
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
@@ -127,6 +121,4 @@ class OptimizerSettings(BaseModel):
         return self.lr * (1.0 - (1.0 - self.decay) * fallen)
 
 
-def make_settings(**chosen: Any) -> OptimizerSettings:
-    """Check settings from a command line or a file; raises :class:`RaucaError` naming the first bad one."""
-    return checked(OptimizerSettings, chosen)
+make_settings = OptimizerSettings.make

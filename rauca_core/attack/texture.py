@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ..contract import RaucaError
-from ..contract.color import to_bytes
-from ..contract.files import png_bytes
 from ..contract.seeding import named_seed
-from ..render import Pyramid, linear_to_srgb, saturate, srgb_to_linear
+from ..render import saturate
 from .das import seed_paint
 from .layout import PaintLayout
-from .naturalness.texture import natural_colors
+from .naturalness.texture import Constraints, NaturalColors
 from .settings import OptimizerSettings
 
 if TYPE_CHECKING:
@@ -61,47 +58,36 @@ LIMITS: dict[str, Limit] = {
 GREY = 0.5
 
 
-class Texture(Protocol):
-    """A camouflage in the making.
+class FreeColors:
+    """Every color of the layout is free; on the UV map that is RAUCA's texture.
 
     Attributes:
         parameter: the leaf that Adam moves; its shape is the texture's own business.
     """
 
-    parameter: Tensor
-
-    def colors(self) -> Tensor:
-        """What views read: the layout's colors (N, 3), sRGB in [0, 1], a differentiable function of ``parameter``."""
-        ...
-
-    def texels(self) -> Tensor:
-        """The same on the UV map: its paintable texels (P, 3), sRGB in [0, 1], differentiable likewise."""
-        ...
-
-    def after_step(self) -> None:
-        """Mend ``parameter`` after a step of Adam."""
-        ...
-
-
-class FreeColors:
-    """Every color of the layout is free; on the UV map that is RAUCA's texture."""
-
-    def __init__(self, layout: PaintLayout, settings: OptimizerSettings, device: torch.device) -> None:
-        """Random or plain at first, as the settings say."""
+    def __init__(self, layout: PaintLayout, settings: OptimizerSettings, first: Tensor) -> None:
+        """``first`` (M, 3) sRGB: what is free begins with it, on its device."""
         self._limit, self._layout = LIMITS[settings.limit], layout
-        self.parameter = self._limit.start(first_colors(layout.count, settings).to(device)).requires_grad_()
+        self.parameter = self._limit.start(first).requires_grad_()
 
-    def colors(self) -> Tensor:
+    def free(self) -> Tensor:
+        """What is free, (M, 3) sRGB in [0, 1], a differentiable function of ``parameter``."""
         return self._limit.values(self.parameter)
 
+    def colors(self) -> Tensor:
+        """What views read: the layout's colors (N, 3), sRGB in [0, 1], differentiable."""
+        return self.free()
+
     def texels(self) -> Tensor:
+        """The same on the UV map: its paintable texels (P, 3)."""
         return self._layout.on_map(self.colors())
 
     def after_step(self) -> None:
+        """Mend ``parameter`` after a step of Adam."""
         self._limit.after_step(self.parameter)
 
 
-class PaintedPanels:
+class PaintedPanels(FreeColors):
     """Some panels of the body are painted, over a seed picture; the rest keeps the reference paint.
 
     Attributes:
@@ -111,40 +97,40 @@ class PaintedPanels:
 
     def __init__(self, store: FrameStore, settings: OptimizerSettings, device: torch.device) -> None:
         """Raises :class:`RaucaError` where no face of the paint looks like a bonnet, roof or door."""
-        self._limit, self._layout = LIMITS[settings.limit], store.layout
         cells, seed, edges = seed_paint(store.vehicle, store.reference_srgb, settings.texture_size)
         self.seed, self.edges, self._cells = (torch.from_numpy(a).to(device) for a in (seed, edges, cells))
         reference = torch.from_numpy(np.array(store.reference_srgb, np.float32) / 255)
         self._base = reference.expand(store.layout.count, 3).clone().to(device)
-        first = self.seed if settings.start == "seed" else first_colors(len(cells), settings)
-        self.parameter = self._limit.start(first.to(device)).requires_grad_()
-
-    def free(self) -> Tensor:
-        """The free cells (M, 3) sRGB."""
-        return self._limit.values(self.parameter)
+        first = self.seed if settings.start == "seed" else first_colors(len(cells), settings).to(device)
+        super().__init__(store.layout, settings, first)
 
     def colors(self) -> Tensor:
         return self._base.index_copy(0, self._cells, self.free())
 
-    def texels(self) -> Tensor:
-        return self._layout.on_map(self.colors())
 
-    def after_step(self) -> None:
-        self._limit.after_step(self.parameter)
+Texture = FreeColors | NaturalColors
 
 
 def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.device) -> Texture:
     """The texture of a run, on ``device``; raises :class:`RaucaError` for settings that do not fit together."""
     if settings.natural is not None:
-        first = partial(first_colors, settings=settings)
-        return natural_colors(store.vehicle, store.pyramid, settings, first, device)
+        for name, value, needed in (("paint", settings.paint, "texels"), ("cover", settings.cover, "all")):
+            if value != needed:
+                raise RaucaError(f"{name}: a natural camouflage is made of {needed}, not {value}; drop one of the two")
+        if settings.limit != "project":
+            raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
+        constraints = Constraints(store.vehicle, store.pyramid, settings.natural, settings.seed)
+        if constraints.home is None or settings.natural.max_delta_e is None:
+            return NaturalColors(constraints, first_colors(constraints.count, settings).to(device))
+        # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
+        return NaturalColors(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))
     if settings.cover == "panels":
         if settings.paint != "facets":
             raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")
         return PaintedPanels(store, settings, device)
     if settings.start == "seed":
         raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
-    return FreeColors(store.layout, settings, device)
+    return FreeColors(store.layout, settings, first_colors(store.layout.count, settings).to(device))
 
 
 def first_colors(count: int, settings: OptimizerSettings) -> Tensor:
@@ -153,9 +139,3 @@ def first_colors(count: int, settings: OptimizerSettings) -> Tensor:
         return torch.full((count, 3), GREY)
     generator = torch.Generator().manual_seed(named_seed(settings.seed, "start"))
     return torch.rand(count, 3, generator=generator)
-
-
-def map_png(pyramid: Pyramid, texels_srgb: Tensor) -> bytes:
-    """Texels (P, 3) sRGB as the PNG of a UV map, gutters filled so that no filter bleeds foreign color."""
-    uv_map = linear_to_srgb(pyramid.to_map(srgb_to_linear(texels_srgb.detach().cpu())))
-    return png_bytes(to_bytes(uv_map.permute(1, 2, 0).numpy()))

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import logging
+
 import torch
 
 from ..contract import RaucaError
 
+LOG = logging.getLogger(__name__)
 
-def find_device(name: torch.device | str) -> torch.device:
-    """The device of that name, e.g. ``cpu``, ``cuda`` or ``cuda:1``; raises RaucaError where it cannot be used."""
+
+def find_device(name: torch.device | str | None) -> torch.device:
+    """The device of that name, e.g. ``cpu``, ``cuda`` or ``cuda:1``; a GPU if there is one, said in the log, when None.
+
+    Raises:
+        RaucaError: it cannot be used here.
+    """
+    if name is None:
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+        if name == "cuda":
+            LOG.warning("no device named: working on a GPU; name cpu to do without")
     try:
         device = torch.device(name)
         torch.empty(1, device=device)

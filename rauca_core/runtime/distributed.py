@@ -82,7 +82,7 @@ def joined_processes(device: torch.device | str | None = None) -> Iterator[Proce
         device: to work on; None takes GPUs if there are any. Of ``cuda`` without a number each process takes its own.
     """
     size = int(os.environ.get("WORLD_SIZE", "1"))
-    chosen = find_device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    chosen = find_device(device)
     if chosen.type == "cuda" and chosen.index is None:
         chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")) % max(torch.cuda.device_count(), 1))
     if size == 1:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Self
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ..contract import RaucaError
 
-Settings = TypeVar("Settings", bound=BaseModel)
 
+class Settings(BaseModel):
+    """What a user may choose about a job."""
 
-def checked(model: type[Settings], chosen: Mapping[str, Any]) -> Settings:
-    """The settings of ``chosen``; raises :class:`RaucaError` naming the first bad one."""
-    try:
-        return model(**chosen)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise RaucaError(f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value") from None
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def make(cls, **chosen: Any) -> Self:
+        """The settings of ``chosen``, None meaning the default; raises :class:`RaucaError` naming the first bad one."""
+        try:
+            return cls(**{name: value for name, value in chosen.items() if value is not None})
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            told = f"{where}: {first['msg'].lower()}, not {first.get('input')!r}; choose another value"
+            raise RaucaError(told) from None

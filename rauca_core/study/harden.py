@@ -20,7 +20,7 @@ from ..contract.files import file_digest
 from ..detect import load_detector
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
-from ..training.settings import HardenSettings, make_harden_settings
+from ..training.settings import HardenSettings
 from . import recipes
 from .candidates import (
     NORMAL,
@@ -102,7 +102,7 @@ def harden(
     Raises:
         RaucaError: a mistake, before any work; a loss that is not finite; a stop.
     """
-    out, chosen = Path(out), settings or make_harden_settings()
+    out, chosen = Path(out), settings or HardenSettings.make()
     data, opened, sets = [Path(one) for one in datasets], [Dataset(Path(one)) for one in views], weather_sets(weathers)
     if len({one.folder.absolute().name for one in opened}) != len(opened):
         raise RaucaError("--views: two folders of one name; results are told apart by it, rename one")

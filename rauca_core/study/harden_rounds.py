@@ -10,10 +10,10 @@ from ..attack import OptimizerSettings, StepReport, make_settings, run_optimizat
 from ..contract import Dataset, Progress
 from ..contract.seeding import named_seed
 from ..detect import Detector
-from ..runtime.checkpoint_files import POINTER
+from ..runtime.checkpoint_files import started
 from ..training.harden import RECORD, Hardening, HardenReport, harden
 from ..training.measure import Judged
-from ..training.settings import HardenSettings, make_harden_settings
+from ..training.settings import HardenSettings
 from .average_precision import Sample, average_precision
 from .job import Machine
 
@@ -47,7 +47,7 @@ def hardening(
         options: ``detector``, ``datasets``, ``attacked``, ``camouflages``, ``settings`` and ``command``.
         report: told of the steps of attacks.
     """
-    settings, attacked = make_harden_settings(**options["settings"]), list(map(Path, options["attacked"]))
+    settings, attacked = HardenSettings.make(**options["settings"]), list(map(Path, options["attacked"]))
     a_round = settings.attack_steps + settings.steps
 
     def attack(detector: Detector, number: int, folder: Path) -> Path:
@@ -61,8 +61,7 @@ def hardening(
             done, said = (number - 1) * a_round + step.step, f"round {number}  attack, score {step.score:.2f}"
             report(Progress(done, settings.rounds * a_round, said))
 
-        resume = (folder / "checkpoints" / POINTER).is_file()
-        return run_optimization(dataset, [detector], chosen, folder, show, resume, processes=machine.processes)
+        return run_optimization(dataset, [detector], chosen, folder, show, started(folder), None, machine.processes)
 
     return Hardening(
         options["detector"], list(map(Path, options["datasets"])), list(map(Path, options["camouflages"])), out,

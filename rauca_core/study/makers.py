@@ -29,7 +29,7 @@ from ..contract import (
 from ..contract.files import file_digest
 from ..contract.schema import Fields
 from ..runtime.blender import run_blender
-from ..runtime.checkpoint_files import POINTER
+from ..runtime.checkpoint_files import started
 from ..runtime.cpu import threads
 from ..runtime.images import is_whole, read_image
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
@@ -130,10 +130,8 @@ def make_paint(job: Job) -> None:
         nonlocal views
         views = f"  views {done}/{total}" if done < total else ""
 
-    resume = (job.folder / "checkpoints" / POINTER).is_file()
-    run_optimization(
-        Dataset(job.inputs[0]), detectors, settings, job.folder, show, resume, show_views, job.machine.processes
-    )
+    data, folder = Dataset(job.inputs[0]), job.folder
+    run_optimization(data, detectors, settings, folder, show, started(folder), show_views, job.machine.processes)
 
 
 def make_random(job: Job) -> None:

@@ -15,8 +15,7 @@ from ..contract.seeding import named_rng, named_seed
 from ..detect.synth.network import Truth
 from ..detect.synth.networks import trainable
 from ..runtime.devices import find_device
-from .checkpoint import AveragedCopy
-from .loop import RoundReport, Run, run_task
+from .loop import AveragedCopy, RoundReport, Run, Task, run_task
 from .measure import Findings
 from .samples import FOUR, Samples
 from .settings import DetectorSettings
@@ -82,8 +81,8 @@ class _Shown:
     frames: list[int]
 
 
-class _DetectorTask:
-    """See :class:`loop.Task`."""
+class _DetectorTask(Task[_Shown, Findings]):
+    """Steps on images composed for them."""
 
     def __init__(self, job: Job) -> None:
         self.job, self.device = job, find_device(job.device)
@@ -127,9 +126,6 @@ class _DetectorTask:
 
     def test(self, step: int) -> Findings:
         return self.job.test(self.average.network)
-
-    def finished(self) -> bool:
-        return False
 
     def to_json(self, tested: Findings) -> dict[str, Any]:
         return tested.to_json()

@@ -1,4 +1,11 @@
-"""Training an environment feature extractor: what a step is shown, the test of an epoch, and when to stop."""
+"""Training an environment feature extractor: what a step is shown, the test of an epoch, and when to stop.
+
+The paper's criterion (its Section IV, on pre-trained extractors): S_i is the mean absolute error on the test set after
+epoch i, ``MS_i = gamma * S_{i-1} + (1 - gamma) * S_i`` smooths it, and epoch i is converged if "the difference between
+the loss over the previous five epochs and that at epoch i is within" eta. We read: ``|MS_j - MS_i| <= eta`` for every j
+of the five epochs before i. Epoch 0 is the start, before any step; MS_0 = S_0. The first epoch that can pass is thus
+the fifth, which is the smallest figure the paper reports.
+"""
 
 from __future__ import annotations
 
@@ -24,34 +31,49 @@ from ..environment.frames import LightFrames
 from ..environment.metrics import Error, measure, total
 from ..runtime.board import Board
 from ..runtime.distributed import SINGLE_PROCESS, Processes
-from .checkpoint import AveragedCopy
 from .extractor_learners import Item, Learner
-from .extractor_settings import TrainingSettings, converged_epoch
-from .loop import LEDGER, RoundReport, Run, run_task
+from .loop import LEDGER, AveragedCopy, RoundReport, Run, Task, run_task
+from .settings import ExtractorSettings
+
+WINDOW = 5  # epochs
+
+
+def smoothed(errors: Sequence[float], gamma: float = 0.5) -> list[float]:
+    """MS_i of S_i, i from 0."""
+    return [s if i == 0 else gamma * errors[i - 1] + (1 - gamma) * s for i, s in enumerate(errors)]
+
+
+def converged_epoch(errors: Sequence[float], eta: float = 0.003) -> int | None:
+    """The first converged epoch of test errors S_0, S_1, ... (mean absolute, sRGB values in [0, 1]), or None."""
+    smooth = smoothed(errors)
+    for i in range(WINDOW, len(smooth)):
+        if all(abs(before - smooth[i]) <= eta for before in smooth[i - WINDOW : i]):
+            return i
+    return None
 
 
 @dataclass(frozen=True)
 class EpochReport:
-    """One epoch, as told to callbacks.
+    """An epoch and its test.
 
     Attributes:
         epoch: counted from 1; 0 is the test before the first step.
         epochs: at most.
-        loss: mean over the steps, NaN at epoch 0.
         error: mean absolute test error, sRGB values.
         best: the least so far.
         seconds: of the training steps, without the test.
+        weathers: in the leading process, all errors.
     """
 
     epoch: int
     epochs: int
-    loss: float
     error: float
     best: float
     seconds: float
+    weathers: dict[str, Error]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Outcome:
     """What a training came to.
 
@@ -59,13 +81,11 @@ class Outcome:
         errors: mean absolute test error S_0, S_1, ... of all epochs.
         best_epoch: whose weights :func:`train` gave to ``keep``; 0 if no epoch was better than the start.
         converged: the epoch that met the paper's criterion, or None.
-        seconds: per epoch trained in this process, without tests.
     """
 
     errors: list[float]
     best_epoch: int
     converged: int | None
-    seconds: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +107,7 @@ class Job:
     frames: LightFrames
     train: Sequence[int]
     test: Sequence[int]
-    settings: TrainingSettings
+    settings: ExtractorSettings
     out: Path
     keep: Callable[[int, nn.Module, dict[str, Error]], None] = lambda epoch, net, errors: None
     identity: dict[str, Any] = field(default_factory=dict)
@@ -121,28 +141,27 @@ def train(
         job.out, settings.epochs * task.steps, task.steps, settings.lr, settings.clip or math.inf, settings.threads,
         identity, settings.schedule == "constant", test_first=True,
     )  # fmt: skip
-    boards: list[Board] = []
+    board: Board | None = None
 
-    def tell(report: RoundReport[_Tested]) -> None:
+    def tell(report: RoundReport[EpochReport]) -> None:
+        nonlocal board
         if not processes.is_main:
             return
-        tested = report.findings
-        boards.extend([] if boards else [Board(job.out / "tensorboard", tested.epoch)])
+        found = report.findings
+        board = board or Board(job.out / "tensorboard", found.epoch)
         curves = {} if math.isnan(report.loss) else {"loss": report.loss}
-        curves |= {"test/mae": tested.error} | {f"psnr_db/{name}": e.psnr_db for name, e in tested.weathers.items()}
-        boards[0].scalars(curves, tested.epoch)
-        boards[0].flush()
-        best = min(task.errors.values())
-        on_epoch(EpochReport(tested.epoch, settings.epochs, report.loss, tested.error, best, tested.seconds))
+        curves |= {"test/mae": found.error} | {f"psnr_db/{name}": e.psnr_db for name, e in found.weathers.items()}
+        board.scalars(curves, found.epoch)
+        board.flush()
+        on_epoch(found)
 
     try:
         run_task(task, run, resume, tell, lambda n, _, __: on_step((n - 1) % task.steps + 1, task.steps), processes)
     finally:
-        for board in boards:
+        if board is not None:
             board.close()
-    errors = [task.errors[epoch] for epoch in sorted(task.errors)]
-    best = min(range(len(errors)), key=errors.__getitem__)
-    return Outcome(errors, best, converged_epoch(errors, settings.eta), task.seconds)
+    errors = task.in_order
+    return Outcome(errors, errors.index(min(errors)), converged_epoch(errors, settings.eta))
 
 
 @dataclass(frozen=True)
@@ -154,23 +173,12 @@ class _Shown:
     weight: float
 
 
-@dataclass(frozen=True)
-class _Tested:
-    """An epoch's test: the mean absolute error, and in the leading process all errors by weather."""
-
-    epoch: int
-    error: float
-    seconds: float
-    weathers: dict[str, Error]
-
-
-class _ExtractorTask:
-    """See :class:`loop.Task`.
+class _ExtractorTask(Task[_Shown, EpochReport]):
+    """An epoch after another.
 
     Attributes:
         steps: of an epoch.
         errors: mean absolute test error of every epoch so far.
-        seconds: of every epoch's steps in this process.
     """
 
     def __init__(self, job: Job, processes: Processes, resume: bool) -> None:
@@ -185,7 +193,6 @@ class _ExtractorTask:
         self._items = job.learner.items(job.train)
         self.steps = -(-len(self._items) // settings.batch)
         self.errors: dict[int, float] = _tested(job.out / LEDGER) if resume else {}
-        self.seconds: list[float] = []
         self._began: float | None = None
 
     def batch(self, step: int) -> _Shown:
@@ -217,11 +224,10 @@ class _ExtractorTask:
                     return frames.get(item.frame).name
         return frames.get(batch.items[0].frame).name
 
-    def test(self, step: int) -> _Tested:
+    def test(self, step: int) -> EpochReport:
         """Measure, and keep the best. The leading process does; all learn the error."""
         job, found, epoch, network = self.job, dict[str, Error](), step // self.steps, self.average.network
         seconds = 0.0 if self._began is None else time.perf_counter() - self._began
-        self.seconds += [] if self._began is None else [seconds]
         self._began = None
         if self.processes.is_main:
             found = measure(job.frames, job.test, lambda i, f: job.learner.render_of(network, i, f), TEST)
@@ -229,13 +235,17 @@ class _ExtractorTask:
         self.errors[epoch] = error
         if self.processes.is_main and error == min(self.errors.values()):
             job.keep(epoch, network, found)
-        return _Tested(epoch, error, seconds, found)
+        return EpochReport(epoch, job.settings.epochs, error, min(self.errors.values()), seconds, found)
+
+    @property
+    def in_order(self) -> list[float]:
+        """``errors`` of epoch 0, 1, ..."""
+        return [self.errors[epoch] for epoch in sorted(self.errors)]
 
     def finished(self) -> bool:
-        errors = [self.errors[epoch] for epoch in sorted(self.errors)]
-        return self.job.settings.stop_early and converged_epoch(errors, self.job.settings.eta) is not None
+        return self.job.settings.stop_early and converged_epoch(self.in_order, self.job.settings.eta) is not None
 
-    def to_json(self, tested: _Tested) -> dict[str, Any]:
+    def to_json(self, tested: EpochReport) -> dict[str, Any]:
         weathers = {name: error.to_json() for name, error in tested.weathers.items()}
         return {"epoch": tested.epoch, "mae": tested.error, "seconds": tested.seconds, **weathers}
 

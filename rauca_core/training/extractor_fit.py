@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import nn
@@ -18,13 +17,13 @@ from ..environment.frames import LightFrames
 from ..environment.metrics import Error, total
 from ..environment.published import PublishedCard, PublishedEfe, load_published, save_published
 from ..environment.weights import ModelCard, card_path, load_extractor, read_card, save_extractor
-from ..runtime.checkpoint_files import POINTER
+from ..runtime.checkpoint_files import started
 from ..runtime.devices import find_device
 from ..runtime.distributed import Processes, joined_processes
 from .extractor import EpochReport, Job, Outcome, train
 from .extractor_learners import FinalLearner, SplitterLearner
-from .extractor_settings import TrainingSettings, make_training_settings
-from .loop import CHECKPOINTS
+from .fit import Given, describe
+from .settings import ExtractorSettings
 
 WEIGHTS = "light-splitter.safetensors"
 PUBLISHED_WEIGHTS = "published.safetensors"
@@ -34,28 +33,11 @@ NARROW = (16, 32, 64, 128, 256)
 ALL = "all"  # weathers together, in a card's metrics
 
 
-@dataclass(frozen=True)
-class Fit:
-    """What a training is given.
+@dataclass(frozen=True, kw_only=True)
+class Fit(Given):
+    """An extractor's training."""
 
-    Attributes:
-        datasets: folders to train on.
-        out: folder for the weights, checkpoints and tensorboard.
-        tests: folders to test on; without any, a share of the frames of ``datasets`` is held out.
-        start: weights to start from; None draws them by the seed.
-        command: for the card.
-        remarks: for the card.
-        device: to train on; a GPU if there is one when None.
-    """
-
-    datasets: Sequence[Path]
-    out: Path
-    settings: TrainingSettings
-    tests: Sequence[Path] = ()
-    start: Path | None = None
-    command: str = ""
-    remarks: str = ""
-    device: torch.device | str | None = None
+    settings: ExtractorSettings
 
 
 def fit(
@@ -72,10 +54,11 @@ def fit(
     if wanted.settings.method != "ours":
         raise RaucaError(f"method: {wanted.settings.method} is trained by `rauca bench environment` only; choose ours")
     frames = LightFrames([*wanted.datasets, *wanted.tests], wanted.settings.memory_mb, wanted.settings.size)
-    held_out, chosen = _held_out(frames, wanted)
+    settings = wanted.settings
+    chosen, held_out = wanted.split(frames, settings.split, settings.test_share, settings.seed)
     net, origin = _start(wanted)
     weights = wanted.out / WEIGHTS
-    described = _describe(frames, len(wanted.datasets))
+    described = describe(frames, held_out)
 
     def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
         everything = {**errors, ALL: total(errors.values())}
@@ -84,9 +67,9 @@ def fit(
             detail=net.detail_width,
             data=described,
             command=wanted.command,
-            seed=wanted.settings.seed,
+            seed=settings.seed,
             epochs=epoch,
-            settings=wanted.settings.model_dump(mode="json"),
+            settings=settings.model_dump(mode="json"),
             metrics={weather: error.to_json() for weather, error in sorted(everything.items())},
             remarks=wanted.remarks,
         )
@@ -94,19 +77,10 @@ def fit(
 
     with joined_processes(wanted.device) as processes:
         job = Job(
-            SplitterLearner(net, frames, wanted.settings), frames, chosen, held_out, wanted.settings, wanted.out,
-            keep, {"start": origin, "datasets": len(wanted.datasets)},
+            SplitterLearner(net, frames, settings), frames, chosen, held_out, settings, wanted.out, keep,
+            {"start": origin, "datasets": len(wanted.datasets)},
         )  # fmt: skip
         return weights, train(job, processes, resume, on_epoch, on_step)
-
-
-def _held_out(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
-    """Indices to test on and to train on."""
-    if not wanted.tests:
-        chosen, held_out = frames.split(wanted.settings.split, wanted.settings.test_share, wanted.settings.seed)
-        return held_out, chosen
-    first = next(i for i, place in enumerate(frames.places) if place.dataset >= len(wanted.datasets))
-    return list(range(first, len(frames))), list(range(first))
 
 
 def _start(wanted: Fit) -> tuple[LightSplitter, str]:
@@ -116,25 +90,6 @@ def _start(wanted: Fit) -> tuple[LightSplitter, str]:
         return LightSplitter(), "drawn"
     net, _ = load_extractor(wanted.start)
     return net, read_card(card_path(wanted.start))[1]
-
-
-def _describe(frames: LightFrames, training: int) -> list[dict[str, Any]]:
-    described = []
-    for number, dataset in enumerate(frames.datasets):
-        plan = dataset.plan
-        described.append(
-            {
-                "name": plan.name,
-                "use": "train" if number < training else "test",
-                "vehicle": plan.vehicle_name,
-                "size": plan.size,
-                "samples": plan.quality.samples,
-                "frames": sum(place.dataset == number for place in frames.places),
-                "weathers": [weather.name for weather in plan.weathers],
-                "seed": plan.seed,
-            }
-        )
-    return described
 
 
 def fit_published(
@@ -162,7 +117,7 @@ def fit_published(
     if (out / FINISHED).is_file():
         load_published(weights)
         return weights
-    settings = make_training_settings(method="published-final", batch=4, epochs=epochs, seed=seed, threads=threads)
+    settings = ExtractorSettings.make(method="published-final", batch=4, epochs=epochs, seed=seed, threads=threads)
     frames = LightFrames([dataset])
     chosen, held_out = frames.split(settings.split, settings.test_share, seed)
     torch.manual_seed(named_seed(seed, "published weights"))
@@ -174,6 +129,6 @@ def fit_published(
         save_published(weights, best, PublishedCard(widths, data, settings.model_dump(mode="json"), error))
 
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
-    outcome = train(job, Processes(0, 1, find_device(device)), (out / CHECKPOINTS / POINTER).is_file(), on_epoch)
+    outcome = train(job, Processes(0, 1, find_device(device)), started(out), on_epoch)
     write_json(out / FINISHED, {"errors": outcome.errors, "best_epoch": outcome.best_epoch})
     return weights

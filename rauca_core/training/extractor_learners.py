@@ -27,8 +27,8 @@ from ..environment.methods import Render, published_render, splitter_render
 from ..environment.metrics import albedos
 from ..environment.published import PublishedEfe, fuse_published
 from ..render import linear_to_srgb
-from .extractor_settings import TrainingSettings
 from .light_batches import Batch, augment, collate, crop, draw_albedos, join
+from .settings import ExtractorSettings
 
 
 class Item(NamedTuple):
@@ -66,7 +66,7 @@ class SplitterLearner:
         RaucaError: frames that cannot be averaged down to the square's side, where they are to be mixed.
     """
 
-    def __init__(self, net: LightSplitter, frames: LightFrames, settings: TrainingSettings) -> None:
+    def __init__(self, net: LightSplitter, frames: LightFrames, settings: ExtractorSettings) -> None:
         if settings.mixed and (settings.crop == 0 or frames.size % settings.crop):
             raise RaucaError(
                 f"--mixed: frames of {frames.size} pixels, no multiple of --crop {settings.crop}; "
@@ -110,7 +110,7 @@ class _Published:
         self,
         net: PublishedEfe,
         frames: LightFrames,
-        settings: TrainingSettings,
+        settings: ExtractorSettings,
         colors: Sequence[Color] = TRAIN,
     ) -> None:
         self.net = net

@@ -1,4 +1,4 @@
-"""From data sets to a detector with a card: the training as users start it."""
+"""From data sets to a network with a card: what all trainings are given, and a detector's as users start it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..detect.catalogue import find_source
 from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
 from ..detect.synth.networks import BACKBONE, build_network, find_recipe
 from ..detect.weights import stored_path, verify
-from ..environment.frames import LightFrames
+from ..environment.frames import LightFrames, SplitBy
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
 from .measure import CAR, Findings, Score, measure
@@ -26,33 +26,67 @@ from .samples import Samples
 from .settings import DetectorSettings
 
 
-@dataclass(frozen=True)
-class Fit:
-    """What a training is given.
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What any training is given.
+
+    Attributes:
+        datasets: folders to train on, with light maps and of one image size.
+        out: folder for the weights and checkpoints.
+        tests: folders to test on; without any, a share of the frames of ``datasets`` is held out.
+        start: weights of an earlier training of the same network to begin with.
+        command, remarks: for the card.
+        device: that learns and tests; a GPU if there is one when None.
+    """
+
+    datasets: Sequence[Path]
+    out: Path
+    tests: Sequence[Path] = ()
+    start: Path | None = None
+    command: str = ""
+    remarks: str = ""
+    device: torch.device | str | None = None
+
+    def split(self, frames: LightFrames, by: SplitBy, share: float, seed: int) -> tuple[list[int], list[int]]:
+        """Indices to train on and to test on, of the frames of ``datasets`` and ``tests``."""
+        if not self.tests:
+            return frames.split(by, share, seed)
+        first = next(i for i, place in enumerate(frames.places) if place.dataset >= len(self.datasets))
+        return list(range(first)), list(range(first, len(frames)))
+
+
+def describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any]]:
+    """The data sets, for a card."""
+    whole, tested = (Counter(frames.places[i].dataset for i in part) for part in (range(len(frames)), held_out))
+    return [
+        {
+            "name": plan.name,
+            "vehicle": plan.vehicle_name,
+            "frames": whole[number],
+            "tested on": tested[number],
+            "size": plan.size,
+            "samples": plan.quality.samples,
+            "weathers": [weather.name for weather in plan.weathers],
+            "seed": plan.seed,
+        }
+        for number, plan in enumerate(dataset.plan for dataset in frames.datasets)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Given):
+    """A detector's training.
 
     Attributes:
         name: of the detector, a key of ``networks.RECIPES``.
-        datasets: folders to train on, with light maps and of one image size.
-        out: folder for the weights and checkpoints.
-        tests: folders to test on; without any, a share of the locations of ``datasets`` is held out.
-        start: weights of an earlier training of the same detector to begin with.
         classes: to tell apart, beside ``car``, each in the data unless ``start`` knows it; without any, those with
             ``settings.fewest`` boxes in the data.
-        command, remarks: for the card.
-        device: that learns and tests.
     """
 
     name: str
-    datasets: Sequence[Path]
-    out: Path
     settings: DetectorSettings
     score: Score
-    tests: Sequence[Path] = ()
-    start: Path | None = None
     classes: Sequence[str] = ()
-    command: str = ""
-    remarks: str = ""
-    device: torch.device | str = "cpu"
 
 
 def fit(
@@ -67,7 +101,7 @@ def fit(
         RaucaError: unusable data sets, settings, folder or weights; a loss that is not finite; a stop.
     """
     find_recipe(wanted.name)
-    find_device(wanted.device)
+    device = find_device(wanted.device)
     _check_folders(wanted)
     settings, began = wanted.settings, time.process_time()
     frames = LightFrames([*wanted.datasets, *wanted.tests], settings.memory_mb)
@@ -78,13 +112,13 @@ def fit(
 
     def test(average: nn.Module) -> Findings:
         detector = SynthDetector(wanted.name, average, class_names, settings.size)
-        return measure(detector, samples, held_out, wanted.score, settings.seed, wanted.device)
+        return measure(detector, samples, held_out, wanted.score, settings.seed, device)
 
     identity = {
         "name": wanted.name, "classes": list(class_names), "data": frames.digest, "datasets": len(wanted.datasets),
         "start": origin,
     }  # fmt: skip
-    job = Job(network, samples, chosen, test, settings, wanted.out, identity, device=wanted.device)
+    job = Job(network, samples, chosen, test, settings, wanted.out, identity, device=device)
     average, findings = train(job, resume, on_round, on_step)
     weights = wanted.out / f"{wanted.name}.safetensors"
     card = DetectorCard(
@@ -93,7 +127,7 @@ def fit(
         size=settings.size,
         architecture=find_recipe(wanted.name).architecture,
         backbone=origin,
-        data=_describe(frames, held_out),
+        data=describe(frames, held_out),
         command=wanted.command,
         seed=settings.seed,
         steps=settings.steps,
@@ -121,13 +155,7 @@ def _check_folders(wanted: Fit) -> None:
 
 def _split(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:
     """Indices to train on and to test on; refuses what teaches or tests nothing."""
-    if wanted.tests:
-        chosen, held_out = (
-            [i for i, place in enumerate(frames.places) if (place.dataset >= len(wanted.datasets)) == test]
-            for test in (False, True)
-        )
-    else:
-        chosen, held_out = frames.split("location", wanted.settings.test_share, wanted.settings.seed)
+    chosen, held_out = wanted.split(frames, "location", wanted.settings.test_share, wanted.settings.seed)
     for what, indices in (("train", chosen), ("test", held_out)):
         if not any(frames.vehicle(i).category == CAR for i in indices):
             raise RaucaError(f"data sets: no frame to {what} on shows a car; add a data set of one, e.g. of the sedan")
@@ -171,23 +199,3 @@ def _yolo_backbone() -> Path:
     source = find_source(BACKBONE)
     verify(source)
     return stored_path(source)
-
-
-def _describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any]]:
-    described, tested = [], Counter(frames.places[i].dataset for i in held_out)
-    whole = Counter(place.dataset for place in frames.places)
-    for number, dataset in enumerate(frames.datasets):
-        plan = dataset.plan
-        described.append(
-            {
-                "name": plan.name,
-                "vehicle": plan.vehicle_name,
-                "frames": whole[number],
-                "tested on": tested[number],
-                "size": plan.size,
-                "samples": plan.quality.samples,
-                "weathers": [weather.name for weather in plan.weathers],
-                "seed": plan.seed,
-            }
-        )
-    return described

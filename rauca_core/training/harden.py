@@ -25,7 +25,7 @@ from ..detect.interface import Detector
 from ..detect.synth.card import HARDENED, DetectorCard, as_detector, load_weights, save_weights
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
-from ..runtime.checkpoint_files import differences
+from ..runtime.checkpoint_files import require_same, require_state, started
 from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from .camouflaged import CamouflagedSamples
@@ -128,9 +128,7 @@ def identity_of(wanted: Hardening) -> dict[str, Any]:
 def _claim(out: Path, identity: dict[str, Any], resume: bool) -> None:
     """Start a folder, or see that it holds this very hardening."""
     record = out / RECORD
-    if record.is_file() != resume:
-        hint = "resume it or choose another folder" if record.is_file() else "start it without resuming"
-        raise RaucaError(f"{out}: holds {'a' if record.is_file() else 'no'} hardening; {hint}")
+    require_state(out, "hardening", record.is_file(), resume)
     if not resume:
         name, version = FORMAT
         write_json(record, {"format": name, "version": version, "identity": identity})
@@ -139,8 +137,7 @@ def _claim(out: Path, identity: dict[str, Any], resume: bool) -> None:
     fields.format(*FORMAT)
     found = fields.raw("identity")
     fields.done()
-    if changed := differences(found, identity):
-        raise RaucaError(f"{out}: holds a hardening with another {', '.join(changed)}; use the same or another folder")
+    require_same(out, "hardening", found, identity)
 
 
 class _Rounds:
@@ -227,7 +224,7 @@ class _Rounds:
         rounds = self.settings.rounds
         average, findings = train(
             job,
-            (folder / "checkpoints" / "checkpoint.json").is_file(),
+            started(folder),
             lambda report: on_test(HardenReport(number, rounds, report)),
             lambda done, steps, loss: on_step(number, done, steps, loss),
         )

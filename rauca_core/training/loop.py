@@ -14,29 +14,37 @@ and process 0 writes. The device is the task's: the loop moves nothing.
 from __future__ import annotations
 
 import contextlib
+import copy
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
 
 from ..contract import RaucaError, StoppedError
 from ..contract.dataset import MAX_LEDGER_BYTES
 from ..contract.files import append_line
 from ..contract.schema import whole_lines
-from ..runtime.checkpoint_files import POINTER
+from ..runtime.checkpoint_files import (
+    CHECKPOINTS,
+    Checkpoint,
+    load_checkpoint,
+    require_same,
+    require_state,
+    save_checkpoint,
+    started,
+)
 from ..runtime.cpu import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.stopping import StopRequest, stop_request
-from .checkpoint import Trained, restore_run, save_run
 
-CHECKPOINTS = "checkpoints"
 LEDGER = "rounds.jsonl"
 WARM_UP = 0.05  # of all steps
 
@@ -44,32 +52,96 @@ Batch = TypeVar("Batch")
 Tested = TypeVar("Tested")
 
 
-class Task(Trained, Protocol[Batch, Tested]):
-    """What is learnt; a group of the optimizer with an entry ``share`` learns at that share of the learning rate."""
+class AveragedCopy:
+    """A copy of a network, its buffers too, that follows its weights by an exponential mean.
 
+    Args:
+        decay: weight of the past at every step, in [0, 1); early on it is less, as nothing is worth remembering yet.
+        ahead: how many steps more than were taken count as taken, early on.
+
+    Attributes:
+        network: the copy, in evaluation mode.
+    """
+
+    def __init__(self, network: nn.Module, decay: float, ahead: int = 0) -> None:
+        self._followed, self._decay, self._ahead = network, decay, ahead
+        self.network = copy.deepcopy(network).eval().requires_grad_(False)
+
+    @torch.no_grad()
+    def update(self, steps: int) -> None:
+        """Take the weights in after ``steps`` steps."""
+        steps += self._ahead
+        past = min(self._decay, steps / (9 + steps))
+        followed = self._followed.state_dict().values()
+        for mean, now in zip(self.network.state_dict().values(), followed, strict=True):
+            if mean.dtype.is_floating_point:
+                mean.lerp_(now, 1 - past)
+            else:
+                mean.copy_(now)
+
+
+class Task(ABC, Generic[Batch, Tested]):
+    """What is learnt.
+
+    Attributes:
+        network: on its device.
+        optimizer: of its parameters; a group with an entry ``share`` learns at that share of the learning rate.
+        average: of its weights: what is tested and kept.
+    """
+
+    network: nn.Module
+    optimizer: torch.optim.Optimizer
+    average: AveragedCopy
+
+    @abstractmethod
     def batch(self, step: int) -> Batch:
         """What a step learns from; steps count from 0."""
-        ...
 
+    @abstractmethod
     def loss(self, batch: Batch, step: int) -> Tensor:
         """The scalar to descend."""
-        ...
 
+    @abstractmethod
     def names(self, batch: Batch) -> str:
         """Of what is in a batch, for the error when its loss is not finite."""
-        ...
 
+    @abstractmethod
     def test(self, step: int) -> Tested:
         """Measure the averaged weights, after ``step`` steps."""
-        ...
 
     def finished(self) -> bool:
         """Asked after a test: whether to stop before the last step."""
-        ...
+        return False
 
+    @abstractmethod
     def to_json(self, tested: Tested) -> dict[str, Any]:
         """What the test's line of ``rounds.jsonl`` holds beside the step and its loss."""
-        ...
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that a step changes, by name."""
+        found = {f"net.{name}": value for name, value in self.network.state_dict().items()}
+        found |= {f"average.{name}": value for name, value in self.average.network.state_dict().items()}
+        for number, entries in self.optimizer.state_dict()["state"].items():
+            found |= {f"optimizer.{number}.{name}": torch.as_tensor(value) for name, value in entries.items()}
+        return found
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Go back to :meth:`tensors`; raises :class:`RaucaError` where they are another network's."""
+        parts: dict[str, dict[str, Tensor]] = {"net": {}, "average": {}, "optimizer": {}}
+        state: dict[int, dict[str, Tensor]] = {}
+        try:
+            for name, value in tensors.items():
+                part, rest = name.split(".", 1)
+                parts[part][rest] = value
+            for name, value in parts["optimizer"].items():
+                number, entry = name.split(".", 1)
+                state.setdefault(int(number), {})[entry] = value
+            self.network.load_state_dict(parts["net"])
+            self.average.network.load_state_dict(parts["average"])
+            groups = self.optimizer.state_dict()["param_groups"]
+            self.optimizer.load_state_dict({"state": state, "param_groups": groups})
+        except (RuntimeError, ValueError, KeyError) as error:
+            raise RaucaError("checkpoint: it is of another network; start the training in a new folder") from error
 
 
 @dataclass(frozen=True)
@@ -129,35 +201,30 @@ def run_task(
             that is not finite, with its step and what was in its batch; a stop.
     """
     with alone_in(run.out) if processes.is_main else contextlib.nullcontext():
-        started = (run.out / CHECKPOINTS / POINTER).is_file()
         # The one that writes decides, and all wait for it: its first checkpoint may be there before another has looked.
-        if processes.any(processes.is_main and started != resume):
-            hint = "start it without resuming" if resume else "resume it or choose another folder"
-            raise RaucaError(f"{run.out}: holds {'no' if resume else 'a'} training with checkpoints; {hint}")
+        unlike = processes.any(processes.is_main and started(run.out) != resume)
+        require_state(run.out, "training", resume != unlike, resume)
         keep_large_blocks()
         with threads(run.threads), stop_request() as stop:
             return _Loop(task, run, on_round, on_step, processes).run(resume, stop)
 
 
+@dataclass
 class _Loop(Generic[Batch, Tested]):
-    """A run in progress."""
+    """A run in progress: the steps done, and the losses of the round in progress."""
 
-    def __init__(
-        self,
-        task: Task[Batch, Tested],
-        run: Run,
-        on_round: Callable[[RoundReport[Tested]], None],
-        on_step: Callable[[int, int, float], None],
-        processes: Processes,
-    ) -> None:
-        self.task, self.settings, self.on_round, self.on_step, self.processes = task, run, on_round, on_step, processes
-        self.done = 0
-        self.losses: list[float] = []  # of the round in progress
+    task: Task[Batch, Tested]
+    settings: Run
+    on_round: Callable[[RoundReport[Tested]], None]
+    on_step: Callable[[int, int, float], None]
+    processes: Processes
+    done: int = 0
+    losses: list[float] = field(default_factory=list)
 
     def run(self, resume: bool, stop: StopRequest) -> Tested:
         run, tested = self.settings, None
         if resume:
-            self.done, self.losses = restore_run(run.out / CHECKPOINTS, run.identity, self.task)
+            self._restore(load_checkpoint(run.out / CHECKPOINTS))
             if self._round_ends() and self.done in _reported(run.out / LEDGER):
                 self.losses = []
             elif self._round_ends():  # killed in the test behind it
@@ -182,8 +249,14 @@ class _Loop(Generic[Batch, Tested]):
 
     def _save(self) -> None:
         if self.processes.is_main:
-            folder, identity = self.settings.out / CHECKPOINTS, self.settings.identity
-            save_run(folder, identity, self.done, self.losses, self.task)
+            tensors = {"losses": torch.tensor(self.losses, dtype=torch.float64), **self.task.tensors()}
+            save_checkpoint(self.settings.out / CHECKPOINTS, Checkpoint(self.done, self.settings.identity, tensors))
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        require_same(self.settings.out, "training", checkpoint.identity, self.settings.identity)
+        tensors = dict(checkpoint.tensors)
+        self.done, self.losses = checkpoint.step, tensors.pop("losses", torch.zeros(0)).tolist()
+        self.task.restore(tensors)
 
     def _round_ends(self) -> bool:
         return self.done % self.settings.every == 0 or self.done == self.settings.steps

@@ -1,16 +1,32 @@
-"""What a user may choose about training a detector, and about hardening one."""
+"""What a user may choose about training a detector or an extractor, and about hardening."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ..contract.seeding import named_seed
-from ..runtime.settings import checked
+from ..runtime.settings import Settings
 
 
-class DetectorSettings(BaseModel):
+class Learning(Settings):
+    """What all of them share.
+
+    Attributes:
+        test_share: of every data set's locations, held out to test on.
+        seed: names every random stream.
+        threads: of torch on the CPU; None leaves torch's own choice.
+        memory_mb: of frames, and taps, kept in memory, MiB.
+    """
+
+    test_share: float = Field(0.25, gt=0, lt=1)
+    seed: int = Field(0, ge=0)
+    threads: int | None = Field(None, ge=1)
+    memory_mb: int = Field(2048, ge=64)
+
+
+class DetectorSettings(Learning):
     """Settings of :func:`loop.train`.
 
     Attributes:
@@ -23,15 +39,9 @@ class DetectorSettings(BaseModel):
         ema: decay per step of the moving average of the weights, which is what is tested and kept.
         size: side of the network's square input, pixels.
         round: steps between tests and checkpoints.
-        test_share: without data sets to test on, the share of every data set's locations that is held out.
         fewest: boxes that a class must have in the training data to be learnt; ``car`` always is.
         precision: of the network's products; bfloat16 is half as expensive on processors that have it.
-        seed: names every random stream.
-        threads: of torch; None leaves torch's own choice.
-        memory_mb: of frames kept in memory, MiB.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     steps: int = Field(3000, ge=1)
     batch: int = Field(8, ge=1, le=256)
@@ -42,19 +52,15 @@ class DetectorSettings(BaseModel):
     ema: float = Field(0.998, ge=0, lt=1)
     size: int = Field(320, ge=64, le=2048, multiple_of=64)
     round: int = Field(250, ge=1)
-    test_share: float = Field(0.25, gt=0, lt=1)
     fewest: int = Field(100, ge=1)
     precision: Literal["float32", "bfloat16"] = "float32"
-    seed: int = Field(0, ge=0)
-    threads: int | None = Field(None, ge=1)
-    memory_mb: int = Field(2048, ge=64)
 
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped."""
         return self.model_dump(mode="json", exclude={"threads", "memory_mb", "round"})
 
 
-class HardenSettings(BaseModel):
+class HardenSettings(Learning):
     """Settings of :func:`harden.harden`.
 
     Attributes:
@@ -66,13 +72,7 @@ class HardenSettings(BaseModel):
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
         batch, lr, ema, precision, every: of the fine-tuning, see ``DetectorSettings``
             (``every`` is its ``round``); ``lr`` None takes a share of the detector's own.
-        test_share: of every data set's locations, or views where one has a single location, held out to watch the
-            fine-tuning.
-        seed: names every random stream.
-        threads, memory_mb: of torch, and of frames and taps kept in memory.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rounds: int = Field(3, ge=1, le=100)
     steps: int = Field(120, ge=1)
@@ -87,10 +87,6 @@ class HardenSettings(BaseModel):
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
     every: int = Field(60, ge=1)
-    test_share: float = Field(0.25, gt=0, lt=1)
-    seed: int = Field(0, ge=0)
-    threads: int | None = Field(None, ge=1)
-    memory_mb: int = Field(2048, ge=64)
 
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped."""
@@ -108,11 +104,63 @@ class HardenSettings(BaseModel):
         return DetectorSettings(**chosen, lr=self.lr or usual_lr, round=self.every, seed=seed)
 
 
-def make_detector_settings(**chosen: Any) -> DetectorSettings:
-    """Check settings from a command line, None meaning the default; raises :class:`RaucaError` naming a bad one."""
-    return checked(DetectorSettings, {name: value for name, value in chosen.items() if value is not None})
+class ExtractorSettings(Learning):
+    """Settings of :func:`extractor.train`.
 
+    Attributes:
+        method: our extractor; or the published one by its first, ``published-base``, or its last, ``published-final``,
+            training loop.
+        epochs: at most.
+        batch: frames per step, over all processes.
+        lr: of the optimizer; Adam 0.01 as published, AdamW for ours.
+        weight_decay: of AdamW.
+        schedule: ``cosine`` down to 0 over ``epochs`` with a warm-up of 5 %, or ``constant``.
+        clip: largest norm of the gradient; 0 leaves it alone.
+        loss: of the published extractor: ``bce``, Eq. 5, or ``mse``, the published code's.
+        weighted: W of Eq. 5; without it every frame counts by its vehicle's area.
+        colors: albedos that one inference of ours is compared in.
+        average: decay of the weights' running mean, which is what is tested and kept; 0 takes the weights themselves.
+        size: frames are averaged down to, pixels; None leaves them as they are.
+        crop: train on random squares of this side, pixels; 0 on whole frames.
+        mixed: every other frame is shown whole, averaged down to the side of ``crop``, which must divide its own.
+        augment: show our extractor the frames in other light and reference paint as well.
+        split: how frames are held out to test on, see ``LightFrames.split``.
+        precision: ``auto`` is bfloat16 where a GPU has it, else float32.
+        stop_early: end by the paper's criterion, see `extractor`. Ours starts so near the truth that 0.003 is met
+            soon: use it to adapt, not to pre-train.
+        eta: of that criterion, mean absolute error in sRGB values.
+    """
 
-def make_harden_settings(**chosen: Any) -> HardenSettings:
-    """The same for a hardening."""
-    return checked(HardenSettings, {name: value for name, value in chosen.items() if value is not None})
+    method: Literal["ours", "published-base", "published-final"] = "ours"
+    epochs: int = Field(40, ge=1)
+    batch: int = Field(4, ge=1, le=1024)
+    lr: float = Field(2e-3, gt=0, le=1)
+    weight_decay: float = Field(1e-4, ge=0)
+    schedule: Literal["cosine", "constant"] = "cosine"
+    clip: float = Field(1.0, ge=0)
+    loss: Literal["bce", "mse"] = "bce"
+    weighted: bool = True
+    colors: int = Field(6, ge=1, le=64)
+    average: float = Field(0.99, ge=0, lt=1)
+    size: int | None = Field(None, ge=16)
+    crop: int = Field(0, ge=0)
+    mixed: bool = False
+    augment: bool = True
+    split: Literal["location", "view"] = "location"
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    stop_early: bool = True
+    eta: float = Field(0.003, gt=0, lt=1)
+
+    def identity(self) -> dict[str, Any]:
+        """The settings that a resumed run must share to end as one that never stopped."""
+        free = {"stop_early", "eta", "threads", "memory_mb"} | ({"epochs"} if self.schedule == "constant" else set())
+        return self.model_dump(mode="json", exclude=free)
+
+    @classmethod
+    def make(cls, **chosen: Any) -> Self:
+        """Those of ``chosen``; what is left out takes its method's default: published loops learn by Adam at 0.01."""
+        given = {name: value for name, value in chosen.items() if value is not None}
+        if str(given.get("method", "ours")).startswith("published"):
+            adam = {"lr": 0.01, "weight_decay": 0.0, "schedule": "constant", "clip": 0.0}
+            given = {**adam, "batch": 16, "average": 0.0, **given}
+        return super().make(**given)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rauca_core.attack import plain_camouflage, random_camouflage
+from rauca_core.attack import random_camouflage
 from rauca_core.contract import RaucaError, Vehicle, load_camouflage
 from rauca_core.render.mipmap import texel_coverage
 from rauca_core.runtime.images import read_image
@@ -29,12 +29,3 @@ def test_random_paint_is_uniform_per_cell(box_vehicle: Vehicle, tmp_path: Path) 
     assert (tmp_path / "c.png").read_bytes() != (tmp_path / "a.png").read_bytes()
     with pytest.raises(RaucaError, match="cell"):
         random_camouflage(tmp_path / "d.json", box_vehicle, size=256, cell=0)
-
-
-def test_plain_paint_is_one_color(box_vehicle: Vehicle, tmp_path: Path) -> None:
-    plain_camouflage(tmp_path / "grey.json", box_vehicle, (12, 140, 255))
-    camouflage, image = load_camouflage(tmp_path / "grey.json")
-    assert (read_image(image) == (12, 140, 255)).all()
-    assert camouflage.method == "plain"
-    with pytest.raises(RaucaError, match="8-bit"):
-        plain_camouflage(tmp_path / "bad.json", box_vehicle, (0, 0, 300))

@@ -10,11 +10,10 @@ from pathlib import Path
 import torch
 
 from rauca_core.attack import read_history
-from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.history import PICTURE, UV_MAP
-from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import TEMPORARY_PREFIX
+from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
 
 SETTINGS = {"steps": 9, "batch": 2, "map_size": 32, "samples": 2, "checkpoint_every": 2, "lr": 0.03, "rest": 1}
@@ -26,8 +25,7 @@ import json, os, shutil, signal, sys, torch
 from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, run_optimization
-from rauca_core.attack.optimizer import CHECKPOINTS
-from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.checkpoint_files import started
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)
@@ -53,7 +51,7 @@ for moment in [*json.loads(sys.argv[4]), None]:
     if child == 0:
         if moment is not None:
             die_at(*moment)
-        run_optimization(data, [SmallDetector()], chosen, out, resume=(out / CHECKPOINTS / POINTER).is_file())
+        run_optimization(data, [SmallDetector()], chosen, out, resume=started(out))
         os._exit(0)
     _, status = os.waitpid(child, 0)
     assert status == (0 if moment is None else signal.SIGKILL), (moment, status)

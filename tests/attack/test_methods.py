@@ -14,11 +14,9 @@ import torch
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import OptimizerSettings, make_settings, read_history, run_optimization
 from rauca_core.attack import losses as objectives
-from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.attack.methods import METHODS, method_named, settings_of
-from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run
 from rauca_core.contract import (
     Camera,
@@ -32,6 +30,7 @@ from rauca_core.contract import (
 )
 from rauca_core.detect import DensePredictions
 from rauca_core.render import MipmappedTexture, srgb_to_linear
+from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}

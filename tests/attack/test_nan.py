@@ -12,12 +12,11 @@ import pytest
 import torch
 
 from rauca_core.attack import DetectorEnsemble, make_settings, read_history, run_optimization
-from rauca_core.attack.checkpoint import load_checkpoint
-from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, FramePasses, RaucaError, load_frame, save_frame
 from rauca_core.contract.files import TEMPORARY_PREFIX
 from rauca_core.detect.interface import check_images
+from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 
 SETTINGS = make_settings(steps=8, batch=2, map_size=32, samples=2, checkpoint_every=1, memory_mb=64)
 
@@ -68,8 +67,8 @@ def test_light_that_turns_nan_on_the_way_is_named_though_the_detector_sees_it_fi
     bad, source = run.store.frames[run.order.upcoming()[1]].id, run.store.light
 
     def of(frame: Any) -> Any:
-        lit = source.of(frame)
-        return replace(lit, light=replace(lit.light, A=lit.light.A * np.float32(np.nan))) if frame.id == bad else lit
+        light, image = source.of(frame)
+        return (replace(light, A=light.A * np.float32(np.nan)) if frame.id == bad else light), image
 
     run.store.light = replace(source, of=of)
     before = run.texture.texels().detach().clone()

@@ -25,11 +25,10 @@ from rauca_core.attack import (
     run_optimization,
     settings_of,
 )
-from rauca_core.attack.checkpoint import load_checkpoint
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.attack.optimizer import CHECKPOINTS
 from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
 from rauca_core.contract.seeding import named_seed
+from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
 
 

@@ -26,7 +26,7 @@ def test_images_are_those_that_the_optimizer_steps_through(
     render: Renderer, dataset: Dataset, small_detector: SmallDetector
 ) -> None:
     run = Run(dataset, DetectorEnsemble([small_detector], "car"), make_settings(map_size=SIDE, samples=2, batch=1))
-    texture = run.uv_map_srgb()
+    texture = run.pictures()[0]
     run.advance()
     run.close()
     images, boxes = render(texture)

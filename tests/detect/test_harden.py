@@ -23,13 +23,13 @@ from rauca_core.detect.synth import read_card
 from rauca_core.detect.synth.card import load_network
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
-from rauca_core.runtime.checkpoint_files import POINTER
+from rauca_core.runtime.checkpoint_files import started
 from rauca_core.runtime.distributed import Processes
 from rauca_core.runtime.images import read_image
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.measure import Judged
-from rauca_core.training.settings import make_harden_settings
+from rauca_core.training.settings import HardenSettings
 from tests.pretend_device import DEVICE, PretendDevice
 
 torch.set_num_threads(1)
@@ -68,18 +68,16 @@ def attack(data: Dataset, device: torch.device):
         settings = make_settings(
             steps=2, batch=1, map_size=MAP, samples=SAMPLES, seed=number, name=f"round-{number}", checkpoint_every=1
         )
-        done, started = folder / "camouflage.json", (folder / "checkpoints" / POINTER).is_file()
-        return (
-            done
-            if done.is_file()
-            else run_optimization(data, [detector], settings, folder, resume=started, processes=processes)
-        )
+        done = folder / "camouflage.json"
+        if done.is_file():
+            return done
+        return run_optimization(data, [detector], settings, folder, resume=started(folder), processes=processes)
 
     return run
 
 
 def hardening(data: Dataset, out: Path, camouflages: list[Path], device: torch.device = CPU, **chosen) -> Hardening:
-    settings = make_harden_settings(**(TINY | chosen))
+    settings = HardenSettings.make(**(TINY | chosen))
     return Hardening(
         "frcnn-synth", [data.folder], camouflages, out, settings, attack(data, device), score, "rauca harden",
         device=device,
@@ -100,7 +98,7 @@ def test_composed_frames_are_those_of_the_optimizer(data: Dataset, noise: Path, 
     for index, image in enumerate(theirs):
         ours = worn.plain(index, named_rng("frame", index)).image
         assert (ours - image).abs().max() < 0.003  # 8 bits of the picture around, half precision of the light
-        plain = store.light.of(store.frames[index]).image.transpose(2, 0, 1) / np.float32(255)
+        plain = store.light.of(store.frames[index])[1].transpose(2, 0, 1) / np.float32(255)
         assert (ours - torch.from_numpy(plain)).abs().max() > 0.2
 
 
@@ -189,7 +187,7 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
         ({"camouflages": [stranger]}, "stranger.json: made for UV atlas 123 of tank, which no data set shows"),
         ({"camouflages": [tmp_path / "none.json"]}, "none.json: not found"),
         ({"datasets": [tmp_path]}, "not a data set"),
-        ({"camouflages": [], "settings": make_harden_settings(attack_steps=0)}, "nothing to harden against"),
+        ({"camouflages": [], "settings": HardenSettings.make(attack_steps=0)}, "nothing to harden against"),
     ):
         with pytest.raises(RaucaError, match=message):
             harden(replace(good, **changed))
@@ -202,4 +200,4 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
         harden(good, resume=True)
     for option, value in (("share", 1.0), ("rounds", 0), ("lr", -1.0)):
         with pytest.raises(RaucaError, match=f"{option}: "):
-            make_harden_settings(**{option: value})
+            HardenSettings.make(**{option: value})

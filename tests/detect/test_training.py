@@ -38,7 +38,7 @@ from rauca_core.training.detector import Job, train
 from rauca_core.training.fit import Fit, fit
 from rauca_core.training.measure import Findings, Judged, measure
 from rauca_core.training.samples import Samples, draw_color, draw_paint
-from rauca_core.training.settings import make_detector_settings
+from rauca_core.training.settings import DetectorSettings
 from tests.pretend_device import DEVICE, PretendDevice
 
 torch.set_num_threads(1)
@@ -96,7 +96,7 @@ def score(judged: list[Judged]) -> float:
 
 
 def job(name: str, folder: Path, out: Path, backbone: Path, device: torch.device | str = "cpu", **chosen) -> Job:
-    settings = make_detector_settings(**(TINY | chosen))
+    settings = DetectorSettings.make(**(TINY | chosen))
     frames = LightFrames([folder])
     shown = Samples(frames, ("car", "truck"), SIZE)
     network = build_network(name, 2, backbone)
@@ -205,8 +205,15 @@ def test_a_round_that_died_in_its_test_is_reported_once(folder, tmp_path, backbo
 def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, backbone, monkeypatch, box_vehicle):
     monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
     ball = draw_dataset(tmp_path / "ball", dataclasses.replace(box_vehicle, name="ball"), category="shape").folder
-    settings = make_detector_settings(**(TINY | {"steps": 2, "round": 1, "fewest": 2}))
-    wanted = Fit("frcnn-synth", [folder, ball], tmp_path / "run", settings, score, command="rauca detectors train")
+    settings = DetectorSettings.make(**(TINY | {"steps": 2, "round": 1, "fewest": 2}))
+    wanted = Fit(
+        name="frcnn-synth",
+        datasets=[folder, ball],
+        out=tmp_path / "run",
+        settings=settings,
+        score=score,
+        command="rauca detectors train",
+    )
     path, findings = fit(wanted)
     card, _ = read_card(path.with_suffix(".json"))
     assert card.class_names == ("car", "truck")
@@ -225,7 +232,9 @@ def test_fit_leaves_a_detector_and_its_card(folder, tmp_path, backbone, monkeypa
 
 
 def _start_from(path: Path, folder: Path, tmp_path: Path, settings) -> None:
-    onward = Fit("frcnn-synth", [folder], tmp_path / "onward", settings, score, start=path)
+    onward = Fit(
+        name="frcnn-synth", datasets=[folder], out=tmp_path / "onward", settings=settings, score=score, start=path
+    )
     fit(onward)
     card, _ = read_card(tmp_path / "onward" / "frcnn-synth.json")
     assert card.backbone == read_card(path.with_suffix(".json"))[1]
@@ -245,8 +254,15 @@ def _rename(path: Path) -> None:
 def test_a_training_goes_on_with_its_own_classes(folder, tmp_path, backbone, monkeypatch, box_vehicle):
     monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
     boats = draw_dataset(tmp_path / "boats", dataclasses.replace(box_vehicle, name="boat"), category="boat").folder
-    settings = make_detector_settings(**(TINY | {"steps": 2, "round": 2}))
-    trucks = Fit("frcnn-synth", [folder, boats], tmp_path / "run", settings, score, classes=("truck",))
+    settings = DetectorSettings.make(**(TINY | {"steps": 2, "round": 2}))
+    trucks = Fit(
+        name="frcnn-synth",
+        datasets=[folder, boats],
+        out=tmp_path / "run",
+        settings=settings,
+        score=score,
+        classes=("truck",),
+    )
 
     def terminate(done: int, steps: int, loss: float) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
@@ -281,8 +297,8 @@ def _damage(path: Path) -> None:
 
 def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, backbone, monkeypatch):
     monkeypatch.setattr(fitting, "_yolo_backbone", lambda: backbone)
-    settings = make_detector_settings(**TINY)
-    good = Fit("frcnn-synth", [folder], tmp_path / "run", settings, score)
+    settings = DetectorSettings.make(**TINY)
+    good = Fit(name="frcnn-synth", datasets=[folder], out=tmp_path / "run", settings=settings, score=score)
     dark = draw_dataset(tmp_path / "dark", box_vehicle, light=False).folder
     ball = draw_dataset(tmp_path / "ball", box_vehicle, category="shape").folder
     for changed, message in (
@@ -298,7 +314,7 @@ def test_mistakes_are_named_before_any_training(folder, tmp_path, box_vehicle, b
     assert not (tmp_path / "run").exists()
     for option, value in (("steps", 0), ("size", 100), ("precision", "int8"), ("ema", 1.0)):
         with pytest.raises(RaucaError, match=f"{option}: "):
-            make_detector_settings(**{option: value})
+            DetectorSettings.make(**{option: value})
 
 
 def test_a_loss_that_is_not_finite_names_its_frames(folder, tmp_path, backbone):

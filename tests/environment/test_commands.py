@@ -17,7 +17,7 @@ from rauca_core.environment.preview import preview
 from rauca_core.environment.weights import load_extractor, save_extractor
 from rauca_core.runtime.images import read_image
 from rauca_core.training.extractor_fit import WEIGHTS, Fit, fit
-from rauca_core.training.extractor_settings import make_training_settings
+from rauca_core.training.settings import ExtractorSettings
 
 GREY = (140, 140, 140)
 
@@ -69,14 +69,14 @@ def test_mistakes_are_one_line(tmp_path, monkeypatch, arguments, said):
 
 def test_held_out_data_sets(dataset, dataset_factory, box_vehicle, tmp_path):
     other = dataset_factory(tmp_path / "other", box_vehicle, locations=1)
-    settings = make_training_settings(epochs=1, threads=1)
-    path, outcome = fit(Fit([dataset.folder], tmp_path / "run", settings, [other.folder]))
+    settings = ExtractorSettings.make(epochs=1, threads=1)
+    path, outcome = fit(Fit(datasets=[dataset.folder], out=tmp_path / "run", settings=settings, tests=[other.folder]))
     _, card = load_extractor(path)
     assert [(d["name"], d["use"], d["frames"]) for d in card.data] == [("data", "train", 8), ("other", "test", 4)]
     assert len(outcome.errors) == 2
-    published = make_training_settings(method="published-base")
+    published = ExtractorSettings.make(method="published-base")
     with pytest.raises(RaucaError, match="choose ours"):
-        fit(Fit([dataset.folder], tmp_path / "no", published))
+        fit(Fit(datasets=[dataset.folder], out=tmp_path / "no", settings=published))
 
 
 def test_light_is_estimated_where_none_was_rendered(dataset, dataset_factory, box_vehicle, tmp_path, weights):

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from rauca_core.training.extractor_settings import converged_epoch, smoothed
+from rauca_core.training.extractor import converged_epoch, smoothed
 
 
 def test_smoothing_is_the_papers():

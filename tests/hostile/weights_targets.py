@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rauca_core.attack.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from rauca_core.environment.extractor import LightSplitter
 from rauca_core.environment.published import PublishedCard, PublishedEfe, load_published, save_published
 from rauca_core.environment.weights import ModelCard, load_extractor, save_extractor
 from rauca_core.render.sparse import SparseOperator
 from rauca_core.render.taps import Taps
-from rauca_core.training.checkpoint import AveragedCopy, restore_run, save_run
+from rauca_core.runtime.checkpoint_files import Checkpoint, load_checkpoint, save_checkpoint
+from rauca_core.training.loop import AveragedCopy, Task
 
 from .mutate import mutate_json
 from .target import Target
@@ -28,8 +28,10 @@ def _checkpoint(folder: Path) -> None:
     save_checkpoint(folder, Checkpoint(3, {"seed": 1}, {name: torch.ones(2) for name in names}))
 
 
-class _Trained:
+class _Trained(Task):
     """The smallest thing that learns."""
+
+    batch = loss = names = test = to_json = lambda *_: None  # never asked
 
     def __init__(self) -> None:
         self.network = torch.nn.Linear(2, 1)
@@ -38,7 +40,11 @@ class _Trained:
 
 
 def _training(folder: Path) -> None:
-    save_run(folder, {"seed": 1}, 3, [0.5, 0.25], _Trained())
+    save_checkpoint(folder, Checkpoint(3, {"seed": 1}, _Trained().tensors()))
+
+
+def _restored(folder: Path) -> None:
+    _Trained().restore(load_checkpoint(folder).tensors)
 
 
 def _extractor(folder: Path) -> None:
@@ -72,9 +78,7 @@ def _taps(folder: Path) -> None:
 TARGETS = (
     Target("checkpoint-json", "checkpoint.json", _checkpoint, load_checkpoint, mutate_json),
     Target("checkpoint-tensors", STEP, _checkpoint, load_checkpoint),
-    Target(
-        "training-json", "checkpoint.json", _training, lambda f: restore_run(f, {"seed": 1}, _Trained()), mutate_json
-    ),
+    Target("training-json", "checkpoint.json", _training, _restored, mutate_json),
     Target("extractor-card", "w.json", _extractor, lambda f: load_extractor(f / "w.safetensors"), mutate_json),
     Target("extractor-weights", "w.safetensors", _extractor, lambda f: load_extractor(_signed(f)), signs=True),
     Target("published-card", "w.json", _published, lambda f: load_published(f / "w.safetensors"), mutate_json),

@@ -19,7 +19,7 @@ from pipelines.efe_commands import efe_finetune, efe_train
 from rauca_core.contract import ApplyCamouflage, RaucaError
 from rauca_core.detect.weights import OWN_FOLDER
 from rauca_core.runtime.blender import run_blender
-from rauca_core.training.extractor_settings import ETA
+from rauca_core.training.settings import ExtractorSettings
 
 
 def rauca(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -70,7 +70,7 @@ import pipelines.{program}, torch
 
 def test_what_the_command_line_repeats_is_what_the_library_says():
     defaults = [signature(command).parameters["eta"].default for command in (efe_train, efe_finetune)]
-    assert defaults == [ETA, ETA]
+    assert defaults == [ExtractorSettings().eta] * 2
     (option,) = (o for o in typer.main.get_command(weights_app).commands["fetch"].params if "--from" in o.opts)
     assert option.envvar == OWN_FOLDER
 

@@ -8,14 +8,12 @@ edge, and its diameter is the patch's size; where paint ends there is no edge.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Vehicle
 from ...contract.seeding import named_rng
-from ...render.kernels import njit
 
 Array = NDArray[np.float64]
 PER_CUBE = 12  # points thrown for every face of a cube of surface
@@ -23,26 +21,24 @@ PER_CUBE = 12  # points thrown for every face of a cube of surface
 
 @dataclass(frozen=True)
 class Granulometry:
-    """Sizes of patches on the vehicle, metres.
+    """Sizes of patches on the vehicle, metres, good to about the side of the cubes.
 
     Attributes:
         smallest: diameter of the disc that the smallest patch holds; infinite with one color on every part.
         median: of patches, each counted by its area.
-        patches: how many were found.
-        cube: side of the cubes; sizes are good to about that much.
         edges: share of the surface in cubes of several colors; near 1 where patches are no larger than cubes.
     """
 
     smallest: float
     median: float
-    patches: int
-    cube: float
     edges: float
 
 
-def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int = 0) -> Granulometry:
+def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float) -> Granulometry:
     """Measure a UV map (size, size, 3), 8-bit; ``cube_m``: a tenth of the size that is expected, or less."""
-    points, colors = scatter_points(vehicle, uv_map, cube_m, seed)
+    from scipy.spatial import cKDTree
+
+    points, colors = scatter_points(vehicle, uv_map, cube_m)
     cubes, steps = _cubes(points, cube_m)
     colors = np.unique(colors, return_inverse=True)[1].ravel()
     # What is sorted into parts is a color in a cube: a patch's thin corner hangs on to it through cubes of its edge.
@@ -53,18 +49,17 @@ def measure_patches(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, 
     part = _parts(keys, steps * shade)
     radius = np.where(mixed, 0.0, np.inf)
     if mixed.any():
-        radius[~mixed] = _nearest(points[first[~mixed]], points[first[mixed]])
-    found, place = np.unique(part, return_inverse=True)
-    size, area = np.zeros(len(found)), np.bincount(place, counts)
-    np.maximum.at(size, place, 2 * radius)
+        radius[~mixed] = cKDTree(points[first[mixed]]).query(points[first[~mixed]])[0]
+    area = np.bincount(part, counts)
+    size = np.zeros(len(area))
+    np.maximum.at(size, part, 2 * radius)
     resolved = area >= PER_CUBE  # crumbs smaller than a cube's face are where texels straddle an edge, or below sight
-    size, area, found = size[resolved], area[resolved], found[resolved]
-    if not len(found):
-        return Granulometry(0.0, 0.0, 0, cube_m, 1.0)
+    size, area = size[resolved], area[resolved]
+    if not len(size):
+        return Granulometry(0.0, 0.0, 1.0)
     rank = np.argsort(size)
     middle = rank[np.searchsorted(np.cumsum(area[rank]), area.sum() / 2)]
-    edges = float(counts[mixed].sum() / counts.sum())
-    return Granulometry(float(size.min()), float(size[middle]), len(found), cube_m, edges)
+    return Granulometry(float(size.min()), float(size[middle]), float(counts[mixed].sum() / counts.sum()))
 
 
 def _cubes(points: Array, side: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -77,14 +72,12 @@ def _cubes(points: Array, side: float) -> tuple[NDArray[np.int64], NDArray[np.in
     return cells @ place, around @ place
 
 
-def scatter_points(
-    vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float, seed: int
-) -> tuple[Array, NDArray[np.int64]]:
+def scatter_points(vehicle: Vehicle, uv_map: NDArray[np.uint8], cube_m: float) -> tuple[Array, NDArray[np.int64]]:
     """Points (N, 3) thrown evenly on the paint, metres, and the map's color there as one number (N,)."""
     paint = vehicle.paint_faces()
     corners = vehicle.positions[vehicle.triangles[paint]].astype(np.float64)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    rng = named_rng("granulometry", seed)
+    rng = named_rng("granulometry", 0)
     count = int(np.clip(PER_CUBE * areas.sum() / cube_m**2, 1000, 5_000_000))
     face = rng.choice(len(areas), count, p=areas / areas.sum())
     one, two = rng.random((2, count))
@@ -104,33 +97,15 @@ def _texel(uv: Array, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return row, column
 
 
-@njit(cache=True, nogil=True)
-def _parts(keys: Any, steps: Any) -> Any:
-    """(N,) what touches shares a number; ``keys`` ascend, neighbors are a step apart."""
-    parent = np.arange(keys.shape[0])
-    for i in range(keys.shape[0]):
-        for step in steps:
-            j = np.searchsorted(keys, keys[i] + step)
-            if j < keys.shape[0] and keys[j] == keys[i] + step:
-                a, b = i, j
-                while parent[a] != a:
-                    a = parent[a]
-                while parent[b] != b:
-                    b = parent[b]
-                parent[max(a, b)] = min(a, b)
-    for i in range(keys.shape[0]):  # a parent's number is smaller, and its own parent known
-        parent[i] = parent[parent[i]]
-    return parent
+def _parts(keys: NDArray[np.int64], steps: NDArray[np.int64]) -> NDArray[np.int32]:
+    """(N,) what touches shares a number, from 0; ``keys`` ascend, neighbors are a step apart."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _nearest(points: Any, edges: Any) -> Any:
-    """(N,) distance from each point to the nearest edge, all compared."""
-    result = np.empty(points.shape[0])
-    for i in range(points.shape[0]):
-        best = np.inf
-        for j in range(edges.shape[0]):
-            x, y, z = points[i, 0] - edges[j, 0], points[i, 1] - edges[j, 1], points[i, 2] - edges[j, 2]
-            best = min(best, x * x + y * y + z * z)
-        result[i] = np.sqrt(best)
-    return result
+    pairs = []
+    for step in steps:
+        place = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
+        here = np.flatnonzero(keys[place] == keys + step)
+        pairs.append(np.stack([here, place[here]]))
+    ones, both = np.ones(sum(pair.shape[1] for pair in pairs), bool), np.concatenate(pairs, 1)
+    return connected_components(coo_array((ones, tuple(both)), (len(keys),) * 2), directed=False)[1]

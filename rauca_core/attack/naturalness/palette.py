@@ -18,7 +18,7 @@ from ...contract import RaucaError
 from ...contract.reading import read_text
 from ...contract.seeding import named_rng
 from ...runtime.images import read_image
-from .choice import is_color, parse_color
+from . import is_color, parse_color
 
 PIXELS = 16_384  # of a photograph, looked at for its colors
 MOST = 64
@@ -58,13 +58,11 @@ def colors_of_image(path: Path, count: int, seed: int = 0) -> list[str]:
     pixels = (np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image).reshape(-1, 3)
     rng = named_rng(seed, "palette")
     centers = cluster(pixels[rng.integers(0, len(pixels), PIXELS)] / 255.0, count, rng)
-    return [
-        "#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centers[np.argsort(centers.sum(1))] * 255).astype(int)
-    ]
+    return ["#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(centers * 255).astype(int)]
 
 
 def cluster(points: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """k-means: ``count`` centers (count, 3) of points (N, 3), begun far apart (k-means++)."""
+    """k-means: ``count`` centers (count, 3) of colors (N, 3), darkest first; begun far apart (k-means++)."""
     centers = points[rng.integers(len(points))][None].astype(np.float64)
     for _ in range(count - 1):
         distance = _squares(points, centers).min(1)
@@ -76,7 +74,7 @@ def cluster(points: NDArray[np.floating], count: int, rng: np.random.Generator) 
         sizes = np.bincount(nearest, minlength=count)
         sums = np.stack([np.bincount(nearest, column, count) for column in points.T], 1)
         centers = np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1)[:, None], centers)
-    return centers
+    return centers[np.argsort(centers.sum(1))]
 
 
 def _squares(points: NDArray[np.floating], centers: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -99,24 +97,14 @@ class Palette:
         warmth: of the soft choice: the squared distance between neighboring colors of the palette, their mean.
     """
 
-    def __init__(self, colors: tuple[str, ...], dtype: torch.dtype = torch.float32) -> None:
-        bytes_ = np.array([parse_color(color, "--palette") for color in colors])
-        self.colors = torch.from_numpy(bytes_ / 255.0).to(dtype)
+    def __init__(self, colors: tuple[str, ...]) -> None:
+        self.colors = torch.from_numpy(palette_bytes(colors) / 255.0).float()
         apart = torch.cdist(self.colors, self.colors).square()
         apart.fill_diagonal_(torch.inf)
         self.warmth = float(apart.amin(1).mean()) if len(colors) > 1 else 1.0
 
-    def nearest(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """Which palette color each free color (N, 3) is seen as, of those ``allowed`` (N, K): (N,)."""
-        return _distances(free, self.colors.to(free), allowed).argmin(1)
-
-    def soft(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """The mean of the palette weighted by nearness, (N, 3)."""
-        colors = self.colors.to(free)
-        return _shares(free, colors, self.warmth, allowed) @ colors
-
     def hard(self, free: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """The nearest colors (N, 3); their gradient is that of :meth:`soft`."""
+        """The nearest colors (N, 3) of those ``allowed`` (N, K); the gradient is that of the soft choice."""
         seen: Tensor = _Hard.apply(free, self.colors.to(free), self.warmth, allowed)
         return seen
 
@@ -125,10 +113,6 @@ def _distances(free: Tensor, colors: Tensor, allowed: Tensor | None) -> Tensor:
     # |c - p|^2 without |c|^2, which no comparison needs: one product in place of K differences.
     distance = colors.square().sum(1) - 2 * free @ colors.T
     return distance if allowed is None else distance.masked_fill(~allowed, torch.inf)
-
-
-def _shares(free: Tensor, colors: Tensor, warmth: float, allowed: Tensor | None) -> Tensor:
-    return torch.softmax(_distances(free, colors, allowed) / -warmth, 1)
 
 
 class _Hard(torch.autograd.Function):
@@ -142,7 +126,7 @@ class _Hard(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
         """The soft map's slope is 2 / warmth times the palette's covariance under the shares."""
         free, colors = ctx.saved_tensors
-        share = _shares(free, colors, ctx.warmth, ctx.allowed)
+        share = torch.softmax(_distances(free, colors, ctx.allowed) / -ctx.warmth, 1)
         asked = gradients[0] @ colors.T
         mean = (share * asked).sum(1, keepdim=True)
         return (2 / ctx.warmth) * ((share * (asked - mean)) @ colors), None, None, None

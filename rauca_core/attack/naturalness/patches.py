@@ -109,8 +109,7 @@ def link(points: TexelPoints, texels: NDArray[np.int64], size: int) -> Links:
     Args:
         texels: (P,) positions ``row * size + column``, see ``Pyramid.texels``.
     """
-    place = np.full((size + 2, size + 2), -1, np.int64)
-    place[1:-1, 1:-1].ravel()[:] = -1  # a frame of nothing around the map
+    place = np.full((size + 2, size + 2), -1, np.int64)  # with a frame of nothing around the map
     rows, columns = np.divmod(texels, size)
     place[rows + 1, columns + 1] = np.arange(len(texels))
     pairs = []
@@ -130,38 +129,14 @@ def link(points: TexelPoints, texels: NDArray[np.int64], size: int) -> Links:
 
 def _across_seams(points: TexelPoints, edge: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs (N, 2) of chart edge texels that lie close together on the vehicle."""
+    from scipy.spatial import cKDTree  # here: only who asks for patches needs it
+
     if not len(edge):
         return np.empty((0, 2), np.int64)
     reach = max(REACH * float(np.median(points.steps[edge].max(1))), GAP_M)
-    cells = np.floor(points.positions[edge] / reach).astype(np.int64)
-    cells -= cells.min(0) - 1
-    spread = cells.max(0) + 2
-    key = (cells[:, 0] * spread[1] + cells[:, 1]) * spread[2] + cells[:, 2]
-    order = np.argsort(key, kind="stable")
-    steps = np.array([(x * spread[1] + y) * spread[2] for x in (-1, 0, 1) for y in (-1, 0, 1)])
-    found = _close_pairs(points.positions[edge[order]], points.normals[edge[order]], key[order], steps, reach, FACING)
-    return edge[order][found]
-
-
-@njit(cache=True, nogil=True)
-def _close_pairs(positions: Any, normals: Any, key: Any, steps: Any, reach: float, facing: float) -> Any:
-    """Pairs (N, 2) i < j closer than ``reach``; points are sorted by the key of their cell of that side."""
-    pairs, count = np.empty((4096, 2), np.int64), 0
-    for i in range(key.shape[0]):
-        for step in steps:  # each names three cells in a row along z
-            first = np.searchsorted(key, key[i] + step - 1)
-            last = np.searchsorted(key, key[i] + step + 1, side="right")
-            for j in range(max(first, i + 1), last):
-                apart, cosine = 0.0, 0.0
-                for c in range(3):
-                    apart += (positions[i, c] - positions[j, c]) ** 2
-                    cosine += normals[i, c] * normals[j, c]
-                if apart <= reach * reach and cosine >= facing:
-                    if count == pairs.shape[0]:
-                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                    pairs[count, 0], pairs[count, 1] = i, j
-                    count += 1
-    return pairs[:count]
+    pairs = cKDTree(points.positions[edge]).query_pairs(reach, output_type="ndarray")
+    cosines = (points.normals[edge[pairs[:, 0]]] * points.normals[edge[pairs[:, 1]]]).sum(1)
+    return edge[pairs[cosines >= FACING]]
 
 
 def _compress(pairs: NDArray[np.int64], points: TexelPoints) -> Links:
@@ -222,36 +197,18 @@ def _grow(indptr: Any, neighbors: Any, metres: Any, order: Any, spacing: float) 
         if blocked[start]:
             continue
         seeds[number] = start
-        owner[start], best[start], blocked[start] = number, 0.0, True
-        heap = [(0.0, start)]
-        _spread(heap, owner, best, blocked, number, spacing, indptr, neighbors, metres)
+        heap, seen = [(0.0, start)], {start: 0.0}
+        while len(heap) > 0:  # Dijkstra from the seed out to the spacing
+            way, here = heapq.heappop(heap)
+            if way > seen[here]:
+                continue
+            blocked[here] = True
+            if way < best[here]:
+                best[here], owner[here] = way, number
+            for k in range(indptr[here], indptr[here + 1]):
+                there, longer = np.int64(neighbors[k]), way + metres[k]
+                if longer < spacing and (there not in seen or longer < seen[there]):
+                    seen[there] = longer
+                    heapq.heappush(heap, (longer, there))
         number += 1
     return owner, seeds[:number].copy()
-
-
-@njit(cache=True, nogil=True)
-def _spread(
-    heap: Any,
-    owner: Any,
-    best: Any,
-    blocked: Any,
-    number: int,
-    spacing: float,
-    indptr: Any,
-    neighbors: Any,
-    metres: Any,
-) -> None:
-    """Dijkstra from a seed out to ``spacing``; what is reached is blocked, what it is closest to is its own."""
-    seen = {heap[0][1]: 0.0}
-    while len(heap) > 0:
-        way, here = heapq.heappop(heap)
-        if way > seen[here]:
-            continue
-        blocked[here] = True
-        if way < best[here]:
-            best[here], owner[here] = way, number
-        for k in range(indptr[here], indptr[here + 1]):
-            there, longer = np.int64(neighbors[k]), way + metres[k]
-            if longer < spacing and (there not in seen or longer < seen[there]):
-                seen[there] = longer
-                heapq.heappush(heap, (longer, there))

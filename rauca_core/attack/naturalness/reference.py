@@ -16,7 +16,7 @@ from ...contract.color import to_bytes
 from ...contract.files import file_digest
 from ...render import Pyramid, linear_to_srgb, pattern_pyramid, project_pattern, srgb_to_linear
 from ...runtime.images import read_image
-from .choice import Naturalness, is_color, parse_color
+from . import Naturalness, is_color, parse_color
 from .colors import delta_e_2000, lab
 from .patches import TexelPoints
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,15 +13,11 @@ from torch import Tensor
 from ...contract import RaucaError, Vehicle, color
 from ...contract.color import to_bytes
 from ...render import Pyramid, SparseOperator, linear_to_srgb, saturate, srgb_to_linear
-from .choice import Naturalness
+from . import Naturalness
 from .colors import distances, draw_back, round_within
 from .palette import Palette, palette_bytes
 from .patches import Patches, TexelPoints, link, make_patches
 from .reference import Distance, reference_texels
-
-if TYPE_CHECKING:
-    from ..settings import OptimizerSettings
-
 
 GUTTER = 8  # texels beside the paint that a renderer's filter may read
 
@@ -31,11 +26,13 @@ class Constraints:
     """What a camouflage has to keep to, worked out for one vehicle at one size of map.
 
     Attributes:
-        points: of the texels on the vehicle; None where no patch and no mean over its surface needs them.
+        points: of the texels on the vehicle.
         patches: None where every texel is free.
         reference: (P, 3) 8-bit sRGB at the texels, or None.
         home: (M, 3) 8-bit sRGB, the reference of each patch: the mean of its light.
         palette: or None.
+        bound: how far free colors may be from home. With a palette the bound is on the colors chosen, see ``allowed``:
+            the way from one to another stays open.
         allowed: (M, K) which palette colors the bound leaves to each patch; None where there is none or no bound.
     """
 
@@ -48,6 +45,7 @@ class Constraints:
             links = link(self.points, atlas.texels, atlas.size)
             self.patches = make_patches(self.points, links, wanted.feature_cm / 100, seed)
         self.palette = Palette(wanted.palette) if wanted.palette else None
+        self.bound = wanted.max_delta_e if self.palette is None else None
         self.reference = None if wanted.reference is None else reference_texels(vehicle, atlas, wanted)
         self.home = None if self.reference is None else self._of_patches(self.reference)
         self.allowed = self._allowed()
@@ -57,14 +55,19 @@ class Constraints:
         """M, how many colors are free: one a patch, or one a texel."""
         return len(self.atlas.texels) if self.patches is None else self.patches.count
 
+    @property
+    def home_of_texels(self) -> NDArray[np.uint8]:
+        """``home`` of each texel's patch, (P, 3)."""
+        assert self.home is not None
+        return self.home if self.patches is None else self.home[self.patches.of_texel]
+
     def after_step(self, free: Tensor) -> None:
         """Bring free colors (M, 3) sRGB back to where they may be, in place."""
         with torch.no_grad():
             free.clamp_(0.0, 1.0)
-            # With a palette the bound is on the colors chosen, see `allowed`: the way from one to another stays open.
-            if self.wanted.max_delta_e is not None and self.palette is None and self.home is not None:
+            if self.bound is not None and self.home is not None:
                 near = free.cpu()  # on the CPU this is ``free`` itself
-                draw_back(near.numpy(), self.home.astype(np.float32) / 255, self.wanted.max_delta_e)
+                draw_back(near.numpy(), self.home.astype(np.float32) / 255, self.bound)
                 free.copy_(near)
 
     def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -80,11 +83,12 @@ class Constraints:
         if bound is None or self.palette is None or self.home is None:
             return None
         home = self.home / 255.0
-        colors = self.palette.colors.double().numpy()
-        every = [distances(np.broadcast_to(one, home.shape), home) for one in colors]
-        near = np.stack(every, 1) <= bound
+        apart = np.stack(
+            [distances(np.tile(one, (len(home), 1)), home) for one in self.palette.colors.double().numpy()], 1
+        )
+        near = apart <= bound
         if not near.any(1).all():
-            lost, best = 1 - near.any(1).mean(), math.ceil(np.stack(every, 1).min(1).max() * 10) / 10
+            lost, best = 1 - near.any(1).mean(), math.ceil(apart.min(1).max() * 10) / 10
             raise RaucaError(
                 f"--max-delta-e {bound:g}: on {lost:.0%} of the paint no color of the palette is that near the "
                 f"reference; allow {best:.1f} or give more --palette colors"
@@ -125,36 +129,6 @@ class NaturalColors:
         self.constraints.after_step(self.parameter)
 
 
-def natural_colors(
-    vehicle: Vehicle,
-    atlas: Pyramid,
-    settings: OptimizerSettings,
-    first: Callable[[int], Tensor],
-    device: torch.device,
-) -> NaturalColors:
-    """The texture of a run.
-
-    Args:
-        first: ``count -> (count, 3)`` sRGB, where an optimization begins; within a bound it begins at the reference.
-        device: where the colors lie.
-
-    Raises:
-        RaucaError: settings that naturalness does not go with.
-    """
-    wanted = settings.natural
-    assert wanted is not None
-    for name, value, needed in (("paint", settings.paint, "texels"), ("cover", settings.cover, "all")):
-        if value != needed:
-            raise RaucaError(f"{name}: a natural camouflage is made of {needed}, not {value}; drop one of the two")
-    if settings.limit != "project":
-        raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
-    constraints = Constraints(vehicle, atlas, wanted, settings.seed)
-    if wanted.max_delta_e is None or constraints.home is None:
-        return NaturalColors(constraints, first(constraints.count).to(device))
-    # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
-    return NaturalColors(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))
-
-
 def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """The UV map (size, size, 3), 8-bit sRGB, and what is to be remembered about it.
 
@@ -163,12 +137,11 @@ def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.ui
     Args:
         texels_srgb: (P, 3), what the optimization ended with.
     """
-    wanted = constraints.wanted
-    texels = to_bytes(texels_srgb.detach().cpu().numpy())
-    if wanted.max_delta_e is not None and not wanted.palette and constraints.home is not None:
-        patches = constraints.patches
-        home = constraints.home if patches is None else constraints.home[patches.of_texel]
-        texels = round_within(texels_srgb.detach().cpu().numpy(), home, wanted.max_delta_e)
+    free = texels_srgb.detach().cpu().numpy()
+    if constraints.bound is None:
+        texels = to_bytes(free)
+    else:
+        texels = round_within(free, constraints.home_of_texels, constraints.bound)
     facts: dict[str, Any] = {"paint_m2": round(float(constraints.points.areas.sum()), 4)}
     if constraints.patches is not None:
         facts["patches"] = constraints.patches.count
@@ -176,10 +149,10 @@ def finish(constraints: Constraints, texels_srgb: Tensor) -> tuple[NDArray[np.ui
         distance = Distance.of(texels, constraints.reference, constraints.points.areas)
         facts |= {"mean_delta_e": distance.mean, "mean_delta_e_2000": distance.mean_2000}
         facts["largest_delta_e"] = distance.largest
-        if constraints.patches is not None and constraints.home is not None:
-            home = constraints.home[constraints.patches.of_texel]
-            facts["largest_delta_e_of_a_patch"] = float(distances(texels / 255.0, home / 255.0).max())
-    return _fill(constraints.atlas, texels, wanted), facts
+        if constraints.patches is not None:
+            apart = distances(texels / 255.0, constraints.home_of_texels / 255.0)
+            facts["largest_delta_e_of_a_patch"] = float(apart.max())
+    return _fill(constraints.atlas, texels, constraints.wanted), facts
 
 
 def _fill(atlas: Pyramid, texels: NDArray[np.uint8], wanted: Naturalness) -> NDArray[np.uint8]:
