@@ -11,8 +11,9 @@ The truth of both is the frame in the color, from its exact light maps, masked l
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -27,7 +28,7 @@ from ..environment.methods import Render, published_render, splitter_render
 from ..environment.metrics import albedos
 from ..environment.published import PublishedEfe, fuse_published
 from ..render import linear_to_srgb
-from .light_batches import Batch, augment, collate, crop, draw_albedos, join
+from .light_batches import Shown, augment, collate, crop, draw_albedos, shown
 from .settings import ExtractorSettings
 
 
@@ -42,24 +43,34 @@ Draw = Callable[[Item], np.random.Generator]
 """An item's own random stream: what is drawn for it depends neither on its batch nor on its process."""
 
 
-class Learner(Protocol):
-    """An extractor and its training loop, less what all loops share."""
+class Learner(ABC):
+    """An extractor and its training loop, less what all loops share.
+
+    Attributes:
+        net: the network.
+    """
+
+    def __init__(self, net: nn.Module, frames: LightFrames, settings: ExtractorSettings) -> None:
+        self.net, self._frames, self._settings = net, frames, settings
 
     @property
-    def net(self) -> nn.Module:
-        """The network."""
+    def device(self) -> torch.device:
+        return next(self.net.parameters()).device
 
     def items(self, frames: Sequence[int]) -> list[Item]:
         """What one epoch over ``frames`` goes through, in any order."""
+        return [Item(i) for i in frames]
 
+    @abstractmethod
     def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
         """Mean loss over the items. ``net`` is :attr:`net`, or its wrapper that gathers gradients of processes."""
 
-    def render_of(self, net: nn.Module, index: int, frame: LightFrame) -> Render:
+    @abstractmethod
+    def render_of(self, net: Any, index: int, frame: LightFrame) -> Render:
         """The frame as the extractor lights it with the weights of ``net``."""
 
 
-class SplitterLearner:
+class SplitterLearner(Learner):
     """Ours: exact maps compared in albedos drawn anew at every step, one inference for all of them.
 
     Raises:
@@ -72,65 +83,53 @@ class SplitterLearner:
                 f"--mixed: frames of {frames.size} pixels, no multiple of --crop {settings.crop}; "
                 "choose a --crop that divides them, or drop --mixed"
             )
-        self.net = net
-        self._frames, self._settings = frames, settings
-
-    def items(self, frames: Sequence[int]) -> list[Item]:
-        return [Item(i) for i in frames]
+        super().__init__(net, frames, settings)
 
     def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
         drawn = [self._draw(item, draw(item)) for item in items]
-        device = next(self.net.parameters()).device
-        batch, albedo = join([b for b, _ in drawn]).to(device), torch.cat([a for _, a in drawn], 1)
+        batch = collate([frame for frame, _ in drawn]).to(self.device)
+        albedo = torch.stack([albedo for _, albedo in drawn], 1).to(self.device)
         predicted = net(batch.image, batch.paint, batch.reference)
-        return light_loss(predicted, (batch.A, batch.B), albedo.to(device), batch.paint, self._settings.weighted)
+        return light_loss(predicted, (batch.A, batch.B), albedo, batch.paint, self._settings.weighted)
 
-    def _draw(self, item: Item, rng: np.random.Generator) -> tuple[Batch, Tensor]:
-        """A frame as this step sees it, and albedos (C, 1, 3, H, W) to compare it in."""
+    def _draw(self, item: Item, rng: np.random.Generator) -> tuple[Shown, Tensor]:
+        """A frame as this step sees it, and albedos (C, 3, H, W) to compare it in."""
         side, frame = self._settings.crop, self._frames.get(item.frame)
         if self._settings.mixed and rng.random() < 0.5:
             frame = shrink(frame, frame.image.shape[-1] // side)
-        seen = collate([frame])
+        seen = shown(frame)
         if side:
             seen = crop(seen, side, rng)
         if self._settings.augment:
             seen = augment(seen, rng)
-        height, width = seen.image.shape[-2:]
-        return seen, draw_albedos(rng, self._settings.colors, 1, height, width)
+        return seen, draw_albedos(rng, self._settings.colors, *seen.image.shape[-2:])
 
-    def render_of(self, net: nn.Module, index: int, frame: LightFrame) -> Render:
-        assert isinstance(net, LightSplitter)
+    def render_of(self, net: LightSplitter, index: int, frame: LightFrame) -> Render:
         return splitter_render(net, frame)
 
 
-class _Published:
+class _Published(Learner):
     """What both loops share."""
 
     def __init__(
-        self,
-        net: PublishedEfe,
-        frames: LightFrames,
-        settings: ExtractorSettings,
-        colors: Sequence[Color] = TRAIN,
+        self, net: PublishedEfe, frames: LightFrames, settings: ExtractorSettings, colors: Sequence[Color] = TRAIN
     ) -> None:
-        self.net = net
-        self._frames = frames
-        self._weighted = settings.weighted
+        super().__init__(net, frames, settings)
         self._loss = weighted_bce if settings.loss == "bce" else weighted_mse
         self._albedos = albedos(colors)
         self._colors_srgb = linear_to_srgb(self._albedos)
 
-    def render_of(self, net: nn.Module, index: int, frame: LightFrame) -> Render:
-        assert isinstance(net, PublishedEfe)
+    def render_of(self, net: PublishedEfe, index: int, frame: LightFrame) -> Render:
         return published_render(net, frame, self._frames.plain(index))
 
-    def _batch(self, items: Sequence[Item]) -> Batch:
-        device = next(self.net.parameters()).device
-        return collate([self._frames.get(item.frame) for item in items]).to(device)
+    def _batch(self, items: Sequence[Item]) -> Shown:
+        return collate([shown(self._frames.get(item.frame)) for item in items]).to(self.device)
 
-    def _truth(self, batch: Batch, albedo: Tensor) -> Tensor:
-        """Masked frames in a color per frame; albedo (B, 3, 1, 1)."""
-        return linear_to_srgb(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
+    def _against_truth(self, rendered: Sequence[Tensor], A: Tensor, B: Tensor, batch: Shown, albedo: Tensor) -> Tensor:
+        """The loss of x_nr, fused, against the frames' own light in a color per frame, masked; albedo (B, 3, 1, 1)."""
+        truth = linear_to_srgb(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
+        fused = fuse_published(torch.stack(list(rendered)).to(A.device), A, B)
+        return self._loss(fused, truth, batch.vehicle, self._settings.weighted)
 
 
 class BaseLearner(_Published):
@@ -143,23 +142,16 @@ class BaseLearner(_Published):
         batch, colors = self._batch(items), [item.color for item in items]
         rendered = [self._frames.render_plain(i.frame).x_nr(self._colors_srgb[i.color]) for i in items]
         A, B = net(batch.image * batch.vehicle)
-        x_ren = fuse_published(torch.stack(rendered).to(A.device), A, B)
-        return self._loss(x_ren, self._truth(batch, self._albedos[colors]), batch.vehicle, self._weighted)
+        return self._against_truth(rendered, A, B, batch, self._albedos[colors])
 
 
 class FinalLearner(_Published):
     """The loop of the paper's final version."""
 
-    def items(self, frames: Sequence[int]) -> list[Item]:
-        return [Item(i) for i in frames]
-
     def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
         batch = self._batch(items)
         offline = [self._frames.plain(item.frame) for item in items]
         A, B = net(batch.image * batch.vehicle)
-        losses = []
-        for albedo, color in zip(self._albedos, self._colors_srgb, strict=True):
-            x_nr = torch.stack([plain.x_nr(color) for plain in offline]).to(A.device)
-            truth = self._truth(batch, albedo[None])
-            losses.append(self._loss(fuse_published(x_nr, A, B), truth, batch.vehicle, self._weighted))
+        colors = zip(self._albedos, self._colors_srgb, strict=True)
+        losses = [self._against_truth([p.x_nr(c) for p in offline], A, B, batch, a[None]) for a, c in colors]
         return torch.stack(losses).mean()

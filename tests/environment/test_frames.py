@@ -9,7 +9,7 @@ import torch
 from rauca_core.contract import RaucaError
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import linear_to_srgb
-from rauca_core.training.light_batches import augment, collate, crop, draw_albedos, join
+from rauca_core.training.light_batches import augment, collate, crop, draw_albedos, shown
 
 
 def test_a_frame_holds_the_data_set(dataset):
@@ -91,28 +91,28 @@ def test_mistakes_are_named(tmp_path, box_vehicle, dataset, dataset_factory):
 
 def test_augmented_frames_are_frames(dataset):
     frames = LightFrames([dataset.folder])
-    batch = collate([frames.get(i) for i in range(8)])
-    seen = augment(batch, np.random.default_rng(0), share=1.0)
+    every, rng = [shown(frames.get(i)) for i in range(8)], np.random.default_rng(0)
+    batch, seen = collate(every), collate([augment(one, rng, share=1.0) for one in every])
     assert torch.allclose(linear_to_srgb(seen.A * seen.reference[:, :, None, None] + seen.B), seen.image, atol=0.003)
     assert not torch.allclose(seen.reference, batch.reference)
     assert (seen.A[(seen.paint == 0).expand_as(seen.A)] == 0).all()
-    same = augment(batch, np.random.default_rng(0), share=0.0)
+    same = collate([augment(one, rng, share=0.0) for one in every])
     assert torch.allclose(same.A.sum(-1), batch.A.sum(-1))  # at most mirrored
     assert torch.equal(same.image.sort(-1).values, batch.image.sort(-1).values)
 
 
-def test_crops_show_paint_and_join_to_a_batch(dataset):
+def test_crops_show_paint_and_make_a_batch(dataset):
     frames = LightFrames([dataset.folder])
-    cut = [crop(collate([frames.get(i)]), 16, np.random.default_rng(i)) for i in range(8)]
+    cut = [crop(shown(frames.get(i)), 16, np.random.default_rng(i)) for i in range(8)]
     assert all(c.paint.sum() > 0 for c in cut)
-    assert join(cut).image.shape == (8, 3, 16, 16)
+    assert collate(cut).image.shape == (8, 3, 16, 16)
     assert crop(cut[0], 64, np.random.default_rng(0)) is cut[0]
 
 
 def test_albedos_are_solid_and_per_pixel():
-    drawn = draw_albedos(np.random.default_rng(0), 6, 2, 8, 8)
-    assert drawn.shape == (6, 2, 3, 8, 8)
+    drawn = draw_albedos(np.random.default_rng(0), 6, 8, 8)
+    assert drawn.shape == (6, 3, 8, 8)
     assert ((drawn >= 0) & (drawn <= 1)).all()
-    spread = drawn.flatten(3).std(3).amax((1, 2))
+    spread = drawn.flatten(2).std(2).amax(1)
     assert (spread[:3] > 0.1).all()
     assert (spread[3:] == 0).all()

@@ -169,7 +169,6 @@ def test_options_become_settings(tmp_path: Path) -> None:
     assert wanted is not None
     assert json.loads(wanted.model_dump_json())["feature_cm"] == 12.5
     assert make_naturalness() is None
-    assert "natural" not in make_settings().identity()
 
 
 def test_where_a_reference_lies_is_no_part_of_a_run(tmp_path: Path) -> None:
