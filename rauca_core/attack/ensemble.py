@@ -77,10 +77,7 @@ class DetectorEnsemble:
     @property
     def identity(self) -> list[Any]:
         """What of the ensemble a result depends on, as JSON."""
-        return [
-            [detector.fingerprint, round(weight, 9)]
-            for detector, weight in zip(self.detectors, self.weights, strict=True)
-        ]
+        return [[d.fingerprint, round(weight, 9)] for d, weight in zip(self.detectors, self.weights, strict=True)]
 
     def attack(self, images: Tensor, boxes: Tensor) -> Attacked:
         """The objective on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels."""

@@ -7,7 +7,6 @@ can show it: free texels are one already, facets are baked, a pattern is project
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -29,22 +28,18 @@ from ..render import (
 )
 from .settings import OptimizerSettings
 
-Bake = Callable[[], SparseOperator]
 
-
-@dataclass(frozen=True, eq=False)
 class PaintLayout:
     """A list of colors that views read.
 
     Attributes:
         taps: of every view, on that list and its mip levels.
         atlas: the paintable texels of the UV map.
-        bake: makes the operator from all levels of the list to the atlas's texels; None where the list is the texels.
     """
 
-    taps: TapCache
-    atlas: Pyramid
-    bake: Bake | None
+    def __init__(self, taps: TapCache, atlas: Pyramid, bake: Callable[[], SparseOperator] | None = None) -> None:
+        """``bake`` makes the operator from the list's levels to the atlas's texels; None where the list is these."""
+        self.taps, self.atlas, self._bake = taps, atlas, bake
 
     @property
     def count(self) -> int:
@@ -53,7 +48,7 @@ class PaintLayout:
 
     @cached_property
     def _operator(self) -> SparseOperator | None:
-        return None if self.bake is None else self.bake()
+        return None if self._bake is None else self._bake()
 
     def on_map(self, colors: Tensor) -> Tensor:
         """Colors (N, 3) sRGB of the list as texels (P, 3) sRGB of the UV map, differentiable; means are of light."""
@@ -78,7 +73,7 @@ def make_layout(vehicle: Vehicle, settings: OptimizerSettings, folder: Path, mem
 
     if settings.paint == "texels":
         taps = cache(TapSettings(settings.map_size, samples, pixel_filter, sampler=settings.sampler))
-        return PaintLayout(taps, taps.pyramid, None)
+        return PaintLayout(taps, taps.pyramid)
     atlas = Pyramid.of(vehicle, settings.map_size)
     if settings.paint == "facets":
         taps = cache(FacetSettings(samples, pixel_filter, settings.texture_size))

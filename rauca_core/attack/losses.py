@@ -81,11 +81,6 @@ class Predicted:
     features: Tensor | None = None
 
 
-def eq6(given: Predicted) -> Tensor:
-    """RAUCA's Eq. 6: IoU times class times objectness, the best box."""
-    return attack_loss(given.score)
-
-
 def log_score(given: Predicted) -> Tensor:
     """log(1 + max H_d / QUIET), so that a small score pushes as hard as a large one.
 
@@ -144,7 +139,7 @@ def _highest(scores: Tensor, among: Tensor) -> Tensor:
 
 
 OBJECTIVES: dict[ObjectiveName, Callable[[Predicted], Tensor]] = {
-    "eq6": eq6,
+    "eq6": lambda given: attack_loss(given.score),  # RAUCA's: IoU times class times objectness, the best box
     "log-score": log_score,
     "stealth": stealth,
     "confidence": confidence,

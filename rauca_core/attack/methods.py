@@ -30,6 +30,8 @@ class Method:
     settings: Mapping[str, Any]
 
 
+# Facets through Neural Renderer, as it reads them; smoothness is taken on the picture.
+_FACETS = {"paint": "facets", "samples": 2, "pixel_filter": "box", "roa": False, "smooth": "picture"}
 # Published smoothness on the picture is a sum over its pixels, of 224 x 224 (DAS) and 640 x 640 (FCA); ours is a mean.
 _TABLE = (
     # DAS: scatter the model's attention, spare people's; some panels are painted, over a seed picture.
@@ -38,16 +40,12 @@ _TABLE = (
         source="Wang, Liu, Yin, Liu, Tang, Liu: Dual Attention Suppression Attack, CVPR 2021",
         weathers="single",
         settings={
-            "paint": "facets",
+            **_FACETS,
             "cover": "panels",
             "start": "seed",
             "limit": "tanh",
             "objective": "attention",
             "light": "none",
-            "samples": 2,
-            "pixel_filter": "box",
-            "roa": False,
-            "smooth": "picture",
             "beta": 1e-4 * 224**2,
             "prior": "seed",
             "gamma": 4e-4,
@@ -59,14 +57,10 @@ _TABLE = (
         source="Wang, Jiang, Sun, Zhou, Gong, Zhang, Yao, Chen: FCA, AAAI 2022",
         weathers="single",
         settings={
-            "paint": "facets",
+            **_FACETS,
             "limit": "tanh",
             "objective": "three-terms",
             "light": "none",
-            "samples": 2,
-            "pixel_filter": "box",
-            "roa": False,
-            "smooth": "picture",
             "beta": 1e-4 * 640**2,
         },
     ),
@@ -108,15 +102,7 @@ _TABLE = (
         name="rauca-base",
         source="Zhou, Lyu, He, Li: RAUCA, ICML 2024",
         weathers="base",
-        settings={
-            "paint": "facets",
-            "limit": "clamp",
-            "samples": 2,
-            "pixel_filter": "box",
-            "roa": False,
-            "smooth": "picture",
-            "beta": 0.01,
-        },
+        settings={**_FACETS, "limit": "clamp"},
     ),
     # RAUCA-final, the paper: the UV map itself, Eq. 4 to 8, under random output augmentation, in better weathers.
     Method(

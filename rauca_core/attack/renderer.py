@@ -116,7 +116,8 @@ class Renderer:
         if not chosen:
             raise RaucaError("frames: none is named; name one, or leave them out for all")
         batch = [self._store.ready(index) for index in chosen]
-        images = render_batch(batch, MipmappedTexture(self._store.pyramid, srgb_to_linear(self._texels(texture))))
+        pyramid = self._store.pyramid
+        images = render_batch(batch, MipmappedTexture(pyramid, srgb_to_linear(pyramid.from_map(texture))))
         return images, boxes_of(batch).to(images.device)
 
     def save(self, texture: Tensor, path: Path | str, name: str = "own") -> Path:
@@ -127,14 +128,10 @@ class Renderer:
             path: of the JSON file.
             name: of the camouflage, in tables.
         """
-        vehicle, path = self._store.vehicle, Path(path).with_suffix(".json")
+        vehicle, pyramid, path = self._store.vehicle, self._store.pyramid, Path(path).with_suffix(".json")
         record = Camouflage(name, vehicle.name, vehicle.atlas_id, self.texture_size, "own")
-        save_camouflage(path, record, map_png(self._store.pyramid, self._texels(texture.detach().clamp(0, 1))))
+        save_camouflage(path, record, map_png(pyramid, pyramid.from_map(texture.detach().clamp(0, 1))))
         return path
-
-    def _texels(self, texture: Tensor) -> Tensor:
-        """The paintable texels (P, 3) of a UV map (3, H, W)."""
-        return self._store.pyramid.from_map(texture)
 
     def _index(self, frame: int | str | Frame) -> int:
         if isinstance(frame, int):

@@ -38,7 +38,7 @@ class CamouflagedSamples(Samples):
         share: of frames that wear one, where one fits.
         recipe: of the neural renderer; UV maps of another size are resampled, in linear light.
         varied: also show camouflages in permuted colors and faded, so that no single palette is learnt by heart.
-        memory_mb: of taps kept in memory for each vehicle, MiB.
+        memory_mb: of taps kept in memory for each data set, MiB.
 
     Raises:
         RaucaError: a camouflage that is damaged or fits none of the vehicles.
@@ -59,8 +59,7 @@ class CamouflagedSamples(Samples):
         super().__init__(frames, class_names, size)
         self._share, self._recipe, self._folder, self._varied = share, recipe, taps, varied
         self._memory = memory_mb * 2**20
-        self._caches: dict[str, TapCache] = {}
-        self._geometries: dict[int, str] = {}
+        self._caches: dict[int, TapCache] = {}
         self._texels = self._read(camouflages)
 
     def painted(self, index: int, rng: np.random.Generator) -> Tensor:
@@ -82,12 +81,11 @@ class CamouflagedSamples(Samples):
         return (A * frame.reference[:, None] + B).index_copy(1, pixels, lit).reshape(frame.A.shape)
 
     def _cache(self, index: int) -> TapCache:
-        """Taps of the frame's vehicle, which data sets may share."""
-        number, vehicle = self.frames.places[index].dataset, self.frames.vehicle(index)
-        key = self._geometries.get(number) or self._geometries.setdefault(number, vehicle.geometry_id)
-        if key not in self._caches:
-            self._caches[key] = TapCache(self._folder, vehicle, self._recipe, self._memory)
-        return self._caches[key]
+        """Taps of the frame's vehicle; data sets of one vehicle share its files."""
+        number = self.frames.places[index].dataset
+        if number not in self._caches:
+            self._caches[number] = TapCache(self._folder, self.frames.vehicle(index), self._recipe, self._memory)
+        return self._caches[number]
 
     def _atlas(self, index: int) -> str:
         return self.frames.datasets[self.frames.places[index].dataset].plan.atlas_id
@@ -95,8 +93,8 @@ class CamouflagedSamples(Samples):
     def _read(self, camouflages: Sequence[Path]) -> dict[str, list[Tensor]]:
         """Texels of the camouflages by UV atlas."""
         first: dict[str, int] = {}
-        for index, place in enumerate(self.frames.places):
-            first.setdefault(self.frames.datasets[place.dataset].plan.atlas_id, index)
+        for index in range(len(self.frames)):
+            first.setdefault(self._atlas(index), index)
         found: dict[str, list[Tensor]] = {}
         for path in camouflages:
             record, image = load_camouflage(path)

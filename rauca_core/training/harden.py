@@ -30,6 +30,7 @@ from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
+from .fit import describe
 from .loop import RoundReport
 from .measure import ALL, CAR, Findings, Score, measure
 from .origin import Origin, origin_of
@@ -242,9 +243,7 @@ class _Rounds:
             called=f"hardened-{first.called or first.name}",
             caution=HARDENED,
             backbone=self.origin.sha256,
-            data=[
-                {"name": d.plan.name, "vehicle": d.plan.vehicle_name, "seed": d.plan.seed} for d in self.frames.datasets
-            ],
+            data=describe(self.frames, self.tested),
             command=self.wanted.command,
             seed=settings.seed,
             steps=number * settings.steps,

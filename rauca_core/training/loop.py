@@ -127,17 +127,17 @@ class Task(ABC, Generic[Batch, Tested]):
 
     def restore(self, tensors: dict[str, Tensor]) -> None:
         """Go back to :meth:`tensors`; raises :class:`RaucaError` where they are another network's."""
-        parts: dict[str, dict[str, Tensor]] = {"net": {}, "average": {}, "optimizer": {}}
-        state: dict[int, dict[str, Tensor]] = {}
+        net, average, state = dict[str, Tensor](), dict[str, Tensor](), dict[int, dict[str, Tensor]]()
         try:
             for name, value in tensors.items():
                 part, rest = name.split(".", 1)
-                parts[part][rest] = value
-            for name, value in parts["optimizer"].items():
-                number, entry = name.split(".", 1)
-                state.setdefault(int(number), {})[entry] = value
-            self.network.load_state_dict(parts["net"])
-            self.average.network.load_state_dict(parts["average"])
+                if part == "optimizer":
+                    number, entry = rest.split(".", 1)
+                    state.setdefault(int(number), {})[entry] = value
+                else:
+                    {"net": net, "average": average}[part][rest] = value
+            self.network.load_state_dict(net)
+            self.average.network.load_state_dict(average)
             groups = self.optimizer.state_dict()["param_groups"]
             self.optimizer.load_state_dict({"state": state, "param_groups": groups})
         except (RuntimeError, ValueError, KeyError) as error:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..contract import Weather
 from ..contract.seeding import named_rng
 from ..detect.classes import class_index
-from ..detect.interface import Detections, Detector
+from ..detect.interface import Detector
 from ..detect.nms import box_iou
 from .samples import Samples
 
@@ -85,10 +85,12 @@ def measure(
             frame, vehicle = samples.frames.places[index].frame, samples.frames.vehicle(index)
             assert frame.box_xyxy is not None  # LightFrames has none without
             truth = np.array(frame.box_xyxy)
-            one = _of_class(found, label, truth)
+            boxes, scores = (t[found.labels == label].cpu().double() for t in (found.boxes, found.scores))
             if vehicle.category != CAR:
-                alarms.setdefault(vehicle.name, []).append(_alarm(one))
+                overlap = box_iou(boxes, torch.from_numpy(truth)[None])[:, 0]
+                alarms.setdefault(vehicle.name, []).append(bool(((scores > SURE) & (overlap > NEAR)).any()))
                 continue
+            one = Judged(truth, boxes.numpy(), scores.numpy())
             names = [ALL, f"vehicle {vehicle.name}", *(n for n, belongs in GROUPS.items() if belongs(frame.weather))]
             for name in names:
                 judged.setdefault(name, []).append(one)
@@ -99,14 +101,3 @@ def measure(
         {name: float(np.mean(raised)) for name, raised in sorted(alarms.items())},
         {n.removeprefix("vehicle "): len(f) for n, f in judged.items()} | {n: len(f) for n, f in alarms.items()},
     )
-
-
-def _of_class(found: Detections, label: int, truth: NDArray[np.float64]) -> Judged:
-    mine = found.labels == label
-    boxes, scores = (t[mine].cpu().numpy().astype(np.float64) for t in (found.boxes, found.scores))
-    return Judged(truth, boxes, scores)
-
-
-def _alarm(one: Judged) -> bool:
-    overlap = box_iou(torch.from_numpy(one.boxes), torch.from_numpy(one.truth)[None])[:, 0].numpy()
-    return bool(((one.scores > SURE) & (overlap > NEAR)).any())

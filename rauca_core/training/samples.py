@@ -19,7 +19,7 @@ from torch.nn import functional
 from ..contract.color import linear_to_srgb, srgb_to_linear
 from ..detect.letterbox import PADDING_SRGB
 from ..detect.synth.network import Truth
-from ..environment.frames import LightFrame, LightFrames
+from ..environment.frames import LightFrames
 
 CAR_COLORS: tuple[tuple[int, int, int], ...] = (
     (238, 238, 235), (205, 207, 208), (160, 163, 166), (110, 113, 117), (64, 66, 70), (18, 18, 20),
@@ -90,17 +90,15 @@ class Samples:
         self.frames, self.size = frames, size
         self.class_names = tuple(class_names)
 
-    def category(self, index: int) -> str:
-        """What the data set's own vehicle is."""
-        return self.frames.vehicle(index).category
-
     def plain(self, index: int, rng: np.random.Generator) -> Sample:
         """The whole frame at its own size in a random plain paint, nothing else changed: to test on."""
         return Sample(srgb(self.painted(index, rng)), self.truth(index))
 
     def painted(self, index: int, rng: np.random.Generator) -> Tensor:
-        """The frame in a paint drawn for it: (3, H, W) float32 linear, not clipped."""
-        return paint_frame(self.frames.get(index), self._rows(index), rng)
+        """The frame in a plain paint drawn for it, ``A * albedo + B``: (3, H, W) float32 linear, not clipped."""
+        frame, box = self.frames.get(index), self.frames.places[index].frame.box_xyxy
+        assert box is not None  # LightFrames has none without
+        return frame.A.float() * draw_paint(rng, (box[1], box[3]), frame.A.shape[1]) + frame.B.float()
 
     def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sample:
         """One image of one frame, or of four; see the module."""
@@ -113,15 +111,11 @@ class Samples:
     def truth(self, index: int) -> Truth:
         """Boxes of the frame's vehicles that have a class."""
         frame = self.frames.places[index].frame
-        marked = [(self.category(index), frame.box_xyxy), *((i.category, i.box_xyxy) for i in frame.instances)]
+        own = self.frames.vehicle(index).category
+        marked = [(own, frame.box_xyxy), *((i.category, i.box_xyxy) for i in frame.instances)]
         known = [(self.class_names.index(name), box) for name, box in marked if name in self.class_names]
         boxes = torch.tensor([box for _, box in known], dtype=torch.float32).view(-1, 4)
         return Truth(boxes, torch.tensor([label for label, _ in known], dtype=torch.int64))
-
-    def _rows(self, index: int) -> tuple[float, float]:
-        box = self.frames.places[index].frame.box_xyxy
-        assert box is not None  # LightFrames has none without
-        return box[1], box[3]
 
     def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sample:
         """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
@@ -129,7 +123,8 @@ class Samples:
         image, truth = srgb(linear), self.truth(index)
         own = image.shape[2]
         if rng.random() < 0.5:
-            image, truth = image.flip(2), Truth(_mirrored(truth.boxes, own), truth.labels)
+            left, top, right, bottom = truth.boxes.unbind(1)
+            image, truth = image.flip(2), Truth(torch.stack([own - right, top, own - left, bottom], 1), truth.labels)
         scale = side / own * float(np.exp(rng.uniform(*np.log(zooms))))
         scaled = max(8, round(own * scale))
         scale = scaled / own
@@ -141,15 +136,6 @@ class Samples:
         x0, y0, x1, y1 = max(0, left), max(0, top), min(side, left + scaled), min(side, top + scaled)
         canvas[:, y0:y1, x0:x1] = image[:, y0 - top : y1 - top, x0 - left : x1 - left]
         return Sample(canvas, _cropped(truth, scale, (left, top), side))
-
-
-def paint_frame(frame: LightFrame, rows: tuple[float, float], rng: np.random.Generator) -> Tensor:
-    """The frame in a random plain paint, ``A * albedo + B``: (3, H, W) float32 linear, not clipped.
-
-    Args:
-        rows: top and bottom of the vehicle's box, pixels.
-    """
-    return frame.A.float() * draw_paint(rng, rows, frame.A.shape[1]) + frame.B.float()
 
 
 def srgb(linear: Tensor) -> Tensor:
@@ -166,11 +152,6 @@ def _offset(low: float, high: float, scaled: int, side: int, rng: np.random.Gene
     else:
         least, most = max(least, 0.0), min(most, float(side - scaled))
     return round(rng.uniform(min(least, most), max(least, most)))
-
-
-def _mirrored(boxes: Tensor, width: int) -> Tensor:
-    left, top, right, bottom = boxes.unbind(1)
-    return torch.stack([width - right, top, width - left, bottom], 1)
 
 
 def _cropped(truth: Truth, scale: float, corner: tuple[int, int], side: int) -> Truth:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +18,12 @@ from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.attack.methods import METHODS, method_named, settings_of
 from rauca_core.attack.run import Run
 from rauca_core.contract import (
-    Camera,
     Dataset,
-    FramePasses,
     RaucaError,
     Vehicle,
     load_camouflage,
-    load_passes,
-    save_frame,
 )
-from rauca_core.detect import DensePredictions
 from rauca_core.render import MipmappedTexture, srgb_to_linear
-from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
@@ -131,38 +124,6 @@ def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, dete
     grey = torch.full((3,), 140 / 255)
     kept = torch.isclose(colors, grey).all(-1).all(-1)
     assert kept.tolist() == [False, False, True, True] * 2  # the box's long sides are its doors
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_hard_frames_leave_every_method_finite(dataset: Dataset, detector: Any, tmp_path: Path, method: str) -> None:
-    """A black night, fog that hides the paint, a vehicle of no painted pixel; a detector that is certain, or blind."""
-    frames = dataset.frames()
-    for number, frame in enumerate(frames):
-        folder = dataset.frame_folder(frame.id)
-        stored = load_passes(folder, ("A", "B"))
-        A, B = (stored[k].astype(np.float32) * (number > 1) for k in "AB")  # two black frames
-        A = A * 0 + 0 if number == 2 else A  # thick fog
-        flat = np.ones(A.shape[:2], np.float32)
-        away = Camera.look_at(np.array([6.8, 0, 2.2]), np.array([20.0, 0, 2.2]), 45, 64, 64)
-        frame = replace(frame, camera=away) if number == 3 else frame
-        save_frame(folder, frame, FramePasses(A * 0.25 + B, flat * 0, flat * 0, flat, A, B))
-    certain = detector.dense
-
-    def dense(images: torch.Tensor) -> DensePredictions:
-        found = certain(images)
-        box = torch.tensor([0.0, 0.0, 64.0, 64.0]).expand_as(found.boxes) + 0 * found.boxes
-        ones = torch.ones_like(found.classes) + 0 * found.classes
-        return DensePredictions(box, ones[..., 0], ones)
-
-    for name, sees in (("seeing", certain), ("certain", dense)):
-        detector.dense = sees
-        run_optimization(dataset, [detector], settings(method, steps=4, batch=6), tmp_path / name)
-        texels = load_checkpoint(tmp_path / name / CHECKPOINTS).tensors["parameter"]
-        assert torch.isfinite(texels).all()
-        assert all(
-            np.isfinite([h[k] for k in ("loss", "attack", "smooth", "prior")]).all()
-            for h in read_history(tmp_path / name)
-        )
 
 
 def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, detector: Any, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from benchmarks.stability.cases import CASES, SIZE
 from benchmarks.stability.detectors import Answering
 from benchmarks.stability.drawn import WEATHERS, draw_frame
 from benchmarks.stability.endure import AZIMUTHS, STEPS, endure, judge
+from rauca_core.attack import METHODS, settings_of
 from rauca_core.attack.losses import OBJECTIVES
 from rauca_core.contract import Vehicle
 
@@ -54,6 +55,13 @@ def test_every_objective_and_limit(box_vehicle: Vehicle, folders: Path, objectiv
     for case in CASES:
         found = endure(case, box_vehicle, folders / case.name, 5, objective=objective, limit=limit)
         assert (found.finite, found.in_range, found.stray) == (True, True, 0), case.name
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method(box_vehicle: Vehicle, folders: Path, method: str) -> None:
+    for case in CASES:
+        found = endure(case, box_vehicle, folders / case.name, 3, **settings_of(method))
+        assert (found.finite, found.in_range) == (True, True), case.name
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)

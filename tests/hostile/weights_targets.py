@@ -14,7 +14,7 @@ from rauca_core.environment.published import PublishedCard, PublishedEfe, load_p
 from rauca_core.environment.weights import ModelCard, load_extractor, save_extractor
 from rauca_core.render.sparse import SparseOperator
 from rauca_core.render.taps import Taps
-from rauca_core.runtime.checkpoint_files import Checkpoint, load_checkpoint, save_checkpoint
+from rauca_core.runtime.checkpoint_files import Checkpoint, load_checkpoint, require_same, save_checkpoint
 from rauca_core.training.loop import AveragedCopy, Task
 
 from .mutate import mutate_json
@@ -44,7 +44,9 @@ def _training(folder: Path) -> None:
 
 
 def _restored(folder: Path) -> None:
-    _Trained().restore(load_checkpoint(folder).tensors)
+    found = load_checkpoint(folder)
+    require_same(folder, "training", found.identity, {"seed": 1})
+    _Trained().restore(found.tensors)
 
 
 def _extractor(folder: Path) -> None:

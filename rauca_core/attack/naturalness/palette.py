@@ -39,7 +39,13 @@ def read_palette(given: str, colors: int, seed: int = 0) -> tuple[str, ...]:
     if is_color(given):
         found = given.split(",")
     elif Path(given).suffix.lower() in (".txt", ".csv", ".hex"):
-        found = _read_text(Path(given))
+        try:
+            found = read_text(Path(given), MAX_TEXT_BYTES, "a list of colors").replace("\n", ",").split(",")
+        except RaucaError as error:
+            told = str(error).removeprefix(f"{Path(given)}: ")
+            raise RaucaError(
+                f"--palette {given}: not readable ({told}); give colors, a text file or an image"
+            ) from None
     else:
         found = colors_of_image(Path(given), colors, seed)
     found = [color.strip().lower() for color in found if color.strip()]
@@ -79,14 +85,6 @@ def cluster(points: NDArray[np.floating], count: int, rng: np.random.Generator) 
 
 def _squares(points: NDArray[np.floating], centers: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray(((points[:, None] - centers[None]) ** 2).sum(-1))
-
-
-def _read_text(path: Path) -> list[str]:
-    try:
-        return read_text(path, MAX_TEXT_BYTES, "a list of colors").replace("\n", ",").split(",")
-    except RaucaError as error:
-        told = str(error).removeprefix(f"{path}: ")
-        raise RaucaError(f"--palette {path}: not readable ({told}); give colors, a text file or an image") from None
 
 
 class Palette:

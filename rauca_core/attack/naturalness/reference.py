@@ -56,7 +56,10 @@ def reference_texels(vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness) -> N
     image = read_image(_image_of(path))
     color_image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
     if path.suffix.lower() == ".json" or wanted.reference_width_m is None:
-        return _of_map(color_image, atlas, given)
+        if image.shape[0] != image.shape[1]:
+            raise RaucaError(f"--reference {given}: a UV map is square, this is {image.shape[1]}x{image.shape[0]}")
+        resized = Image.fromarray(color_image).resize((atlas.size, atlas.size), Image.Resampling.BOX)
+        return np.asarray(resized).reshape(-1, 3)[atlas.texels]
     tiles = pattern_pyramid(2 * PHOTO)
     projection = project_pattern(vehicle, atlas, tiles, 2 * wanted.reference_width_m)
     return to_bytes(linear_to_srgb(projection(tiles(srgb_to_linear(_tile(color_image))))).numpy())
@@ -64,13 +67,6 @@ def reference_texels(vehicle: Vehicle, atlas: Pyramid, wanted: Naturalness) -> N
 
 def _image_of(path: Path) -> Path:
     return load_camouflage(path)[1] if path.suffix.lower() == ".json" else path
-
-
-def _of_map(image: NDArray[np.uint8], atlas: Pyramid, given: str) -> NDArray[np.uint8]:
-    if image.shape[0] != image.shape[1]:
-        raise RaucaError(f"--reference {given}: a UV map is square, this is {image.shape[1]}x{image.shape[0]}")
-    resized = Image.fromarray(image).resize((atlas.size, atlas.size), Image.Resampling.BOX)
-    return np.asarray(resized).reshape(-1, 3)[atlas.texels]
 
 
 def _tile(image: NDArray[np.uint8]) -> Tensor:
