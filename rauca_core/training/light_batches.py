@@ -75,7 +75,7 @@ def augment(frame: Shown, rng: np.random.Generator, share: float = 0.5) -> Shown
     A, B, reference = frame.A, frame.B, frame.reference
     if veiled:
         mean = (A * reference[:, None, None] + B).mean()
-        A, B = A * np.float32(through), B * np.float32(through) + _wide(glow) * mean
+        A, B = A * through, B * through + _wide(glow) * mean
     if brightened:
         A, B = A * _wide(brighter), B * _wide(brighter)
     if repainted:

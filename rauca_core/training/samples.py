@@ -123,8 +123,9 @@ class Samples:
         image, truth = srgb(linear), self.truth(index)
         own = image.shape[2]
         if rng.random() < 0.5:
-            left, top, right, bottom = truth.boxes.unbind(1)
-            image, truth = image.flip(2), Truth(torch.stack([own - right, top, own - left, bottom], 1), truth.labels)
+            boxes = truth.boxes
+            turned = torch.stack([own - boxes[:, 2], boxes[:, 1], own - boxes[:, 0], boxes[:, 3]], 1)
+            image, truth = image.flip(2), Truth(turned, truth.labels)
         scale = side / own * float(np.exp(rng.uniform(*np.log(zooms))))
         scaled = max(8, round(own * scale))
         scale = scaled / own
