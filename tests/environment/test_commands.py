@@ -72,7 +72,7 @@ def test_held_out_data_sets(dataset, dataset_factory, box_vehicle, tmp_path):
     settings = ExtractorSettings.make(epochs=1, threads=1)
     path, outcome = fit(Fit(datasets=[dataset.folder], out=tmp_path / "run", settings=settings, tests=[other.folder]))
     _, card = load_extractor(path)
-    assert [(d["name"], d["use"], d["frames"]) for d in card.data] == [("data", "train", 8), ("other", "test", 4)]
+    assert [(d["name"], d["frames"], d["tested on"]) for d in card.data] == [("data", 8, 0), ("other", 4, 4)]
     assert len(outcome.errors) == 2
     published = ExtractorSettings.make(method="published-base")
     with pytest.raises(RaucaError, match="choose ours"):
