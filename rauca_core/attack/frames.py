@@ -117,13 +117,8 @@ class FrameStore:
         return ReadyFrame(frame, taps, A, B, image.reshape(-1, 3), self.light.linear)
 
 
-def sample_texture(batch: Sequence[ReadyFrame], texture: MipmappedTexture) -> Tensor:
-    """Linear albedo (R, 3) that the taps of a batch read from a texture, frame after frame."""
-    return texture.sample([f.taps.rows for f in batch])
-
-
 def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
-    """What :func:`sample_texture` returned, in the frames' light and place: sRGB images (B, 3, H, W) in [0, 1].
+    """Linear albedo (R, 3) of the taps' rows, frame after frame, in the frames' light: sRGB images (B, 3, H, W).
 
     Pixels that no tap reaches keep the frame's reference paint.
     """
@@ -138,7 +133,7 @@ def shade(batch: Sequence[ReadyFrame], albedo: Tensor) -> Tensor:
 
 def render_batch(batch: Sequence[ReadyFrame], texture: MipmappedTexture) -> Tensor:
     """Frames in a texture -> sRGB images (B, 3, H, W) in [0, 1]."""
-    return shade(batch, sample_texture(batch, texture))
+    return shade(batch, texture.sample([f.taps.rows for f in batch]))
 
 
 def boxes_of(batch: Sequence[ReadyFrame]) -> Tensor:

@@ -21,7 +21,7 @@ from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .augmentation import RANGES, Augmentation
 from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder
-from .frames import FrameStore, ReadyFrame, boxes_of, sample_texture, shade
+from .frames import FrameStore, ReadyFrame, boxes_of, shade
 from .history import StepReport, Stopwatch
 from .paint_losses import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimizerSettings
@@ -143,7 +143,8 @@ class Run:
         """The batch in the texture: sRGB images (B, 3, H, W)."""
         with watch.time("taps"):
             colors = srgb_to_linear(self._painted())
-            albedo = sample_texture(batch, MipmappedTexture(self.store.layout.taps.pyramid, colors))
+            texture = MipmappedTexture(self.store.layout.taps.pyramid, colors)
+            albedo = texture.sample([f.taps.rows for f in batch])
         with watch.time("environment"):
             return shade(batch, albedo)
 

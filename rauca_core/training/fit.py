@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from ..contract import RaucaError, read_plan
+from ..contract import RaucaError
 from ..contract.files import file_digest
 from ..detect.catalogue import find_source
 from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
@@ -141,16 +141,10 @@ def fit(
 
 
 def _check_folders(wanted: Fit) -> None:
-    """Refuse what would be tested on what it was trained on, and frames that differ in size."""
-    folders = [folder.resolve() for folder in (*wanted.datasets, *wanted.tests)]
-    for folder, times in Counter(folders).items():
+    """Refuse what would be tested on what it was trained on."""
+    for folder, times in Counter(folder.resolve() for folder in (*wanted.datasets, *wanted.tests)).items():
         if times > 1:
             raise RaucaError(f"{folder}: given more than once; what is trained on cannot be tested on")
-    sizes = {folder: read_plan(folder).size for folder in folders}
-    usual = Counter(sizes.values()).most_common(1)[0][0]
-    for folder, size in sizes.items():
-        if size != usual:
-            raise RaucaError(f"{folder}: frames of {size} pixels, the others have {usual}; render them at one size")
 
 
 def _split(frames: LightFrames, wanted: Fit) -> tuple[list[int], list[int]]:

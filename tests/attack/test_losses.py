@@ -39,17 +39,6 @@ def test_overlap_against_counting_pixels() -> None:
         assert float(found) == pytest.approx(wanted, abs=1e-6)
 
 
-def test_attack_gradient_by_finite_differences() -> None:
-    truth = torch.tensor([[2.0, 3.0, 12.0, 14.0]], dtype=torch.float64)
-    boxes = torch.tensor([[[1.0, 1, 9, 13], [4, 5, 13, 15.5]]], dtype=torch.float64, requires_grad=True)
-    objectness = torch.tensor([[0.7, 0.9]], dtype=torch.float64, requires_grad=True)
-
-    def loss(b: torch.Tensor, o: torch.Tensor) -> torch.Tensor:
-        return attack_loss(detection_score(DensePredictions(b, o, torch.ones(1, 2, 1, dtype=torch.float64)), truth, 0))
-
-    assert torch.autograd.gradcheck(loss, (boxes, objectness))
-
-
 def test_smooth_loss_counts_pairs_inside_the_mask_only() -> None:
     size = 12
     rng = np.random.default_rng(0)

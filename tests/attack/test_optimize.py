@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from rauca_core.attack import make_settings, optimize, run_optimization, settings_of
 from rauca_core.contract import Dataset, RaucaError, load_camouflage
+from rauca_core.runtime.devices import find_device
 from rauca_core.runtime.images import read_image
 
 SMALL: dict[str, Any] = {"batch": 2, "map_size": 64, "samples": 2}
@@ -33,6 +36,18 @@ def test_it_is_the_run_of_the_methods_settings(dataset: Dataset, small_detector:
     assert found.path == tmp_path / "mine" / "camouflage.json"
     assert found.path.read_bytes() == path.read_bytes()
     assert found.path.with_suffix(".png").read_bytes() == path.with_suffix(".png").read_bytes()
+
+
+def test_without_a_device_a_gpu_is_taken_and_the_log_says_so(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert find_device(None) == torch.device("cpu")
+    assert not caplog.text
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    with contextlib.suppress(RaucaError):  # where there is none after all
+        assert find_device(None).type == "cuda"
+    assert "no device named: working on a GPU" in caplog.text
 
 
 def test_what_is_unknown_is_refused(dataset: Dataset, small_detector: Any) -> None:
