@@ -88,10 +88,16 @@ def test_an_extractor_infers_on_the_device_that_is_named(dataset: Dataset, light
     torch.testing.assert_close((there.A, there.B), (here.A, here.B), atol=1e-5, rtol=0)
 
 
-@pytest.mark.parametrize("light", ["exact", "ours", "published", "transfer", "none"])
-def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weights: Path) -> None:
-    extractor = weights if light == "published" else None
-    store = FrameStore(dataset, make_settings(light=light, extractor=extractor, **SMALL))
+LIGHTS = [{"light": light} for light in ("exact", "ours", "published", "transfer", "none")]
+SAMPLERS = [{"sampler": name} for name in ("bilinear", "trilinear", "tensor-traversal", "uv-traversal")]
+
+
+@pytest.mark.parametrize("chosen", [*LIGHTS, *SAMPLERS], ids=lambda chosen: next(iter(chosen.values())))
+def test_every_light_and_sampler_lets_gradients_through(
+    dataset: Dataset, chosen: dict[str, str], weights: Path
+) -> None:
+    extractor = weights if chosen.get("light") == "published" else None
+    store = FrameStore(dataset, make_settings(**chosen, extractor=extractor, **SMALL))
     texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
     batch = [store.ready(i) for i in range(3)]
     images = render_batch(batch, MipmappedTexture(store.pyramid, texels))
@@ -99,15 +105,5 @@ def test_every_light_lets_gradients_through(dataset: Dataset, light: str, weight
     assert texels.grad is not None
     assert torch.isfinite(texels.grad).all()
     assert texels.grad.abs().sum() > 0
-    assert images.min() >= 0
-    assert images.max() <= 1
+    assert 0 <= images.min() <= images.max() <= 1
     assert boxes_of(batch).shape == (3, 4)
-    assert torch.isfinite(linear_to_srgb(texels)).all()
-
-
-@pytest.mark.parametrize("sampler", ["area", "bilinear", "trilinear", "tensor-traversal", "uv-traversal"])
-def test_every_sampler_of_the_literature_can_be_optimized_through(dataset: Dataset, sampler: str) -> None:
-    store = FrameStore(dataset, make_settings(sampler=sampler, **SMALL))
-    texels = torch.full((len(store.pyramid.texels), 3), 0.4, requires_grad=True)
-    render_batch([store.ready(0)], MipmappedTexture(store.pyramid, texels)).sum().backward()
-    assert texels.grad.abs().sum() > 0
