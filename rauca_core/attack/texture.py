@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -19,13 +18,10 @@ from ..contract import RaucaError
 from ..contract.seeding import named_seed
 from ..render import saturate
 from .das import seed_paint
+from .frames import FrameStore
 from .layout import PaintLayout
 from .naturalness.texture import Constraints, NaturalColors
 from .settings import OptimizerSettings
-
-if TYPE_CHECKING:
-    from .frames import FrameStore
-
 
 FURTHEST = 0.98  # of tanh's range that a start may take: at its ends there is no way back
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -19,7 +20,6 @@ BY_NAME = {case.name: case for case in CASES}
 ASKED_FOR = (
     "empty mask", "one pixel", "no boxes", "no detection", "certain", "certain, steep", "black night", "fog",
 )  # fmt: skip
-OTHERS = [name for name in BY_NAME if name not in ASKED_FOR]
 
 
 @pytest.fixture(scope="module")
@@ -28,24 +28,15 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cases")
 
 
-@pytest.mark.parametrize("name", ASKED_FOR)
-def test_five_hundred_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, STEPS))
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_sixty_steps(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 60))
-
-
+@pytest.mark.parametrize(
+    ("steps", "chosen"),
+    [(None, {}), (25, {"precision": "bfloat16"}), (8, {"double": True})],
+    ids=["whole", "half", "double"],
+)
 @pytest.mark.parametrize("name", BY_NAME)
-def test_half_precision(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 25, precision="bfloat16"))
-
-
-@pytest.mark.parametrize("name", BY_NAME)
-def test_double_precision(name: str, box_vehicle: Vehicle, folders: Path) -> None:
-    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, 8, double=True))
+def test_hard_case(name: str, steps: int | None, chosen: dict[str, Any], box_vehicle: Vehicle, folders: Path) -> None:
+    steps = steps or (STEPS if name in ASKED_FOR else 60)
+    judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, steps, **chosen))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.granulometry import measure_patches
@@ -92,16 +94,10 @@ def test_seeds_keep_their_distance_and_patches_hang_together(box_vehicle: Vehicl
     same_side = points.normals[patches.seeds] @ points.normals[patches.seeds].T > 0.9
     apart = np.linalg.norm(seeds[:, None] - seeds[None], axis=2)
     assert apart[same_side & ~np.eye(len(seeds), dtype=bool)].min() >= 0.5
-    for patch in range(patches.count):
-        inside = patches.of_texel == patch
-        reached, front = {int(patches.seeds[patch])}, [int(patches.seeds[patch])]
-        while front:
-            here = front.pop()
-            for there in links.neighbors[links.indptr[here] : links.indptr[here + 1]].tolist():
-                if inside[there] and there not in reached:
-                    reached.add(there)
-                    front.append(there)
-        assert len(reached) == inside.sum()
+    rows = np.repeat(np.arange(len(points.sides)), np.diff(links.indptr))
+    inside = patches.of_texel[rows] == patches.of_texel[links.neighbors]
+    graph = coo_array((inside[inside], (rows[inside], links.neighbors[inside])), (len(points.sides),) * 2)
+    assert connected_components(graph, directed=False)[0] == patches.count
 
 
 def test_texels_know_their_place_and_area(box_vehicle: Vehicle) -> None:
