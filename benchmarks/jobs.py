@@ -18,9 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from blender_addon.jobs.crew import Worker
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
-from blender_addon.jobs.worker import News
+from blender_addon.jobs.workers import News, Worker
 from pipelines.console import progress_bar
 from rauca_core.contract import (
     Plan,

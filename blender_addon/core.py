@@ -1,3 +1,4 @@
+# ruff: noqa: F401 - handed on
 """What the add-on has of the core, wherever it lies: contract, geometry, and the part of the runtime without torch.
 
 The built extension carries a copy inside itself; a checkout or an installed wheel has it in a package of its own. Every
@@ -8,15 +9,7 @@ from __future__ import annotations
 
 try:
     from .rauca_core import contract, geometry  # type: ignore[import-untyped,import-not-found,unused-ignore]
-    from .rauca_core.contract import (  # type: ignore[import-untyped,import-not-found,unused-ignore]
-        assets,
-        color,
-        files,
-        reading,
-        schema,
-        seeding,
-        semantics,
-    )
+    from .rauca_core.contract import assets, color, files, reading, schema, seeding, semantics  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
     from .rauca_core.runtime import child_process, folder_lock  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
 except ImportError:
@@ -24,18 +17,3 @@ except ImportError:
     from rauca_core.contract import assets, color, files, reading, schema, seeding, semantics
     from rauca_core.geometry import bake
     from rauca_core.runtime import child_process, folder_lock
-
-__all__ = [
-    "assets",
-    "bake",
-    "child_process",
-    "color",
-    "contract",
-    "files",
-    "folder_lock",
-    "geometry",
-    "reading",
-    "schema",
-    "seeding",
-    "semantics",
-]

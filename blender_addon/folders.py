@@ -15,6 +15,10 @@ import bpy
 
 from .core import contract
 
+PREFIX = "rauca-scratch-"
+MEMORY = Path("/dev/shm")
+NEWBORN_S = 60.0  # a folder this young may not have been locked yet
+
 
 def own_folder() -> Path:
     """A folder that belongs to the add-on and outlives updates; Blender's temporary one for a checkout."""
@@ -22,11 +26,6 @@ def own_folder() -> Path:
         return Path(bpy.utils.extension_path_user(__package__, create=True))
     except ValueError:  # not installed as an extension
         return Path(bpy.app.tempdir) / "rauca"
-
-
-PREFIX = "rauca-scratch-"
-MEMORY = Path("/dev/shm")
-NEWBORN_S = 60.0  # a folder this young may not have been locked yet
 
 
 def scratch_base(in_memory: bool) -> Path:
@@ -44,6 +43,14 @@ def scratch_folder(in_memory: bool = False) -> Iterator[Path]:
             yield Path(temporary)
         finally:
             os.close(handle)
+
+
+def job_folder() -> Path:
+    """A new folder for what only one job needs, locked until this process ends; those of dead ones are swept away."""
+    sweep_scratch()
+    folder = tempfile.mkdtemp(prefix=PREFIX)
+    fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX)
+    return Path(folder)
 
 
 def sweep_scratch() -> int:
@@ -65,11 +72,7 @@ def sweep_scratch() -> int:
 
 
 def chosen_folder(setting: str, what: str) -> Path:
-    """A folder that the user chose to write to; it may not be there yet.
-
-    Args:
-        setting: as Blender keeps it; ``//`` stands for the .blend file's folder.
-        what: it is for, in words.
+    """A folder that the user chose to write ``what`` to; it may not be there yet.
 
     Raises:
         RaucaError: none is chosen, it hangs on a .blend that was never saved, or nothing can be written there.
@@ -93,24 +96,3 @@ def refuse_foreign(folder: Path, mark: str, what: str) -> None:
         return
     if any(not entry.name.startswith(".") for entry in folder.iterdir()):
         raise contract.RaucaError(f"{folder}: holds other files and no {what}; choose an empty or a new folder")
-
-
-def job_folder() -> Path:
-    """A new folder for what only one job needs, in the add-on's own; those of dead Blenders are swept away."""
-    base = own_folder() / "jobs"
-    base.mkdir(parents=True, exist_ok=True)
-    for left in base.iterdir():
-        owner = left.name.partition("-")[0]
-        if owner.isdigit() and not _is_alive(int(owner)):
-            shutil.rmtree(left, ignore_errors=True)
-    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=base))
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass  # another user's
-    return True

@@ -18,7 +18,11 @@ import bpy
 
 from . import devices
 from .core import contract, files
+from .jobs import dataset_job
+from .scene.camouflages import read_paintwork, render_camouflages, save_blend
 from .scene.images import read_image_blender
+from .scene.session import Session
+from .scene.uvs import unwrapped
 from .vehicles import find_vehicle
 
 Report = Callable[[contract.Progress], None]
@@ -53,7 +57,7 @@ def run(find_job: Callable[[], contract.Job], as_json: bool) -> int:
     try:
         job = find_job()
         with files.disk_errors(job.out):
-            _do(job, _reporter(as_json))
+            _do(job, _report_as_json if as_json else _report_in_words)
     except contract.RaucaError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 2
@@ -66,9 +70,6 @@ def run(find_job: Callable[[], contract.Job], as_json: bool) -> int:
 
 
 def _do(job: contract.Job, report: Report) -> None:
-    from .jobs import dataset_job
-    from .scene.camouflages import save_blend
-
     if isinstance(job, contract.MakeDataset):
         dataset_job.make(job, report)
     elif isinstance(job, contract.RenderFrames):
@@ -78,15 +79,16 @@ def _do(job: contract.Job, report: Report) -> None:
     elif isinstance(job, contract.ApplyCamouflage):
         save_blend(find_vehicle(job.vehicle), job.camouflage, job.out)
     elif isinstance(job, contract.ImportVehicle):
-        _import_vehicle(job)
+        vehicle = find_vehicle(job.vehicle)
+        for note in vehicle.notes:
+            print(f"note: {note}", flush=True)
+        vehicle.save(job.out)
     else:
-        _unwrap_vehicle(job)
+        fresh, how = unwrapped(contract.load_vehicle(job.vehicle, read_image_blender))
+        replace(fresh, notes=[how]).save(job.out)
 
 
 def _render_camouflages(job: contract.RenderCamouflages, report: Report) -> None:
-    from .scene.camouflages import read_paintwork, render_camouflages
-    from .scene.session import Session
-
     dataset = contract.Dataset(job.dataset)
     paintworks = [read_paintwork(path, dataset.plan.atlas_id) for path in job.camouflages]
     names = [p.name for p in paintworks]
@@ -98,36 +100,16 @@ def _render_camouflages(job: contract.RenderCamouflages, report: Report) -> None
     session = Session(replace(dataset.plan, quality=quality), vehicle, job.scene)
     devices.use(session.scene, job.device)
     frames = [frame for frame in dataset.frames() if job.frames is None or frame.id in job.frames]
-
-    def progress(done: int, total: int, last: str) -> None:
-        report(contract.Progress(done, total, last))
-
-    render_camouflages(session, dataset, paintworks, job.out, progress, frames)
+    render_camouflages(session, dataset, paintworks, job.out, lambda *news: report(contract.Progress(*news)), frames)
 
 
-def _import_vehicle(job: contract.ImportVehicle) -> None:
-    vehicle = find_vehicle(job.vehicle)
-    for note in vehicle.notes:
-        print(f"note: {note}", flush=True)
-    vehicle.save(job.out)
+def _report_as_json(progress: contract.Progress) -> None:
+    print(progress.line(), flush=True)
 
 
-def _unwrap_vehicle(job: contract.UnwrapVehicle) -> None:
-    from .scene.uvs import unwrapped
-
-    fresh, how = unwrapped(contract.load_vehicle(job.vehicle, read_image_blender))
-    replace(fresh, notes=[how]).save(job.out)
-
-
-def _reporter(as_json: bool) -> Report:
-    def report(progress: contract.Progress) -> None:
-        if as_json:
-            print(progress.line(), flush=True)
-        else:
-            left = "" if progress.left_s is None else f", about {contract.format_duration(progress.left_s)} left"
-            print(f"[{progress.done}/{progress.total}] {progress.last}{left}", flush=True)
-
-    return report
+def _report_in_words(progress: contract.Progress) -> None:
+    left = "" if progress.left_s is None else f", about {contract.format_duration(progress.left_s)} left"
+    print(f"[{progress.done}/{progress.total}] {progress.last}{left}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
@@ -11,7 +12,7 @@ from bpy.app.translations import pgettext_rpt as rpt
 from .core import contract
 from .jobs import watch
 from .jobs.background import Job
-from .jobs.endings import Ending
+from .jobs.child import Ending
 from .steps.operator import BackgroundOperator
 from .steps.panel import paragraph
 from .steps.python_check import CheckTask, verdict
@@ -27,9 +28,7 @@ def _forget_verdict(self: RaucaPreferences, context: bpy.types.Context) -> None:
 class RaucaDetector(bpy.types.PropertyGroup):
     """A detector that the external Python has; ``name`` is inherited."""
 
-    use: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Attack", description="Make the camouflage against this detector"
-    )
+    use: bpy.props.BoolProperty(name="Attack", description="Make the camouflage against this detector")
 
 
 class RaucaPreferences(bpy.types.AddonPreferences):
@@ -37,15 +36,15 @@ class RaucaPreferences(bpy.types.AddonPreferences):
 
     bl_idname = __package__
 
-    python: bpy.props.StringProperty(  # type: ignore[valid-type]
+    python: bpy.props.StringProperty(
         name="Python",
         subtype="FILE_PATH",
         update=_forget_verdict,
         description="Program of the Python in which rauca and torch are installed, such as .venv/bin/python",
     )
-    ready: bpy.props.BoolProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    verdict: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    detectors: bpy.props.CollectionProperty(type=RaucaDetector, options={"HIDDEN"})  # type: ignore[valid-type]
+    ready: bpy.props.BoolProperty(options={"HIDDEN"})
+    verdict: bpy.props.StringProperty(options={"HIDDEN"})
+    detectors: bpy.props.CollectionProperty(type=RaucaDetector, options={"HIDDEN"})
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_python(context, self.layout)
@@ -54,15 +53,15 @@ class RaucaPreferences(bpy.types.AddonPreferences):
         """The Python's path, which may be relative to nothing but the .blend or the home folder."""
         return Path(bpy.path.abspath(self.python.strip())).expanduser().absolute()
 
-    def keep(self, ready: bool, verdict: str, detectors: tuple[str, ...]) -> None:
+    def keep(self, python: Path, found: Mapping[str, Any]) -> None:
         """Keep what a check found; detectors that were chosen stay so, and one is chosen to begin with."""
-        chosen = {detector.name for detector in self.detectors if detector.use}
-        self.ready, self.verdict = ready, verdict
+        self.ready, self.verdict = verdict(python, found)
+        chosen, names = set(self.chosen_detectors()), found.get("detectors", ()) if self.ready else ()
         self.detectors.clear()
-        for name in detectors:
+        for name in names:
             added = self.detectors.add()
             added.name, added.use = name, name in chosen
-        if detectors and not any(detector.use for detector in self.detectors):
+        if names and not self.chosen_detectors():
             self.detectors[0].use = True
 
     def chosen_detectors(self) -> list[str]:
@@ -92,7 +91,7 @@ def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         paragraph(context, layout, settings.verdict, icon="CHECKMARK" if settings.ready else "ERROR")
 
 
-class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
     """See whether the chosen Python can optimize camouflages, and say what it lacks; takes some seconds"""
 
     bl_idname = "rauca.check_python"
@@ -110,11 +109,12 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N8
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)
         assert settings is not None  # poll
-        task = CheckTask(settings.program())
-        if not task.python.is_file():
-            _keep(task)
+        python = settings.program()
+        if not python.is_file():
+            settings.keep(python, {})
             raise contract.RaucaError(settings.verdict)
-        watch.begin(CHECK, task, lambda job: _finish(job, task))
+        task = CheckTask.of(python)
+        watch.begin(CHECK, task, lambda job: _finish(job, python, task))
 
     def outcome(self, context: bpy.types.Context, how: Ending) -> str:
         settings = preferences(context)
@@ -124,21 +124,8 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):  # noqa: N8
         return str(settings.verdict)
 
 
-def _finish(job: Job, task: CheckTask) -> None:
-    if job.phase != "stopped":
-        _keep(task)
-    watch.forget(CHECK)
-
-
-def _keep(task: CheckTask) -> None:
+def _finish(job: Job, python: Path, task: CheckTask) -> None:
     settings = preferences(bpy.context)
-    if settings is not None:
-        found = verdict(task.python, task.found)
-        settings.keep(found.ready, rpt(found.text).format(**found.values), tuple(found.detectors))
-
-
-CLASSES = (
-    RaucaDetector,
-    RaucaPreferences,
-    RAUCA_OT_check_python,
-)
+    if settings is not None and job.phase != "stopped":
+        settings.keep(python, task.found)
+    watch.forget(CHECK)

@@ -1,39 +1,56 @@
-"""What Blender is told about, in order; unregistered in reverse.
-
-Every module lists its CLASSES, and may have ``register`` and ``unregister`` for handlers, timers, previews.
-"""
+"""What Blender is told about, in order; unregistered in reverse."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from types import ModuleType
 
 import bpy
 
-from . import preferences, translations
-from .jobs import watch
-from .steps import bake, cameras, camouflage, dataset, job_panel, optimize, vehicle, weather
+from .steps.bake import RaucaBake
+from .steps.cameras.properties import RaucaCameras
+from .steps.camouflage.panel import RaucaCamouflage
+from .steps.dataset import RaucaDataset
+from .steps.optimize import RaucaOptimize
+from .steps.vehicle.properties import RaucaVehicle
+from .steps.weather.properties import RaucaWeather
+
+# The panels appear in this order. A module's classes need no list; it may have ``register`` and ``unregister`` for
+# handlers, timers, previews. Jobs come last: they are stopped before anything is taken away from them.
+NAMES = """
+    translations preferences steps.operator steps.job_panel
+    steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel
+    steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
+    steps.cameras.properties steps.cameras.panel steps.cameras.overlay
+    steps.dataset steps.optimize
+    steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay
+    steps.bake jobs.watch
+"""
+MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
+KINDS = (bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel)
 
 
 class RaucaProperties(bpy.types.PropertyGroup):
     """``scene.rauca``: the add-on's settings, kept in the scene, one group a step."""
 
-    vehicle: bpy.props.PointerProperty(type=vehicle.RaucaVehicle)  # type: ignore[valid-type]
-    weather: bpy.props.PointerProperty(type=weather.RaucaWeather)  # type: ignore[valid-type]
-    cameras: bpy.props.PointerProperty(type=cameras.RaucaCameras)  # type: ignore[valid-type]
-    dataset: bpy.props.PointerProperty(type=dataset.RaucaDataset)  # type: ignore[valid-type]
-    optimize: bpy.props.PointerProperty(type=optimize.RaucaOptimize)  # type: ignore[valid-type]
-    camouflage: bpy.props.PointerProperty(type=camouflage.RaucaCamouflage)  # type: ignore[valid-type]
-    bake: bpy.props.PointerProperty(type=bake.RaucaBake)  # type: ignore[valid-type]
+    vehicle: bpy.props.PointerProperty(type=RaucaVehicle)
+    weather: bpy.props.PointerProperty(type=RaucaWeather)
+    cameras: bpy.props.PointerProperty(type=RaucaCameras)
+    dataset: bpy.props.PointerProperty(type=RaucaDataset)
+    optimize: bpy.props.PointerProperty(type=RaucaOptimize)
+    camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)
+    bake: bpy.props.PointerProperty(type=RaucaBake)
 
 
-# The panels appear in this order; jobs are stopped before anything is taken away from them.
-STEPS: tuple[ModuleType, ...] = (vehicle, weather, cameras, dataset, optimize, camouflage, bake)
-MODULES: tuple[ModuleType, ...] = (translations, preferences, job_panel, *STEPS, watch)
+def classes_of(module: ModuleType) -> list[type]:
+    """The classes that Blender is told about, as they stand in a module."""
+    found = [thing for thing in vars(module).values() if isinstance(thing, type) and issubclass(thing, KINDS)]
+    return [cls for cls in found if cls.__module__ == module.__name__]
 
 
 def register() -> None:
     for module in MODULES:
-        for cls in module.CLASSES:
+        for cls in classes_of(module):
             bpy.utils.register_class(cls)
         getattr(module, "register", _nothing)()
     bpy.utils.register_class(RaucaProperties)
@@ -41,12 +58,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    watch.unregister()
     del bpy.types.Scene.rauca
     bpy.utils.unregister_class(RaucaProperties)
-    for module in reversed(MODULES[:-1]):
+    for module in reversed(MODULES):
         getattr(module, "unregister", _nothing)()
-        for cls in reversed(module.CLASSES):
+        for cls in reversed(classes_of(module)):
             bpy.utils.unregister_class(cls)
 
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import bpy
 
-from .translations_de import WORDS as GERMAN
-
-CLASSES: tuple[type, ...] = ()
 # Words that Blender itself says in another sense are looked up here: "Paint" as a verb, "UV Layer" as any layer.
 OWN_SENSE = "rauca"
-LANGUAGES = {"de_DE": GERMAN, "de": GERMAN}  # by the names that Blender's versions have for them
+LANGUAGES = Path(__file__).parent / "languages"
+NAMES = {"de": ("de_DE", "de")}  # a language as Blender's versions call it
+
+
+def words(language: str) -> dict[str, str]:
+    """What the add-on says, by its English words, from ``languages/<language>.json``; names in braces are the same."""
+    sections = json.loads((LANGUAGES / f"{language}.json").read_text(encoding="utf-8"))
+    return {english: word for section in sections.values() for english, word in section.items()}
 
 
 def register() -> None:
@@ -17,8 +24,9 @@ def register() -> None:
     known = bpy.app.translations.contexts
     contexts = (known.default, known.operator_default, OWN_SENSE)
     table = {
-        language: {(context, english): word for english, word in words.items() for context in contexts}
-        for language, words in LANGUAGES.items()
+        name: {(context, english): word for english, word in words(language).items() for context in contexts}
+        for language, names in NAMES.items()
+        for name in names
     }
     bpy.app.translations.register(__name__, table)
 

@@ -23,6 +23,7 @@ NEEDED = (
     "rauca_core/assets/vehicles/sedan/vehicle.json",
     "rauca_core/assets/weathers/base.json",
     "blender_addon/blender_manifest.toml",
+    "blender_addon/languages/de.json",
     "blender_addon/steps/panel.py",
     "pipelines/cli.py",
     "pipelines/make_dataset.py",
@@ -94,3 +95,16 @@ def test_every_python_gets_the_blender_that_has_a_wheel_for_it(python: str, whee
     asked = [Requirement(line) for line in extras["dataset"] if line.startswith("bpy")]
     found = [str(of.specifier) for of in asked if of.marker and of.marker.evaluate({"python_version": python})]
     assert found == wheels
+
+
+def test_blenders_own_tool_accepts_the_manifest() -> None:
+    bpy = pytest.importorskip("bpy")
+    scripts = Path(bpy.utils.system_resource("SCRIPTS"))
+    tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    checked = subprocess.run(
+        [sys.executable, str(tool), "validate", str(ROOT / "blender_addon")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 0, checked.stdout + checked.stderr

@@ -1,3 +1,1 @@
 """Long work in processes of its own: data sets, which a supervisor hands to workers, and the jobs of the sidebar."""
-
-from __future__ import annotations

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import child_process, contract
-from .endings import Ending, ending
+from .child import FINISHED, STOPPED, Ending, ending
 
 Phase = Literal["starting", "running", "pausing", "paused", "stopping", "done", "stopped", "failed"]
 NEWS_PER_TICK = 200
@@ -43,15 +43,21 @@ class JobUpdate:
     pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
 
 
-class Task(Protocol):
-    """What a job does."""
+@dataclass
+class Task:
+    """What a job does: a program that runs to its end.
 
-    @property
-    def folder(self) -> Path:
-        """Where its results go."""
+    Attributes:
+        folder: where its results go.
+        start: the command.
+    """
+
+    folder: Path
+    start: Sequence[str]
 
     def command(self) -> list[str]:
         """Starts a child, or starts it again where an earlier one stopped."""
+        return list(self.start)
 
     def hear(self, line: str) -> JobUpdate | None:
         """What a line of the child tells; called in a thread, no Blender in here."""
@@ -68,7 +74,7 @@ class Job:
         done, total, left_s: progress; 0 of 0 until the child tells.
         notes: what the child wants known, each once.
         history: each figure of every step, oldest first.
-        pictures: the newest of each name.
+        pictures: the newest of each name, not yet shown.
         ending: how the job ended, once ``phase`` is done, stopped or failed.
     """
 
@@ -90,6 +96,10 @@ class Job:
         self._begin()
 
     @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
     def alive(self) -> bool:
         """Whether it still works or waits to go on."""
         return self.ending is None
@@ -98,10 +108,6 @@ class Job:
     def fraction(self) -> float:
         """Done so far, in [0, 1]."""
         return min(self.done / self.total, 1.0) if self.total else 0.0
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
 
     def tick(self) -> bool:
         """Hear what is new, without waiting; returns whether anything changed."""
@@ -135,7 +141,7 @@ class Job:
     def stop(self) -> None:
         """End the job, keeping what is finished; a second call does not wait for what the child has in hand."""
         if self.phase == "paused":
-            self._close(Ending.stopped())
+            self._close(STOPPED)
         elif self.phase == "stopping":
             self._process.kill()
         elif self.alive:
@@ -170,11 +176,11 @@ class Job:
 
     def _end(self, code: int) -> None:
         if code == 0:
-            self._close(Ending.finished())
+            self._close(FINISHED)
         elif self.phase == "pausing":
             self.phase, self.left_s = "paused", None
         elif self.phase == "stopping":
-            self._close(Ending.stopped())
+            self._close(STOPPED)
         else:
             self._close(ending(code, self._process.complaints()))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,14 +12,15 @@ from pathlib import Path
 import bpy
 
 from .. import devices
-from ..child import child_command
 from ..core import contract, files, folder_lock
 from ..folders import scratch_folder, sweep_scratch
+from ..scene.frame import render_chunk
 from ..scene.images import read_image_blender
+from ..scene.session import Session
 from ..vehicles import find_vehicle
-from .crew import own_threads
+from .child import child_command
 from .supervisor import Crew, Listener, Supervisor
-from .worker import News, serve, tell
+from .workers import News, serve, tell
 
 PATIENCE_S = 5.0  # another shard that looks around holds all cameras for an instant
 BYTES_PER_PIXEL = 24  # of a finished frame, generously
@@ -50,9 +52,6 @@ def make(job: contract.MakeDataset, progress: Callable[[contract.Progress], None
 
 def work(job: contract.RenderFrames) -> None:
     """A worker's life: build the scene, then render what standard input asks for."""
-    from ..scene.frame import render_chunk
-    from ..scene.session import Session
-
     plan = contract.read_plan(job.plan)
     session = Session(plan, contract.load_vehicle(job.plan / "vehicle", read_image_blender), job.scene)
     devices.use(session.scene, job.device)
@@ -150,8 +149,10 @@ class _Run:
         return [[frame.id for frame in chunk] for chunk in contract.chunks(self.job.plan, wanted, most)]
 
     def _crew(self) -> Crew:
-        job = self.job
-        threads = own_threads(job.workers) if job.workers > 1 else 0
+        job, threads = self.job, 0
+        if job.workers > 1:  # together they fill the machine
+            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            threads = max(1, cores // job.workers)
         order = contract.RenderFrames(
             self.draft.absolute(), job.out.absolute(), job.scene and job.scene.absolute(), threads, job.device
         )

@@ -1,13 +1,21 @@
-"""Pictures in panels: small arrays as icons that layouts can draw at any size. Nothing enters the user's file."""
+"""Pictures in panels: small arrays and files as icons that layouts draw at any size. Nothing enters the user's file."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import bpy
 import bpy.utils.previews
 import numpy as np
 from numpy.typing import NDArray
 
-_shown: bpy.utils.previews.ImagePreviewCollection | None = None
+_shown: list[bpy.utils.previews.ImagePreviewCollection] = []  # one, from the first picture on
+
+
+def _collection() -> bpy.utils.previews.ImagePreviewCollection:
+    if not _shown:
+        _shown.append(bpy.utils.previews.new())
+    return _shown[0]
 
 
 def show(name: str, pixels: NDArray[np.uint8] | NDArray[np.float32]) -> None:
@@ -16,10 +24,7 @@ def show(name: str, pixels: NDArray[np.uint8] | NDArray[np.float32]) -> None:
     Args:
         pixels: (H, W, 3) sRGB bytes, or (H, W, 4) sRGB and alpha in [0, 1]; row 0 at the top.
     """
-    global _shown
-    if _shown is None:
-        _shown = bpy.utils.previews.new()
-    preview = _shown.get(name) or _shown.new(name)
+    preview = _collection().get(name) or _collection().new(name)
     height, width = pixels.shape[:2]
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., : pixels.shape[2]] = pixels / np.float32(255) if pixels.dtype == np.uint8 else pixels
@@ -27,9 +32,16 @@ def show(name: str, pixels: NDArray[np.uint8] | NDArray[np.float32]) -> None:
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(rgba[::-1]).ravel())
 
 
+def load(name: str, path: Path) -> int:
+    """The icon of a picture's file, read when it is first asked for and kept under ``name``."""
+    if name not in _collection():
+        _collection().load(name, str(path), "IMAGE")
+    return icon(name)
+
+
 def shown(name: str) -> bpy.types.ImagePreview | None:
     """The picture kept under ``name``."""
-    return _shown.get(name) if _shown is not None else None
+    return _shown[0].get(name) if _shown else None
 
 
 def icon(name: str) -> int:
@@ -40,14 +52,11 @@ def icon(name: str) -> int:
 
 def forget(prefix: str) -> None:
     """Drop the pictures whose names begin with ``prefix``."""
-    if _shown is not None:
-        for name in [name for name in _shown if name.startswith(prefix)]:
-            del _shown[name]
+    for name in [name for name in _shown[0] if name.startswith(prefix)] if _shown else ():
+        del _shown[0][name]
 
 
 def close() -> None:
     """Drop everything."""
-    global _shown
-    if _shown is not None:
-        bpy.utils.previews.remove(_shown)
-        _shown = None
+    while _shown:
+        bpy.utils.previews.remove(_shown.pop())

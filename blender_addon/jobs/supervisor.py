@@ -1,4 +1,4 @@
-"""How long a job still takes, from the pace of its latest frames."""
+"""One run over the frames that a data set lacks: workers are hired, replaced and heard, the ledger is kept."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from ..core import contract
-from .crew import Worker
-from .worker import News
+from .workers import News, Worker
 
 REMEMBERED = 64
+ATTEMPTS = 2
+GRACE_S = 20.0  # for the frame in flight when interrupted; less than `rauca dataset make` grants Blender
+BARREN_STARTS = 3
 
 
 class Pace:
@@ -32,11 +34,6 @@ class Pace:
         if len(self._times) < 2:
             return None
         return frames * (self._times[-1] - self._times[0]) / (len(self._times) - 1)
-
-
-ATTEMPTS = 2
-GRACE_S = 20.0  # for the frame in flight when interrupted; less than `rauca dataset make` grants Blender
-BARREN_STARTS = 3
 
 
 @dataclass(frozen=True)
@@ -63,14 +60,6 @@ class Listener:
     news: Callable[[Worker, News], None] = lambda worker, news: None
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """Frames for one worker; a second try wants one that has done nothing before."""
-
-    frames: list[str]
-    second_try: bool = False
-
-
 class Supervisor:
     """One run over the frames that a folder lacks."""
 
@@ -78,11 +67,11 @@ class Supervisor:
         self, folder: Path, shard: contract.Shard, crew: Crew, listener: Listener, claim: Callable[[], None]
     ) -> None:
         """``claim`` is called once, when the first worker has built its scene: until then nothing is written."""
-        self._folder, self._shard, self._plan_of_crew, self._listener = folder, shard, crew, listener
+        self._folder, self._shard, self._crew, self._listener = folder, shard, crew, listener
         self._claim: Callable[[], None] | None = claim
         self._inbox: SimpleQueue[tuple[Worker, News | None]] = SimpleQueue()
         self._workers: set[Worker] = set()
-        self._pieces: deque[_Piece] = deque()
+        self._pieces: deque[list[str]] = deque()
         self._attempts: Counter[str] = Counter()
         self._noted: set[str] = set()
         self._barren = 0
@@ -99,8 +88,8 @@ class Supervisor:
             RaucaError: a mistake that only the user can mend, or workers that die before their first frame.
             KeyboardInterrupt: passed on, once the frames in flight are finished and the workers gone.
         """
-        self._pieces.extend(_Piece(piece) for piece in pieces)
-        self._done, self._total = done, done + sum(len(piece.frames) for piece in self._pieces)
+        self._pieces.extend(pieces)
+        self._done, self._total = done, done + sum(map(len, self._pieces))
         self._listener.progress(contract.Progress(self._done, self._total, ""))
         try:
             self._hire()
@@ -116,9 +105,9 @@ class Supervisor:
 
     def _hire(self) -> None:
         """Start workers while there is work for them; only one until the folder is claimed."""
-        most = 1 if self._claim else self._plan_of_crew.workers
+        most = 1 if self._claim else self._crew.workers
         while len(self._workers) < min(most, len(self._pieces)):
-            self._workers.add(Worker(self._plan_of_crew.command, self._inbox))
+            self._workers.add(Worker(self._crew.command, self._inbox))
 
     def _hear(self, worker: Worker, news: News) -> None:
         self._listener.news(worker, news)
@@ -129,7 +118,9 @@ class Supervisor:
         if news.event in ("ready", "idle"):
             self._employ(worker)
         elif news.event == "note":
-            self._note_once(news.reason)
+            if news.reason not in self._noted:  # every worker builds the same scene
+                self._noted.add(news.reason)
+                self._listener.note(news.reason)
         elif news.event == "begin":
             worker.in_flight, self._barren = news.frame, 0
         elif news.event == "failed":
@@ -139,19 +130,14 @@ class Supervisor:
             worker.settle(news.frame)
             self._settle(news)
 
-    def _note_once(self, note: str) -> None:
-        """Pass on what a scene says of itself; every worker builds the same one."""
-        if note not in self._noted:
-            self._noted.add(note)
-            self._listener.note(note)
-
     def _employ(self, worker: Worker) -> None:
         """Give a worker its next piece, or let it go when there is none that it may do."""
         if self._pieces:
             piece = self._pieces[0]
-            tired = worker.rendered + len(piece.frames) > self._plan_of_crew.recycle
-            if not worker.rendered or not (tired or piece.second_try):
-                worker.give(self._pieces.popleft().frames)
+            tired = worker.rendered + len(piece) > self._crew.recycle
+            # A second try wants a worker that has done nothing before.
+            if not worker.rendered or not (tired or self._attempts[piece[0]]):
+                worker.give(self._pieces.popleft())
                 return
         worker.dismiss()
 
@@ -160,10 +146,8 @@ class Supervisor:
         self._workers.discard(worker)
         if (worker.piece or not worker.rendered) and (mistake := worker.mistake()):
             raise contract.RaucaError(mistake)
-        if worker.piece:
-            left = [frame for frame in worker.piece if frame != worker.in_flight]
-            if left:
-                self._pieces.appendleft(_Piece(left))
+        if left := [frame for frame in worker.piece if frame != worker.in_flight]:
+            self._pieces.appendleft(left)
         if worker.in_flight:
             self._fail(worker.in_flight, worker.death())
         elif not worker.rendered and (worker.piece or self._pieces):
@@ -173,11 +157,10 @@ class Supervisor:
         self._hire()
 
     def _settle(self, news: News) -> None:
-        entry = contract.LedgerEntry(news.frame, news.event)
         if news.event == "done":
             entry = contract.LedgerEntry(news.frame, "done", seconds=news.seconds)
             self._pace.step()
-        elif news.event == "occluded":
+        else:
             entry = contract.LedgerEntry(news.frame, "occluded", visible=news.visible)
         contract.append_entry(self._folder, entry, self._shard.label)
         self._advance(news.frame)
@@ -189,7 +172,7 @@ class Supervisor:
         contract.append_entry(self._folder, contract.LedgerEntry(frame, state, reason=reason), self._shard.label)
         self._listener.note(f"{frame} failed: {reason}; " + ("trying it once more" if again else "left out"))
         if again:
-            self._pieces.append(_Piece([frame], second_try=True))
+            self._pieces.append([frame])
         else:
             self.quarantined[frame] = reason
             self._advance(frame)

@@ -19,10 +19,9 @@ from .thumbnails import curve
 INTERVAL_S = 0.1
 CURVE_EVERY_S = 0.5
 
-CLASSES: tuple[type, ...] = ()
 _jobs: dict[str, Job] = {}
 _when_done: dict[str, Callable[[Job], None]] = {}
-_curve_at: dict[str, float] = {}
+_curve_at: dict[str, float] = {}  # when each job's was last drawn
 
 
 def job(name: str) -> Job | None:
@@ -47,12 +46,10 @@ def begin(name: str, task: Task, when_done: Callable[[Job], None] | None = None)
     """
     assert not busy(name)
     started = Job(task)
-    pictures.forget(f"{name}.")
+    forget(name)
     _jobs[name] = started
-    _when_done.pop(name, None)
     if when_done is not None:
         _when_done[name] = when_done
-    _curve_at.pop(name, None)
     if not bpy.app.timers.is_registered(_beat):
         bpy.app.timers.register(_beat, first_interval=INTERVAL_S, persistent=True)
     return started
@@ -60,16 +57,13 @@ def begin(name: str, task: Task, when_done: Callable[[Job], None] | None = None)
 
 def tick() -> None:
     """Look after every job once; takes a few milliseconds."""
-    changed = False
     for name, found in list(_jobs.items()):
         if found.tick():
-            changed = True
             _show(name, found)
+            redraw()
         if not found.alive and (told := _when_done.pop(name, None)):
-            changed = True
             told(found)
-    if changed:
-        redraw()
+            redraw()
 
 
 def run_to_end(name: str) -> Job:
@@ -84,9 +78,10 @@ def run_to_end(name: str) -> Job:
 
 def forget(name: str) -> None:
     """Drop an ended job and its pictures."""
-    if not busy(name):
-        _jobs.pop(name, None)
-        pictures.forget(f"{name}.")
+    _jobs.pop(name, None)
+    _when_done.pop(name, None)
+    _curve_at.pop(name, None)
+    pictures.forget(f"{name}.")
 
 
 def redraw() -> None:

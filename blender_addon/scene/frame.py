@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import color, contract, seeding, semantics
-from ..jobs.worker import News
+from ..jobs.workers import News
 from .annotate import Annotation
 from .light_maps import light_maps
 from .session import Session

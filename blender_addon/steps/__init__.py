@@ -1,3 +1,1 @@
 """The steps of the sidebar in the order of work: each holds its panel, its settings and what its buttons do."""
-
-from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,16 +12,16 @@ from bpy.app.translations import pgettext_iface as iface
 from bpy.app.translations import pgettext_rpt as rpt
 
 from .. import compat
-from ..child import child_command
 from ..core import contract
 from ..folders import chosen_folder, job_folder, refuse_foreign
 from ..jobs import pictures, watch
-from ..jobs.background import JobUpdate
+from ..jobs.background import Job, JobUpdate, Task
+from ..jobs.child import child_command
 from ..jobs.thumbnails import thumbnail
 from .cameras import timing
 from .job_panel import draw_job, draw_open_folder, job_state
 from .operator import BackgroundOperator, RaucaOperator
-from .panel import SidebarPanel, State, StepPanel, paragraph
+from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 
 JOB = "dataset"
 PICTURE = f"{JOB}.frame"
@@ -31,30 +30,25 @@ PICTURE = f"{JOB}.frame"
 class RaucaDataset(bpy.types.PropertyGroup):
     """Settings of the dataset."""
 
-    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder",
-        subtype="DIR_PATH",
-        options=compat.path_options(),
-        description="The dataset is written here and nowhere else",
-    )
-    locations: bpy.props.IntProperty(  # type: ignore[valid-type]
+    folder: folder_setting("Folder", "The dataset is written here and nowhere else")
+    locations: bpy.props.IntProperty(
         name="Locations", default=1, min=1, max=100, description="Places in the town, each in another district"
     )
-    size: bpy.props.IntProperty(  # type: ignore[valid-type]
+    size: bpy.props.IntProperty(
         name="Size", default=320, min=64, max=4096, subtype="PIXEL", description="Frames are square, this many wide"
     )
-    samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+    samples: bpy.props.IntProperty(
         name="Samples", default=8, min=1, max=4096, description="Of the light per pixel: more are cleaner and slower"
     )
-    denoise: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    denoise: bpy.props.BoolProperty(
         name="Denoise", default=True, description="Clean the frames up; without it take 64 samples or more"
     )
-    light: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    light: bpy.props.BoolProperty(
         name="Light Maps",
         default=True,
         description="Keep how the light falls on the paint, so that any camouflage can be shown; step 5 needs it",
     )
-    device: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    device: bpy.props.EnumProperty(
         name="Render On",
         items=[
             ("CPU", "CPU", "The same bytes on every run; slower"),
@@ -63,23 +57,23 @@ class RaucaDataset(bpy.types.PropertyGroup):
         ],
         description="What Cycles renders the frames on; the dataset notes it",
     )
-    part: bpy.props.IntProperty(  # type: ignore[valid-type]
+    part: bpy.props.IntProperty(
         name="Frames at Most",
         default=0,
         min=0,
         description="Render a part of so many frames, balanced over places, weathers and cameras; 0 renders all",
     )
-    workers: bpy.props.IntProperty(  # type: ignore[valid-type]
+    workers: bpy.props.IntProperty(
         name="Blenders",
         default=1,
         min=1,
         max=64,
         description="How many render at once: they share the machine, and each needs its memory",
     )
-    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+    seed: bpy.props.IntProperty(
         name="Seed", default=0, min=0, description="Another number gives other jitter and other noise"
     )
-    retry: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    retry: bpy.props.BoolProperty(
         name="Retry Failed", description="Try frames again that failed twice in an earlier run"
     )
 
@@ -93,10 +87,9 @@ def state(context: bpy.types.Context) -> State:
     return State("ready", iface("Ready: {count} frames, about {time}").format(count=count, time=time))
 
 
-class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):
     """Render the dataset"""
 
-    bl_idname = "RAUCA_PT_dataset"
     bl_label = "Generate Dataset"
     number = 4
     step_state = staticmethod(state)
@@ -123,10 +116,9 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
         layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
 
 
-class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):
     """Settings that are seldom changed"""
 
-    bl_idname = "RAUCA_PT_dataset_more"
     bl_parent_id = "RAUCA_PT_dataset"
     bl_label = "More"
 
@@ -139,17 +131,12 @@ class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blen
             layout.prop(context.scene.rauca.dataset, name)
 
 
-# Frames of N samples denoised and of 8 N not are equally far from the converged ones, in clear weather by day.
-MORE_SAMPLES = 8
-LEAST, MOST = 64, 1024
-
-
 def samples_without_denoiser(samples: int) -> int:
-    """Samples that stand in for ``samples`` with denoising."""
-    return min(max(samples * MORE_SAMPLES, LEAST), MOST)
+    """Samples that give as clean frames as ``samples`` with denoising: eight times as many, in clear weather by day."""
+    return min(max(8 * samples, 64), 1024)
 
 
-class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):
     """Turn denoising off and take so many samples that the frames are as clean; they take longer"""
 
     bl_idname = "rauca.without_denoiser"
@@ -165,22 +152,15 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):  # noqa: N80
         return None
 
 
-@dataclass(frozen=True)
-class DatasetTask:
+@dataclass
+class DatasetTask(Task):
     """Renders what ``folder`` lacks.
 
     Attributes:
-        folder: of the dataset.
-        start: the command.
         scratch: a folder that only the job needs; removed at its end.
     """
 
-    folder: Path
-    start: Sequence[str]
     scratch: Path
-
-    def command(self) -> list[str]:
-        return list(self.start)
 
     def hear(self, line: str) -> JobUpdate | None:
         if line.startswith("note: "):
@@ -199,7 +179,7 @@ class DatasetTask:
         shutil.rmtree(self.scratch, ignore_errors=True)
 
 
-class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):
     """Render every view in every weather to the chosen folder; goes on where an earlier run stopped"""
 
     bl_idname = "rauca.generate_dataset"
@@ -230,7 +210,12 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):  # noqa
         contract.save_job(scratch / "job.json", dataset_job(context, folder, scratch / "vehicle"))
         task = DatasetTask(folder, child_command(scratch / "job.json"), scratch)
         workers = settings.workers
-        watch.begin(JOB, task, lambda job: _learn_pace(folder, workers))
+
+        def learn_pace(job: Job) -> None:
+            with contextlib.suppress(contract.RaucaError):  # one that ended without frames teaches nothing
+                timing.learn(folder, workers)
+
+        watch.begin(JOB, task, learn_pace)
 
 
 def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contract.MakeDataset:
@@ -254,7 +239,7 @@ def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contrac
         quality=contract.Quality(settings.samples, denoise=settings.denoise),
         light=settings.light,
         weathers=tuple(weathers),
-        ring=steps.cameras.ring(context),
+        ring=steps.cameras.ring(),
         locations=settings.locations,
         reference_srgb=contract.REFERENCE_SRGB,
         min_visible=contract.MIN_VISIBLE,
@@ -272,18 +257,3 @@ def dataset_job(context: bpy.types.Context, out: Path, vehicle: Path) -> contrac
         device=settings.device.lower(),
         notes=tuple(notes),
     )
-
-
-def _learn_pace(folder: Path, workers: int) -> None:
-    """The next estimate of step 3 builds on this job; a job that ended without frames teaches nothing."""
-    with contextlib.suppress(contract.RaucaError):
-        timing.learn(folder, workers)
-
-
-CLASSES = (
-    RaucaDataset,
-    RAUCA_PT_dataset,
-    RAUCA_PT_dataset_more,
-    RAUCA_OT_without_denoiser,
-    RAUCA_OT_generate_dataset,
-)

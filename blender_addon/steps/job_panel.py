@@ -25,17 +25,16 @@ def job_state(name: str, items: str, starting: str) -> State | None:
     if found is None or found.phase in ("stopped", "failed"):
         return None
     how_far = items.format(done=found.done, total=found.total) if found.total else starting
-    if found.phase == "done":
-        return State("done", iface("Finished: {how_far}").format(how_far=how_far))
-    if found.phase == "paused":
-        return State("running", iface("Paused: {how_far}").format(how_far=how_far))
-    if found.phase == "pausing":
-        return State("running", iface("Pausing as soon as what is in hand is finished"))
-    if found.phase == "stopping":
-        return State("running", iface("Stopping as soon as what is in hand is finished"))
     if found.left_s is not None:
         how_far += iface(", about {time} left").format(time=contract.format_duration(found.left_s))
-    return State("running", how_far)
+    words = {
+        "done": iface("Finished: {how_far}"),
+        "paused": iface("Paused: {how_far}"),
+        "pausing": iface("Pausing as soon as what is in hand is finished"),
+        "stopping": iface("Stopping as soon as what is in hand is finished"),
+    }
+    told = words.get(found.phase, "{how_far}").format(how_far=how_far)
+    return State("done" if found.phase == "done" else "running", told)
 
 
 def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str) -> None:
@@ -75,7 +74,7 @@ class _JobOperator(RaucaOperator):
 
     bl_options = NO_UNDO
 
-    job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+    job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> None:
         self.steer(watch.job(self.job))
@@ -86,7 +85,7 @@ class _JobOperator(RaucaOperator):
         raise NotImplementedError
 
 
-class RAUCA_OT_pause_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_pause_job(_JobOperator, bpy.types.Operator):
     """Finish what is in hand, then leave the machine alone until you go on; nothing is lost"""
 
     bl_idname = "rauca.pause_job"
@@ -98,7 +97,7 @@ class RAUCA_OT_pause_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blen
         job.pause()
 
 
-class RAUCA_OT_continue_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_continue_job(_JobOperator, bpy.types.Operator):
     """Go on where the job was paused, with the settings it was started with"""
 
     bl_idname = "rauca.continue_job"
@@ -110,7 +109,7 @@ class RAUCA_OT_continue_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - B
         job.go_on()
 
 
-class RAUCA_OT_stop_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_stop_job(_JobOperator, bpy.types.Operator):
     """End the job; what is finished is kept. Press again to end it without waiting for what is in hand"""
 
     bl_idname = "rauca.stop_job"
@@ -120,10 +119,3 @@ class RAUCA_OT_stop_job(_JobOperator, bpy.types.Operator):  # noqa: N801 - Blend
         if job is None or not job.alive:
             raise contract.RaucaError("Nothing is running that could be stopped")
         job.stop()
-
-
-CLASSES = (
-    RAUCA_OT_pause_job,
-    RAUCA_OT_continue_job,
-    RAUCA_OT_stop_job,
-)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Generator
+from typing import Any, ClassVar, Protocol
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
@@ -11,15 +11,24 @@ from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..jobs import watch
-from ..jobs.endings import Ending, with_buttons
+from ..jobs.child import Ending, with_buttons
 
 NO_UNDO = {"REGISTER"}  # of an operator that leaves the scene as it is
+TICK_S = 0.1
 
 
 class RaucaOperator:
     """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``."""
 
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Of a button that makes one of several choices, that choice's tooltip; empty: the operator's own."""
+        for name, known in properties.bl_rna.properties.items():
+            if known.type == "ENUM" and (chosen := known.enum_items.get(getattr(properties, name))):
+                return str(tip(chosen.description))
+        return ""
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -55,11 +64,6 @@ class RaucaOperator:
         return {"CANCELLED"}
 
 
-def tooltip(items: Sequence[tuple[str, str, str]], chosen: str) -> str:
-    """The tooltip of a button that does one of an operator's choices: that choice's own words, translated."""
-    return tip(next(words for name, _, words in items if name == chosen))
-
-
 class BackgroundOperator(RaucaOperator):
     """Base of an operator that starts a job; the subclass also derives from ``bpy.types.Operator``.
 
@@ -73,7 +77,7 @@ class BackgroundOperator(RaucaOperator):
     job: str
     running: str
 
-    wait: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    wait: bpy.props.BoolProperty(
         name="Wait", description="Return only when the job has ended", options={"SKIP_SAVE", "HIDDEN"}
     )
 
@@ -100,3 +104,85 @@ class BackgroundOperator(RaucaOperator):
         if how.phase == "failed":
             raise contract.RaucaError(words)
         return words
+
+
+class Work(Protocol):
+    """What a :class:`ModalOperator` waits for: a thread or a process."""
+
+    def is_alive(self) -> bool:
+        """Whether it still works; its result is there once it does not."""
+
+    def stop(self) -> None:
+        """Give it up, if it still works, and remove its traces."""
+
+
+class ModalOperator(RaucaOperator):
+    """Base of an operator that waits for work beside the window, then puts the result in place; Esc stops it.
+
+    The subclass also derives from ``bpy.types.Operator`` and gives ``stopped``, what is told then.
+    """
+
+    stopped: str
+    under_way: ClassVar[dict[str, Any]] = {}  # by the operator's class; one of each at most
+
+    def begin(self, context: bpy.types.Context) -> Work:
+        """Start the work; raises :class:`RaucaError`."""
+        raise NotImplementedError
+
+    def finish(self, context: bpy.types.Context, work: Any) -> Generator[None]:
+        """Put the result in place and report it, in steps between which the window draws.
+
+        Raises:
+            RaucaError: the work failed, or its result does not fit any more.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def running(cls) -> Any:
+        """The work under way, or None."""
+        return cls.under_way.get(cls.__name__)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        try:
+            work = self.begin(context)
+        except contract.RaucaError as error:
+            return self.refuse(error)
+        self.under_way[type(self).__name__] = work
+        self._finishing = self.finish(context, work)
+        self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        work = self.running()
+        if work is None or event.type == "ESC":
+            self.report({"INFO"}, rpt(self.stopped))  # type: ignore[attr-defined]
+            ended = {"CANCELLED"}
+        elif event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        else:
+            watch.redraw()
+            try:
+                if not work.is_alive():
+                    next(self._finishing)
+                return {"PASS_THROUGH"}
+            except StopIteration:
+                ended = {"FINISHED"}
+            except contract.RaucaError as error:
+                ended = self.refuse(error)
+        self.cancel(context)
+        return ended
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender calls this too: another file is loaded, or the window closes."""
+        self._finishing.close()
+        context.window_manager.event_timer_remove(self._timer)
+        if work := self.under_way.pop(type(self).__name__, None):
+            work.stop()
+        watch.redraw()
+
+
+def unregister() -> None:
+    """The add-on is disabled: what works beside the window ends without a result."""
+    while ModalOperator.under_way:
+        ModalOperator.under_way.popitem()[1].stop()

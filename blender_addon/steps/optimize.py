@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -12,17 +12,16 @@ from bpy.app.translations import pgettext_iface as iface
 from bpy.app.translations import pgettext_rpt as rpt
 from numpy.typing import NDArray
 
-from .. import compat
 from ..core import contract, schema
 from ..folders import chosen_folder, refuse_foreign
 from ..jobs import pictures, watch
-from ..jobs.background import Job, JobUpdate
+from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.thumbnails import thumbnail
 from ..preferences import CHECK, draw_python, preferences
 from .dataset import JOB as DATASET_JOB
 from .job_panel import draw_job, draw_open_folder, job_state
 from .operator import BackgroundOperator
-from .panel import SidebarPanel, State, StepPanel
+from .panel import SidebarPanel, State, StepPanel, folder_setting
 
 JOB = "optimize"
 
@@ -30,31 +29,21 @@ JOB = "optimize"
 class RaucaOptimize(bpy.types.PropertyGroup):
     """Settings of the optimization."""
 
-    dataset: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Dataset",
-        subtype="DIR_PATH",
-        options=compat.path_options(),
-        description="Folder of the dataset; step 4's if left empty",
-    )
-    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder",
-        subtype="DIR_PATH",
-        options=compat.path_options(),
-        description="The camouflage is written here and nowhere else",
-    )
-    title: bpy.props.StringProperty(  # type: ignore[valid-type]
+    dataset: folder_setting("Dataset", "Folder of the dataset; step 4's if left empty")
+    folder: folder_setting("Folder", "The camouflage is written here and nowhere else")
+    title: bpy.props.StringProperty(
         name="Name", default="rauca", description="The camouflage's name, in tables and pictures"
     )
-    steps: bpy.props.IntProperty(  # type: ignore[valid-type]
+    steps: bpy.props.IntProperty(
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
-    batch: bpy.props.IntProperty(  # type: ignore[valid-type]
+    batch: bpy.props.IntProperty(
         name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
-    map_size: bpy.props.IntProperty(  # type: ignore[valid-type]
+    map_size: bpy.props.IntProperty(
         name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
     )
-    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
+    seed: bpy.props.IntProperty(
         name="Seed", default=0, min=0, description="Another number begins with another random camouflage"
     )
 
@@ -64,29 +53,31 @@ class RaucaOptimize(bpy.types.PropertyGroup):
 
 
 def state(context: bpy.types.Context) -> State:
-    starting = iface("Reading the dataset and the detectors")
-    if found := job_state(JOB, iface("{done} of {total} steps"), starting):
+    if found := job_state(JOB, iface("{done} of {total} steps"), iface("Reading the dataset and the detectors")):
         return found
+    lack = missing(context)
+    return State("missing", lack) if lack else State("ready", iface("Ready to optimize"))
+
+
+def missing(context: bpy.types.Context) -> str:
+    """What to do before a camouflage can be optimized; empty when all is there."""
     settings, settled = context.scene.rauca.optimize, preferences(context)
-    if settled is None or not settled.python:
-        return State("missing", iface("Choose the Python in which rauca is installed"))
+    if settled is None or not settled.python.strip():
+        return iface("Choose the Python in which rauca is installed")
     if watch.busy(CHECK):
-        return State("missing", iface("Checking the chosen Python"))
+        return iface("Checking the chosen Python")
     if not settled.ready:
-        return State("missing", iface("Check the chosen Python"))
-    if not settings.dataset_folder(context):
-        return State("missing", iface("Generate a dataset, or choose one"))
+        return iface("Press Check: the chosen Python is not known to have what it needs")
     if not settled.chosen_detectors():
-        return State("missing", iface("Choose a detector"))
-    if not settings.folder:
-        return State("missing", iface("Choose a folder for the camouflage"))
-    return State("ready", iface("Ready to optimize"))
+        return iface("Choose a detector")
+    if not settings.dataset_folder(context):
+        return iface("Generate a dataset, or choose one")
+    return "" if settings.folder else iface("Choose a folder for the camouflage")
 
 
-class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
     """Optimize a camouflage"""
 
-    bl_idname = "RAUCA_PT_optimize"
     bl_label = "Optimize"
     number = 5
     step_state = staticmethod(state)
@@ -131,10 +122,9 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wan
                 figures.label(text=words.format(value=found.history[name][-1]), translate=False)
 
 
-class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):
     """Settings that are seldom changed"""
 
-    bl_idname = "RAUCA_PT_optimize_more"
     bl_parent_id = "RAUCA_PT_optimize"
     bl_label = "More"
 
@@ -149,7 +139,7 @@ class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Ble
         draw_python(context, layout)
 
 
-class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):
     """Optimize a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
 
     bl_idname = "rauca.optimize"
@@ -159,24 +149,13 @@ class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
-        found, steps = preferences(context), context.scene.rauca
-        if found is None or not found.python.strip():
-            return rpt("Choose the Python in which rauca is installed")
-        if not found.ready:
-            return rpt("Press Check: the chosen Python is not known to have what it needs")
-        if not found.chosen_detectors():
-            return rpt("Choose a detector")
-        if not steps.optimize.dataset_folder(context):
-            return rpt("Choose a dataset")
-        if not steps.optimize.folder:
-            return rpt("Choose a folder for the camouflage")
-        return super().obstacle(context)
+        return missing(context) or super().obstacle(context)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings, found = context.scene.rauca.optimize, preferences(context)
         assert found is not None  # poll
         dataset = Path(bpy.path.abspath(settings.dataset_folder(context))).absolute()
-        _check_dataset(dataset)
+        _require_light(dataset)
         folder = chosen_folder(settings.folder, rpt("the camouflage"))
         if not begun(folder) and not (folder / HISTORY).is_file():
             refuse_foreign(folder, "camouflage.json", rpt("camouflage"))
@@ -184,7 +163,7 @@ class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):  # noqa: N801 -
         watch.begin(JOB, task, _offer)
 
 
-def _check_dataset(folder: Path) -> None:
+def _require_light(folder: Path) -> None:
     """Raise :class:`RaucaError` for a folder that cannot be optimized on."""
     making = watch.job(DATASET_JOB)
     if making is not None and making.alive and making.task.folder == folder:
@@ -220,18 +199,11 @@ MAX_HISTORY_BYTES = 2**28  # as `rauca optimize` reads it
 
 
 @dataclass
-class OptimizeTask:
-    """Optimizes a camouflage into ``folder``, going on where an earlier run stopped.
+class OptimizeTask(Task):
+    """Optimizes a camouflage into ``folder``, going on where an earlier run stopped."""
 
-    Attributes:
-        folder: of the camouflage, its history and its checkpoints.
-        start: the command, without what makes it go on.
-    """
-
-    folder: Path
-    start: Sequence[str]
     _told_history: bool = False
-    _seen: dict[str, int] = field(default_factory=dict)
+    _preview_at: int = 0  # when the pictures that were read last were written, nanoseconds
 
     def command(self) -> list[str]:
         return [*self.start, "--resume"] if begun(self.folder) else list(self.start)
@@ -246,18 +218,15 @@ class OptimizeTask:
         pictures = self._renewed(Path(progress.preview))
         return JobUpdate(progress.step, progress.of, progress.left_s, figures=figures, pictures=pictures)
 
-    def clean(self) -> None:
-        pass
-
     def _renewed(self, preview: Path) -> dict[str, NDArray[np.uint8]]:
         """The pictures, if their file was replaced since they were last read: the UV map and a painted frame."""
         try:
             changed = preview.stat().st_mtime_ns
         except OSError:
             return {}
-        if self._seen.get("preview") == changed or (both := thumbnail(preview)) is None:
+        if self._preview_at == changed or (both := thumbnail(preview)) is None:
             return {}
-        self._seen["preview"] = changed
+        self._preview_at = changed
         half = both.shape[1] // 2
         return {"uv_map": both[:, :half], "painted": both[:, half:]}
 
@@ -278,11 +247,3 @@ def earlier(folder: Path, step: int) -> list[Mapping[str, float]]:
 
 def _figures(line: schema.Fields) -> tuple[int, Mapping[str, float]]:
     return line.integer("step"), {name: line.number(name) for name in FIGURES}
-
-
-CLASSES = (
-    RaucaOptimize,
-    RAUCA_PT_optimize,
-    RAUCA_PT_optimize_more,
-    RAUCA_OT_optimize,
-)

@@ -6,12 +6,14 @@ import math
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import bpy
 
+from .. import compat
 from ..translations import OWN_SENSE
 
+T = TypeVar("T")
 Kind = Literal["missing", "ready", "running", "done"]
 
 
@@ -91,41 +93,50 @@ def paragraph(context: bpy.types.Context, layout: bpy.types.UILayout, text: str,
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 
 
+def folder_setting(name: str, tip: str) -> bpy.props._PropertyDeferred:
+    """A folder that the user chooses; ``//`` stands for the .blend's."""
+    return bpy.props.StringProperty(name=name, description=tip, subtype="DIR_PATH", options=compat.path_options())
+
+
 def angle(
     name: str, tip: str, default_deg: float, low_deg: float, high_deg: float, *, update: Callable[..., Any]
 ) -> bpy.props._PropertyDeferred:
     """An angle, given in degrees; Blender keeps it in radians."""
     low, high, default = (math.radians(x) for x in (low_deg, high_deg, default_deg))
     return bpy.props.FloatProperty(
-        name=name,
-        translation_context=OWN_SENSE,
-        description=tip,
-        subtype="ANGLE",
-        default=default,
-        min=low,
-        max=high,
-        step=100,
-        update=update,
-    )
+        name=name, translation_context=OWN_SENSE, description=tip, subtype="ANGLE", step=100, update=update,
+        default=default, min=low, max=high,
+    )  # fmt: skip
 
 
 class ViewportOverlay:
-    """What is drawn over every 3D view: ``draw`` is called at each redraw of one, with ``bpy.context`` set to it.
+    """What is drawn over every 3D view that shows overlays: ``draw`` is called at each redraw, with its context.
 
     The handler belongs to the add-on, not to a file, and reads the open scene every time: loading and undo cannot lose
     it.
     """
 
-    def __init__(self, draw: Callable[[], None], when: str) -> None:
+    def __init__(self, draw: Callable[[bpy.types.Context], None], when: str) -> None:
         """``when``: POST_VIEW, in the scene's coordinates, or POST_PIXEL, in the region's pixels."""
         self._draw, self._when = draw, when
         self._handler: Any = None
+        self._kept: tuple[object, Any] | None = None
 
     def register(self) -> None:
         if not bpy.app.background:  # without a window there is nothing to draw on
-            self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", self._when)
+            self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw_over, (), "WINDOW", self._when)
+
+    def _draw_over(self) -> None:
+        if bpy.context.space_data.overlay.show_overlays:
+            self._draw(bpy.context)
 
     def unregister(self) -> None:
         if self._handler is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._handler, "WINDOW")
-        self._handler = None
+        self._handler = self._kept = None
+
+    def kept(self, key: object, make: Callable[[], T]) -> T:
+        """What lies on the graphics card; made anew only when ``key``, all that it depends on, has changed."""
+        if self._kept is None or self._kept[0] != key:
+            self._kept = key, make()
+        return cast(T, self._kept[1])

@@ -1,14 +1,16 @@
-"""What an external Python needs to optimize camouflages, and what it lacks, in words. No Blender in here."""
+"""What an external Python needs to optimize camouflages, and what it lacks, in words."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..jobs.background import JobUpdate
+from bpy.app.translations import pgettext_rpt as rpt
+
+from ..jobs.background import JobUpdate, Task
 
 MARK = "rauca-python "
 OLDEST = (3, 11)
@@ -42,41 +44,19 @@ except Exception as error:
 """
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a Python will do.
-
-    Attributes:
-        ready: it will.
-        text: what is there, or what is missing and what to do; in English, for translation, then ``format(**values)``.
-        values: what fills ``text``.
-        detectors: names of those whose weights are there.
-    """
-
-    ready: bool
-    text: str
-    values: Mapping[str, str] = field(default_factory=dict)
-    detectors: Sequence[str] = ()
-
-
 @dataclass
-class CheckTask:
+class CheckTask(Task):
     """Asks a Python what it has.
 
     Attributes:
-        python: the program.
         found: what it told so far.
     """
 
-    python: Path
     found: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def folder(self) -> Path:
-        return self.python.parent
-
-    def command(self) -> list[str]:
-        return [str(self.python), "-c", PROBE]
+    @staticmethod
+    def of(python: Path) -> CheckTask:
+        return CheckTask(python.parent, [str(python), "-c", PROBE])
 
     def hear(self, line: str) -> JobUpdate | None:
         if not line.startswith(MARK):
@@ -84,52 +64,39 @@ class CheckTask:
         self.found = json.loads(line.removeprefix(MARK))
         return JobUpdate()
 
-    def clean(self) -> None:
-        pass
+
+def verdict(python: Path, found: Mapping[str, Any]) -> tuple[bool, str]:
+    """Whether a Python will do, by what the probe told; what is there, or what is missing and what to do, translated.
+
+    ``found`` is empty when it told nothing.
+    """
+    lack = _lack(python, found)
+    words = lack or rpt("Python {version} with torch {torch} on {device}, rauca {rauca} and {count} detectors")
+    known = {"rauca_error": "it crashes", **found, "version": ".".join(map(str, found.get("version", ())))}
+    return not lack, words.format(**known, python=python, count=len(found.get("detectors", ())))
 
 
-def verdict(python: Path, found: Mapping[str, Any]) -> Verdict:
-    """Judge what the probe told of ``python``, or the most that can be said when it told nothing."""
+def _lack(python: Path, found: Mapping[str, Any]) -> str:
     if not python.is_file():
-        return Verdict(False, "{python} is not there; choose the Python in which rauca is installed", _named(python))
+        return rpt("{python} is not there; choose the Python in which rauca is installed")
     if not found:
-        return Verdict(False, "{python} is not a Python; choose the one in which rauca is installed", _named(python))
-    version = ".".join(map(str, found["version"]))
+        return rpt("{python} is not a Python; choose the one in which rauca is installed")
     if tuple(found["version"][:2]) < OLDEST:
-        text = "Python {version} is too old: choose 3.11 or newer, with torch and rauca installed in it"
-        return Verdict(False, text, {"version": version})
-    if "torch" not in found:
-        return _without_torch(python, found)
-    if "rauca" not in found:
-        return _without_rauca(python, found)
-    if not found["speaks"]:
-        text = "Its rauca {rauca} is older than this extension: run {python} -m pip install --upgrade rauca"
-        return Verdict(False, text, {**_named(python), "rauca": found["rauca"]})
-    if not found["detectors"]:
-        return Verdict(False, "There are no detectors yet: run rauca weights fetch --all in a terminal")
-    values = {key: str(found[key]) for key in ("torch", "device", "rauca")}
-    count = str(len(found["detectors"]))
-    text = "Python {version} with torch {torch} on {device}, rauca {rauca} and {count} detectors"
-    return Verdict(True, text, {**values, "version": version, "count": count}, found["detectors"])
-
-
-def _without_torch(python: Path, found: Mapping[str, Any]) -> Verdict:
+        return rpt("Python {version} is too old: choose 3.11 or newer, with torch and rauca installed in it")
     if found.get("torch_lacks") == "torch":
-        return Verdict(False, "torch is missing: run {python} -m pip install torch", _named(python))
+        return rpt("torch is missing: run {python} -m pip install torch")
     if "torch_error" in found:
-        text = "torch does not load ({error}); install it again: {python} -m pip install --force-reinstall torch"
-        return Verdict(False, text, {**_named(python), "error": str(found["torch_error"])})
-    text = "torch brings {python} down; install it again: {python} -m pip install --force-reinstall torch"
-    return Verdict(False, text, _named(python))
-
-
-def _without_rauca(python: Path, found: Mapping[str, Any]) -> Verdict:
-    lacks = found.get("rauca_lacks", "")
-    if lacks.partition(".")[0] in ("rauca_core", "pipelines"):
-        return Verdict(False, "rauca is missing: run {python} -m pip install rauca", _named(python))
-    text = "rauca does not load ({error}); install it again: {python} -m pip install --force-reinstall rauca"
-    return Verdict(False, text, {**_named(python), "error": str(found.get("rauca_error", "it crashes"))})
-
-
-def _named(python: Path) -> dict[str, str]:
-    return {"python": str(python)}
+        return rpt(
+            "torch does not load ({torch_error}); install it again: {python} -m pip install --force-reinstall torch"
+        )
+    if "torch" not in found:
+        return rpt("torch brings {python} down; install it again: {python} -m pip install --force-reinstall torch")
+    if found.get("rauca_lacks", "").partition(".")[0] in ("rauca_core", "pipelines"):
+        return rpt("rauca is missing: run {python} -m pip install rauca")
+    if "rauca" not in found:
+        return rpt(
+            "rauca does not load ({rauca_error}); install it again: {python} -m pip install --force-reinstall rauca"
+        )
+    if not found["speaks"]:
+        return rpt("Its rauca {rauca} is older than this extension: run {python} -m pip install --upgrade rauca")
+    return "" if found["detectors"] else rpt("There are no detectors yet: run rauca weights fetch --all in a terminal")

@@ -65,10 +65,11 @@ def addon(bpy_module, empty_scene):
 
     bpy_module.ops.wm.read_factory_settings(use_empty=empty_scene)
     blender_addon.register()
-    enabled = bpy_module.context.preferences.addons.new()
-    enabled.module = blender_addon.__name__
+    bpy_module.context.preferences.addons.new().module = blender_addon.__name__
     yield bpy_module
-    bpy_module.context.preferences.addons.remove(enabled)
+    addons = bpy_module.context.preferences.addons
+    if enabled := addons.get(blender_addon.__name__):  # a test may have loaded other preferences
+        addons.remove(enabled)
     blender_addon.unregister()
     assert not hasattr(bpy_module.types.Scene, "rauca")
 

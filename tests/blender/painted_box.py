@@ -11,14 +11,14 @@ from rauca_core.contract import Camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 
 
-def a_box(material: str = "body paint") -> bpy.types.Object:
+def a_box(name="Box", material="body paint", size=(4.0, 2.0, 1.5), **changes) -> bpy.types.Object:
     """A box with Blender's own UVs, its roof of glass, its paint a red metal; picked in step 1."""
-    bpy.ops.mesh.primitive_cube_add(size=1.0, calc_uvs=True)
+    bpy.ops.mesh.primitive_cube_add(size=1.0, calc_uvs=True, **changes)
     box = bpy.context.object
-    box.name = box.data.name = "Box"
-    box.scale = (4.0, 2.0, 1.5)
-    for name in (material, "glass"):
-        made = bpy.data.materials.new(name)
+    box.name = box.data.name = name
+    box.scale = size
+    for known in (material, "glass"):
+        made = bpy.data.materials.get(known) or bpy.data.materials.new(known)
         if made.node_tree is None:  # from 5.0 they are born with one
             made.use_nodes = True
         box.data.materials.append(made)

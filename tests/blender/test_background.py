@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import signal
 import sys
 import time
 from dataclasses import dataclass
@@ -16,12 +14,13 @@ from PIL import Image
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
-from blender_addon.jobs.background import Job, JobUpdate
-from blender_addon.jobs.endings import IN_THE_WINDOW, ending
+from blender_addon.jobs.background import Job, JobUpdate, Task
+from blender_addon.jobs.child import IN_THE_WINDOW, ending
 from blender_addon.jobs.thumbnails import COLOR, MARGIN, SIDE, curve, thumbnail
 from blender_addon.steps.optimize import earlier
 from rauca_core.contract import Progress, RaucaError, parse_progress
 from rauca_core.contract.files import png_bytes
+from tests.blender import timer
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 
@@ -42,17 +41,15 @@ sys.exit(0 if n >= 5 else 2)
 
 
 @dataclass
-class Script:
-    """A task that runs a piece of Python."""
+class Script(Task):
+    """A task that runs a piece of Python, ``start``."""
 
-    code: str
-    folder: Path
     cleaned: int = 0
     starts: int = 0
 
     def command(self) -> list[str]:
         self.starts += 1
-        return [sys.executable, "-c", self.code]
+        return [sys.executable, "-c", self.start]
 
     def hear(self, line: str) -> JobUpdate | None:
         progress = parse_progress(line)
@@ -64,15 +61,11 @@ class Script:
 
 def until(job: Job, reached, seconds: float = 60.0) -> None:
     """Tick until ``reached``, as Blender's timer does."""
-    deadline = time.monotonic() + seconds
-    while not reached():
-        assert time.monotonic() < deadline, (job.phase, job.ending)
-        job.tick()
-        time.sleep(0.01)
+    timer.until(reached, seconds, job.tick)
 
 
 def ended(code: str, folder: Path) -> Job:
-    job = Job(Script(code, folder))
+    job = Job(Script(folder, code))
     until(job, lambda: not job.alive)
     return job
 
@@ -80,7 +73,7 @@ def ended(code: str, folder: Path) -> Job:
 def counting(folder: Path) -> Script:
     file = folder / "count"
     file.write_text("0")
-    return Script(f"ROOT, FILE = {str(REPOSITORY)!r}, {str(file)!r}\n{COUNTING}", folder)
+    return Script(folder, f"ROOT, FILE = {str(REPOSITORY)!r}, {str(file)!r}\n{COUNTING}")
 
 
 def test_a_paused_job_goes_on_where_it_was(tmp_path):
@@ -117,7 +110,7 @@ def test_stopping_keeps_what_is_finished_and_a_paused_job_stops_too(tmp_path):
 
 def test_stopping_twice_does_not_wait_for_a_child_that_goes_on(tmp_path):
     stubborn = "import signal, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\n"
-    job = Job(Script(stubborn + "time.sleep(600)", tmp_path))
+    job = Job(Script(tmp_path, stubborn + "time.sleep(600)"))
     until(job, lambda: job.notes == ["up"])
     job.stop()
     for _ in range(20):
@@ -148,16 +141,8 @@ def test_an_end_nobody_asked_for_is_told_in_words(tmp_path, code, words):
     assert job.task.cleaned == 1
 
 
-def test_a_child_that_is_killed_while_it_works_is_told_in_words(tmp_path):
-    job = Job(Script("import time\nprint('up', flush=True)\ntime.sleep(600)", tmp_path))
-    until(job, lambda: job.notes == ["up"])
-    os.kill(job.pid, signal.SIGKILL)
-    until(job, lambda: not job.alive)
-    assert "killed" in job.ending.text
-
-
 def test_a_program_that_is_not_there_is_refused(tmp_path):
-    task = Script("", tmp_path)
+    task = Script(tmp_path, "")
     task.command = lambda: [str(tmp_path / "none")]
     with pytest.raises(RaucaError, match="cannot be started"):
         Job(task)
@@ -167,7 +152,7 @@ def test_a_program_that_is_not_there_is_refused(tmp_path):
 def test_a_flood_of_lines_is_heard_whole_and_little_by_little(tmp_path):
     line = Progress(1, 50_000, "a" * 40).line()
     code = f"for i in range(50_000): print({line!r}.replace('\"done\": 1', '\"done\": ' + str(i + 1)))"
-    job, longest = Job(Script(code, tmp_path)), 0.0
+    job, longest = Job(Script(tmp_path, code)), 0.0
     while job.alive:
         begin = time.thread_time()
         job.tick()
@@ -181,7 +166,7 @@ def test_what_the_command_line_says_is_still_said_there():
     sources = [
         path for room in ("blender_addon", "rauca_core", "pipelines") for path in (REPOSITORY / room).rglob("*.py")
     ]
-    text = "".join(p.read_text() for p in sources if p.name != "endings.py").replace('"\n            "', "")
+    text = "".join(p.read_text() for p in sources if p.name != "child.py").replace('"\n            "', "")
     for there, here in IN_THE_WINDOW:
         assert there in text, there
         assert "--" not in here

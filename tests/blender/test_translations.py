@@ -14,12 +14,13 @@ bpy = pytest.importorskip("bpy")
 
 import blender_addon  # noqa: E402 - after the skip
 from blender_addon import registration  # noqa: E402
-from blender_addon.translations_de import WORDS  # noqa: E402
+from blender_addon.translations import words  # noqa: E402
 
+WORDS = words("de")
 ADD_ON = Path(blender_addon.__file__).parent
 SHOWN = [*ADD_ON.glob("steps/**/*.py"), ADD_ON / "preferences.py"]
-SAID_BY_JOBS = [ADD_ON / "jobs" / "endings.py"]
-TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Ending", "Verdict"}  # calls whose plain texts are shown
+SAID_BY_JOBS = [ADD_ON / "jobs" / "child.py"]
+TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Ending"}  # calls whose plain texts are shown
 # Names and signs that are the same in every language.
 EXEMPT = {"{reason}", "CARLA", "CPU", "GPU", "+X", "-X", "+Y", "-Y"}
 
@@ -38,8 +39,7 @@ def test_every_text_has_a_german_one(registered: None) -> None:
 
 
 def test_no_german_text_is_left_over(registered: None) -> None:
-    sources = [path for path in ADD_ON.glob("**/*.py") if not path.stem.endswith("_de")]
-    said = {text for path in sources for text in constants(path)}
+    said = {text for path in ADD_ON.glob("**/*.py") for text in constants(path)}
     assert sorted(set(WORDS) - said - {*class_texts(), *property_texts()}) == []
 
 
@@ -84,8 +84,7 @@ def literal_texts() -> Iterator[str]:
             called = getattr(node.func, "attr", getattr(node.func, "id", ""))
             given = [word.value for word in node.keywords if word.arg in ("text", "heading")]
             if called in TRANSLATED:
-                # An ending's first word is its phase; a verdict's text is its second argument.
-                given += node.args[1:] if called in ("Ending", "Verdict") else node.args
+                given += node.args[1:] if called == "Ending" else node.args  # its first word is its phase
             for value in given:
                 if isinstance(value, ast.Constant) and isinstance(value.value, str) and value.value:
                     yield value.value
@@ -93,7 +92,7 @@ def literal_texts() -> Iterator[str]:
 
 def classes() -> Iterator[type]:
     for module in registration.MODULES:
-        yield from module.CLASSES
+        yield from registration.classes_of(module)
 
 
 def constants(path: Path) -> Iterator[str]:

@@ -20,16 +20,11 @@ from .painted_box import a_camouflage, a_layer, painted_box, words  # noqa: E402
 
 
 @pytest.fixture
-def bake(tmp_path):
+def bake(addon, tmp_path):
     """The step's settings, in an empty scene, writing to a folder."""
-    import blender_addon
-
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    blender_addon.register()
-    settings = bpy.context.scene.rauca.bake
+    settings = addon.context.scene.rauca.bake
     settings.folder, settings.size = str(tmp_path / "out"), "512"
-    yield settings
-    blender_addon.unregister()
+    return settings
 
 
 def refused(bake, tmp_path) -> str:
@@ -164,15 +159,16 @@ def test_a_full_disk_leaves_no_picture_behind(bake, tmp_path, small_disk):
 
 
 def test_what_is_undone_while_a_bake_is_put_in_place_is_told(bake, tmp_path):
-    from blender_addon.scene.bake import prepare_bake, run_bake
-    from blender_addon.steps.bake.operators import Order, RAUCA_OT_bake
+    from blender_addon.scene.bake import prepare_bake
+    from blender_addon.steps.bake import BakeRun, RAUCA_OT_bake
     from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 
     a_layer(painted_box(tmp_path), "other")
     task = prepare_bake(*painted_surface(bpy.context), "other", 64, False)
-    baked = run_bake(task, lambda done: None)
+    run = BakeRun(task, "other", tmp_path / "out" / "a.png")
+    run.run()
     before = set(bpy.data.images)
-    steps = RAUCA_OT_bake._finish(None, bpy.context, Order(task, "other", tmp_path / "out" / "a.png"), baked)
+    steps = RAUCA_OT_bake.finish(None, bpy.context, run)
     next(steps)
     (new,) = set(bpy.data.images) - before
     bpy.data.images.remove(new)
@@ -246,14 +242,14 @@ def test_glb_is_written_in_a_blender_of_another_language(bake, tmp_path, named_i
 
 def test_a_bake_beside_the_window_stops_when_asked(bake, tmp_path):
     from blender_addon.scene.bake import prepare_bake
-    from blender_addon.steps.bake.operators import BakeRun
+    from blender_addon.steps.bake import BakeRun
     from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 
     box = painted_box(tmp_path)
     a_layer(box, "other")
     surface, coat = painted_surface(bpy.context)
     task = prepare_bake(surface, coat, "other", 512, False)
-    whole, given_up = BakeRun(task), BakeRun(task)
+    whole, given_up = (BakeRun(task, "other", tmp_path / "a.png") for _ in range(2))
     given_up.stop()
     for run in (whole, given_up):
         run.start()

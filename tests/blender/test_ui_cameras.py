@@ -8,8 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from rauca_core.contract import LedgerEntry, Plan, Quality, RaucaError, Ring, Weather, append_entry
+from rauca_core.contract import LedgerEntry, Plan, RaucaError, Ring, append_entry
 from rauca_core.contract.files import write_json
+from tests.blender.conftest import small_plan
 
 JITTERY = Ring((0.0, 90.0, 200.0), (10.0, 85.0), (6.0, 9.0), 12.0, 8.0, 0.1, 0.2, 5.0, 70.0)
 POSE = np.array([[0.0, -1, 0, 3], [1, 0, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
@@ -27,12 +28,7 @@ def cameras(addon):
 
 
 def a_plan(**changes: object) -> Plan:
-    settings = {
-        "name": "set", "vehicle_name": "box", "atlas_id": "0" * 16, "size": 320, "quality": Quality(8), "light": True,
-        "weathers": (Weather("day", 45.0),), "ring": JITTERY, "locations": 2, "reference_srgb": (140, 140, 140),
-        "min_visible": 0.5, "seed": 3, "blender": "test",
-    }  # fmt: skip
-    return Plan(**(settings | changes))
+    return small_plan("0" * 16, **({"size": 320, "ring": JITTERY, "locations": 2} | changes))
 
 
 def lines(shots, chosen: int = 0):
@@ -113,12 +109,10 @@ def test_large_rings_stay_drawable(bpy_module):
 
 
 def test_the_ring_is_what_the_panel_says(addon, cameras):
-    assert cameras.ring(addon.context) == Ring(
-        tuple(i * 45.0 for i in range(8)), (10.0, 25.0), (6.0, 10.0), fov_deg=60.0
-    )
+    assert cameras.ring() == Ring(tuple(i * 45.0 for i in range(8)), (10.0, 25.0), (6.0, 10.0), fov_deg=60.0)
     cameras.azimuths, cameras.elevations, cameras.distances = 3, 3, 1
     cameras.jitter_distance, cameras.jitter_roll = 12.0, math.radians(4)
-    assert cameras.ring(addon.context) == Ring(
+    assert cameras.ring() == Ring(
         (0.0, 120.0, 240.0), (10.0, 17.5, 25.0), (8.0,), jitter_distance=0.12, jitter_roll_deg=4.0
     )
 
@@ -261,13 +255,13 @@ def test_the_estimate_counts_every_frame_and_learns_from_a_dataset(addon, tmp_pa
 
 
 def test_a_damaged_pace_is_a_guess(tmp_path):
-    from blender_addon.steps.cameras.timing import Pace, measure, recall, remember
+    from blender_addon.steps.cameras.timing import Pace, learn, recall
 
     assert recall(tmp_path) == Pace()
-    remember(Pace(0.5, 40), tmp_path)
+    write_json(tmp_path / "pace.json", {"factor": 0.5, "frames": 40})
     assert recall(tmp_path) == Pace(0.5, 40)
     for text in ("{", json.dumps({"factor": "x"}), json.dumps({"factor": -1.0, "frames": 3}), "[]", "[" * 100_000):
         (tmp_path / "pace.json").write_text(text)
         assert recall(tmp_path) == Pace()
     with pytest.raises(RaucaError):
-        measure(tmp_path, 1)
+        learn(tmp_path, 1)

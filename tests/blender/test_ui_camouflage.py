@@ -19,20 +19,15 @@ from .painted_box import a_box, a_camouflage, painted_box, words  # noqa: E402 -
 
 
 @pytest.fixture
-def rauca():
+def rauca(addon):
     """The scene's settings, in an empty scene."""
-    import blender_addon
-
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    blender_addon.register()
-    yield bpy.context.scene.rauca
-    blender_addon.unregister()
+    return addon.context.scene.rauca
 
 
-def step(name: str):
-    from blender_addon.steps import camouflage
+def state():
+    from blender_addon.steps.camouflage import panel
 
-    return camouflage.state(bpy.context) if name == "state" else None
+    return panel.state(bpy.context)
 
 
 def test_the_paint_is_covered_and_given_back(rauca, tmp_path):
@@ -42,7 +37,7 @@ def test_the_paint_is_covered_and_given_back(rauca, tmp_path):
     before = len(tree.nodes), len(tree.links), tuple(shader.inputs["Base Color"].default_value)
     atlas = rauca.vehicle.chosen(bpy.context).atlas_id
     a_camouflage(tmp_path)
-    assert step("state").kind == "ready"
+    assert state().kind == "ready"
     assert bpy.ops.rauca.apply_camouflage() == {"FINISHED"}
     assert [slot.material.name for slot in box.material_slots] == ["body paint", "glass"]
     assert shader.inputs["Base Color"].is_linked
@@ -51,7 +46,7 @@ def test_the_paint_is_covered_and_given_back(rauca, tmp_path):
     marks = [value.value for value in box.data.attributes["rauca_painted"].data]
     assert marks == [float(polygon.material_index == 0) for polygon in box.data.polygons]
     assert rauca.vehicle.chosen(bpy.context).atlas_id == atlas  # the vehicle is still the one it was made for
-    assert step("state").words == "The vehicle wears spots"
+    assert state().words == "The vehicle wears spots"
     assert bpy.ops.rauca.remove_camouflage() == {"FINISHED"}
     assert before == (len(tree.nodes), len(tree.links), tuple(shader.inputs["Base Color"].default_value))
     assert not shader.inputs["Base Color"].is_linked
@@ -112,9 +107,9 @@ def test_toggle_and_undo(rauca, tmp_path):
     painted_box(tmp_path)
     bpy.ops.ed.undo_push(message="painted")
     assert bpy.ops.rauca.show_paint("EXEC_DEFAULT", True) == {"FINISHED"}
-    assert step("state").words == "The original paint shows; spots is hidden"
+    assert state().words == "The original paint shows; spots is hidden"
     bpy.ops.ed.undo()
-    assert step("state").words == "The vehicle wears spots"
+    assert state().words == "The vehicle wears spots"
     with pytest.raises(RuntimeError, match="Nothing is baked yet"):
         bpy.ops.rauca.show_paint(which="BAKED")
     bpy.ops.rauca.remove_camouflage("EXEC_DEFAULT", True)
@@ -225,9 +220,8 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     box = painted_box(tmp_path)  # beside the evaluation: it is found by itself
     scene = bpy.context.scene
     assert rauca.camouflage.study == str(tmp_path)
-    assert panel._missing(bpy.context) in ("Reading the evaluation …", "")
     views = shown_evaluation.load_now(rauca.camouflage.study)
-    assert panel._missing(bpy.context) == ""
+    assert panel._views(bpy.context) is views
     assert shown_evaluation.same_view(scene, views) == []
     assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
     seen = shown_evaluation.same_view(scene, views)
@@ -253,7 +247,7 @@ def test_no_evaluation_is_told_in_words(rauca, tmp_path):
 
     painted_box(tmp_path)
     assert not bpy.ops.rauca.evaluated_view.poll()
-    assert "No evaluation yet" in panel._missing(bpy.context)
+    assert "No evaluation yet" in panel._views(bpy.context)
     rauca.camouflage.study = str(tmp_path)
     with pytest.raises(RuntimeError, match="holds no evaluation"):
         bpy.ops.rauca.evaluated_view()

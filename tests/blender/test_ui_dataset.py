@@ -16,7 +16,10 @@ from tests.blender.disks import fill
 from tests.blender.timer import until
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
-SMALL = ["--size", "64", "--samples", "1", "--no-denoise", "--seed", "3"]
+SMALL = (
+    "--size 64 --samples 1 --no-denoise --seed 3 --vehicle sedan --weathers demo "
+    "--azimuths 1 --elevations 17.5 --distances 8"
+)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -29,19 +32,8 @@ def content(folder: Path) -> dict[str, bytes]:
 def headless(bpy_module, tmp_path_factory) -> dict[str, bytes]:
     """The same settings on the command line."""
     folder = tmp_path_factory.mktemp("headless") / "set"
-    command = [sys.executable, str(REPOSITORY / "pipelines" / "make_dataset.py"), "--out", str(folder), *SMALL]
-    command += [
-        "--vehicle",
-        "sedan",
-        "--weathers",
-        "demo",
-        "--azimuths",
-        "1",
-        "--elevations",
-        "17.5",
-        "--distances",
-        "8",
-    ]
+    command = [sys.executable, str(REPOSITORY / "pipelines" / "make_dataset.py"), "--out", str(folder)]
+    command += SMALL.split()
     made = subprocess.run(command, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
     return content(folder)
@@ -92,6 +84,16 @@ def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, h
     assert not job.task.scratch.exists()
     assert content(tmp_path / "set") == headless
     assert longest < 0.1
+
+
+def test_a_script_without_a_window_waits_for_the_end(addon, steps, headless, tmp_path):
+    settings = steps().dataset
+    settings.folder = str(tmp_path / "set")
+    assert addon.ops.rauca.generate_dataset() == {"FINISHED"}
+    assert content(tmp_path / "set") == headless
+    settings.size = 96
+    with pytest.raises(RuntimeError, match="holds a dataset made with another size"):
+        addon.ops.rauca.generate_dataset()
 
 
 def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
@@ -16,39 +14,19 @@ from tests.atlas_report import atlas_report
 bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 
+from .painted_box import a_box  # noqa: E402 - after the skip
+from .timer import until  # noqa: E402
+
+
 @pytest.fixture
-def vehicle():
+def vehicle(addon):
     """The step's settings, in an empty scene."""
-    import blender_addon
-
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    blender_addon.register()
-    yield bpy.context.scene.rauca.vehicle
-    blender_addon.unregister()
-
-
-def a_box(name="Box", material="body paint", size=(4.0, 2.0, 1.5), **changes):
-    """A box on the ground with Blender's own UVs, its roof of glass; picked."""
-    bpy.ops.mesh.primitive_cube_add(size=1.0, calc_uvs=True, **changes)
-    box = bpy.context.object
-    box.name = box.data.name = name
-    box.scale = size
-    for known in (material, "glass"):
-        box.data.materials.append(bpy.data.materials.get(known) or bpy.data.materials.new(known))
-    roof = max(box.data.polygons, key=lambda polygon: polygon.center.z)
-    roof.material_index = 1
-    bpy.context.scene.rauca.vehicle.object = box
-    bpy.context.view_layer.update()
-    return box
+    return addon.context.scene.rauca.vehicle
 
 
 def undoable(operator, **options):
     """Run an operator as its button does, with a step of undo; names are looked up anew, as undo replaces the data."""
     return operator("EXEC_DEFAULT", True, **options)
-
-
-def words(told) -> str:
-    return " ".join(str(told.value).split())
 
 
 def select(box, wanted) -> None:
@@ -71,7 +49,7 @@ def uv_layers(name) -> list[str]:
 
 
 def test_nothing_picked_says_what_to_do(vehicle):
-    from blender_addon.steps.vehicle import state
+    from blender_addon.steps.vehicle.panel import state
 
     assert state(bpy.context).kind == "missing"
     with pytest.raises(RaucaError, match="No vehicle: in step 1, Vehicle, pick an object"):
@@ -87,7 +65,7 @@ def test_nothing_picked_says_what_to_do(vehicle):
 
 
 def test_every_shipped_vehicle_can_be_added_and_comes_out_as_itself(vehicle):
-    from blender_addon.steps.vehicle import state
+    from blender_addon.steps.vehicle.panel import state
 
     bpy.context.scene.cursor.location = (5.0, -3.0, 0.5)
     for name in ("sedan", "van", "cube"):
@@ -119,7 +97,7 @@ def test_a_shipped_vehicle_that_was_edited_is_no_longer_the_shipped_one(vehicle)
 
 
 def test_a_deleted_object_is_no_vehicle(vehicle):
-    from blender_addon.steps.vehicle import state
+    from blender_addon.steps.vehicle.panel import state
 
     box = a_box()
     bpy.context.scene.collection.objects.unlink(box)
@@ -154,8 +132,7 @@ def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_pat
 
     parts_with_everything()
     if marked:
-        mesh = bpy.data.objects["Body"].data
-        mark_faces(mesh, np.array([True, True, False, False, False, False]))
+        mark_faces(bpy.data.objects["Body"].data, np.arange(6) < 2)
         vehicle.paint = "FACES"
     here = vehicle.chosen(bpy.context)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "car.blend"))
@@ -171,29 +148,19 @@ def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_pat
     assert import_vehicle(folder).geometry_id == here.geometry_id
 
 
-def hide_from(what, thing, parts) -> None:
-    """Hide an object, or the collection that it is in, by one of Blender's switches."""
-    layer = bpy.context.view_layer.layer_collection.children[parts.name]
-    switches = {
-        "object, eye": lambda: thing.hide_set(True),
-        "object, monitor": lambda: setattr(thing, "hide_viewport", True),
-        "object, camera": lambda: setattr(thing, "hide_render", True),
-        "collection, eye": lambda: setattr(layer, "hide_viewport", True),
-        "collection, monitor": lambda: setattr(parts, "hide_viewport", True),
-        "collection, camera": lambda: setattr(parts, "hide_render", True),
-        "collection, left out": lambda: setattr(layer, "exclude", True),
-    }
-    switches[what]()
-
-
 @pytest.mark.parametrize(
-    ("what", "faces"),
+    ("hide", "faces"),
     [
-        ("object, eye", 24), ("object, monitor", 24), ("object, camera", 12),
-        ("collection, eye", 24), ("collection, monitor", 24), ("collection, camera", 12), ("collection, left out", 12),
+        (lambda thing, parts, layer: thing.hide_set(True), 24),
+        (lambda thing, parts, layer: setattr(thing, "hide_viewport", True), 24),
+        (lambda thing, parts, layer: setattr(thing, "hide_render", True), 12),
+        (lambda thing, parts, layer: setattr(layer, "hide_viewport", True), 24),
+        (lambda thing, parts, layer: setattr(parts, "hide_viewport", True), 24),
+        (lambda thing, parts, layer: setattr(parts, "hide_render", True), 12),
+        (lambda thing, parts, layer: setattr(layer, "exclude", True), 12),
     ],
-)  # fmt: skip
-def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, tmp_path, what, faces):
+)
+def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, tmp_path, hide, faces):
     from blender_addon.scene.vehicle_files import import_vehicle
 
     body, wheels = a_box("Body"), a_box("Wheels", "tyre", size=(3.0, 2.2, 0.5))
@@ -202,7 +169,7 @@ def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, t
     bpy.context.scene.collection.objects.unlink(wheels)
     parts.objects.link(wheels)
     wheels.parent, vehicle.object = body, body
-    hide_from(what, wheels, parts)
+    hide(wheels, parts, bpy.context.view_layer.layer_collection.children["Parts"])
     hidden = wheels.hide_get(), wheels.hide_viewport, parts.hide_viewport, wheels.visible_get()
     assert len(vehicle.chosen(bpy.context).triangles) == faces
     assert (wheels.hide_get(), wheels.hide_viewport, parts.hide_viewport, wheels.visible_get()) == hidden
@@ -263,7 +230,7 @@ def test_an_object_that_cannot_be_the_vehicle_is_refused_in_one_line(vehicle, ma
 
 
 def test_faces_are_marked_unmarked_selected_and_undone(vehicle):
-    from blender_addon.steps.vehicle import state
+    from blender_addon.steps.vehicle.panel import state
 
     box = a_box()
     assert not bpy.ops.rauca.mark_paint.poll()
@@ -306,7 +273,7 @@ def test_marking_says_what_is_wrong(vehicle):
 
 
 def test_unwrapping_makes_a_clean_layer_beside_the_others(vehicle):
-    box = a_box()
+    a_box()
     bpy.ops.ed.undo_push(message="start")
     assert undoable(bpy.ops.rauca.unwrap_paint) == {"FINISHED"}
     assert uv_layers("Box") == ["UVMap", "rauca"]
@@ -319,7 +286,6 @@ def test_unwrapping_makes_a_clean_layer_beside_the_others(vehicle):
     assert bpy.context.scene.rauca.vehicle.chosen(bpy.context).atlas_id == chosen.atlas_id
     bpy.ops.ed.undo()
     assert uv_layers("Box") == ["UVMap"]
-    assert box is not None
 
 
 def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
@@ -358,13 +324,11 @@ def test_the_child_process_unwraps_as_the_window_asks(vehicle):
     box = a_box()
     child = UnwrapChild(to_unwrap(vehicle.reading(bpy.context)))
     try:
-        deadline = time.monotonic() + 60
-        while not child.ended() and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: not child.is_alive(), 60)
         fresh = child.result()
     finally:
-        child.close()
-    assert not child._folder.exists()
+        child.stop()
+    assert not child.folder.exists()
     box.data.vertices[0].co.x += 0.1
     with pytest.raises(RaucaError, match="changed while it was unwrapped"):
         write_unwrapped(vehicle.reading(bpy.context), fresh)
@@ -386,6 +350,11 @@ def shared(box):
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Twin", box.data))
 
 
+def full(box):
+    for number in range(7):
+        box.data.uv_layers.new(name=f"More {number}")
+
+
 def instanced(box):
     parts = bpy.data.collections.new("Parts")
     parts.objects.link(box)
@@ -403,6 +372,8 @@ def instanced(box):
         (shared, "Box: other objects share its mesh.*Make Single User"),
         (linked, "Box: is linked from .*lib.blend.*Make Local"),
         (instanced, "Instance: its faces are instances.*Make Instances Real"),
+        (full, "has 8 UV layers"),
+        (lambda box: bpy.ops.rauca.add_vehicle(vehicle="cube"), "cube: has the UV map that its camouflages fit"),
     ],
 )
 def test_a_mesh_that_cannot_be_written_to_is_read_but_not_unwrapped(vehicle, make, expected):
@@ -410,20 +381,6 @@ def test_a_mesh_that_cannot_be_written_to_is_read_but_not_unwrapped(vehicle, mak
     bpy.context.view_layer.update()
     assert vehicle.chosen(bpy.context).paint_faces().any()
     with pytest.raises(RuntimeError, match=expected):
-        bpy.ops.rauca.unwrap_paint()
-
-
-def test_a_mesh_without_room_for_a_layer_is_refused(vehicle):
-    box = a_box()
-    for number in range(7):
-        box.data.uv_layers.new(name=f"More {number}")
-    with pytest.raises(RuntimeError, match="has 8 UV layers"):
-        bpy.ops.rauca.unwrap_paint()
-
-
-def test_a_shipped_vehicle_keeps_its_atlas(vehicle):
-    bpy.ops.rauca.add_vehicle(vehicle="cube")
-    with pytest.raises(RuntimeError, match="cube: has the UV map that its camouflages fit"):
         bpy.ops.rauca.unwrap_paint()
 
 

@@ -279,7 +279,7 @@ def test_a_saved_file_still_knows_what_was_there(addon, weather, tmp_path):
 
 
 def test_the_panels_words(addon, weather, tmp_path):
-    from blender_addon.steps.weather import state
+    from blender_addon.steps.weather.panel import state
 
     assert state(addon.context).words == "3 weathers for the dataset"
     weather.used = "ONE"

@@ -6,15 +6,16 @@ import time
 from collections.abc import Callable
 
 
-def until(reached: Callable[[], bool], seconds: float = 900.0) -> float:
-    """Let the timer's function run until ``reached``; returns the longest it took of this thread's own time."""
+def until(reached: Callable[[], bool], seconds: float = 900.0, tick: Callable[[], object] | None = None) -> float:
+    """Let the timer's function, or ``tick``, run until ``reached``; returns the longest it took on this thread."""
     from blender_addon.jobs import watch
 
+    tick = tick or watch.tick
     deadline, longest = time.monotonic() + seconds, 0.0
     while not reached():
         assert time.monotonic() < deadline
         begin = time.thread_time()
-        watch.tick()
+        tick()
         longest = max(longest, time.thread_time() - begin)
         time.sleep(0.02)
     return longest

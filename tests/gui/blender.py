@@ -14,7 +14,6 @@ from .screen import Screen
 
 PROBE = Path(__file__).with_name("probe.py")
 PATIENCE_S = 240.0
-GRID = 8  # pixels between two looks for a button; half a button's height is 10
 
 
 class Blender:

@@ -132,15 +132,15 @@ def watch_add_on(heart: Heart) -> None:
     """Time all that the add-on does in the window's thread by itself: its timer, its panels, its lines in the view."""
     registration = own("registration")
     for module in registration.MODULES:  # type: ignore[attr-defined]
-        for cls in module.CLASSES:
+        for cls in registration.classes_of(module):  # type: ignore[attr-defined]
             for name in ("draw", "draw_header", "modal") if issubclass(cls, PANELS_AND_OPERATORS) else ():
                 if hasattr(cls, name):
                     heart.watch(cls, name)
-    heart.watch(own("background.watch"), "tick")
+    heart.watch(own("jobs.watch"), "tick")
 
 
 def own(name: str) -> object:
-    """A module of the installed extension, such as ``background.watch``."""
+    """A module of the installed extension, such as ``jobs.watch``."""
     found = [module for key, module in sys.modules.items() if key.endswith(f"{OWN}{name}")]
     if len(found) != 1:
         raise LookupError(f"{name}: {len(found)} modules")

@@ -61,7 +61,7 @@ class Sidebar:
 
     def _shown(self) -> list[int]:
         """The steps whose panels are open."""
-        self.blender.ask("heart.seen.clear()\nown('background.watch').redraw()")
+        self.blender.ask("heart.seen.clear()\nown('jobs.watch').redraw()")
         headers = "value = sum(name.endswith('.draw_header') for name in heart.seen)"
         self.blender.wait(lambda: self.blender.ask(headers) >= len(PANELS), "the sidebar to be drawn")
         seen = self.blender.ask("value = list(heart.seen)")

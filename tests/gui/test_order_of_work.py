@@ -266,7 +266,7 @@ def back_to_solid(desk: Sidebar) -> None:
 
 
 def begun(blender: Blender, job: str) -> bool:
-    return bool(blender.ask(f"value = own('background.watch').job({job!r}) is not None"))
+    return bool(blender.ask(f"value = own('jobs.watch').job({job!r}) is not None"))
 
 
 def look_at_the_vehicle(desk: Sidebar) -> None:
@@ -281,7 +281,7 @@ def idle(blender: Blender) -> Gaps:
     blender.screen.move(*blender.away())
     blender.ask("heart.take()")
     for _ in range(100):
-        blender.ask("own('background.watch').redraw()")
+        blender.ask("own('jobs.watch').redraw()")
         time.sleep(0.1)
     return Gaps.of(blender.ask("value = heart.take()"))
 
@@ -290,7 +290,7 @@ def measured(desk: Sidebar, job: str, picture: str) -> str:
     """Wait for a job while the window's pulse is taken; a screenshot when it is half done."""
     blender = desk.blender
     blender.screen.move(*blender.away())
-    found = f"found = own('background.watch').job({job!r})\n"
+    found = f"found = own('jobs.watch').job({job!r})\n"
     blender.ask("heart.take()")
     half = found + "value = found.fraction >= 0.5 or not found.alive"
     blender.wait(lambda: blender.ask(half), "half of the job", PATIENCE_S)

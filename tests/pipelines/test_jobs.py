@@ -79,7 +79,7 @@ def whole(tmp_path_factory) -> Path:
 
 def supervise(folder: Path, whole: Path, news, workers: int = 1, recycle: int = 200):
     """Supervise in this process, so that ``news`` hears which worker renders what; plan and vehicle are ``whole``'s."""
-    from blender_addon.child import child_command
+    from blender_addon.jobs.child import child_command
     from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
 
     listener = Listener(lambda progress: None, lambda note: None, news)

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from blender_addon.jobs.supervisor import REMEMBERED, Crew, Listener, Pace, Supervisor
-from blender_addon.jobs.worker import News, parse_news
+from blender_addon.jobs.workers import News, parse_news
 from pipelines import dataset_commands
 from pipelines.cli import app
 from pipelines.console import console, progress_bar

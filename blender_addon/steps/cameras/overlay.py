@@ -9,7 +9,7 @@ from gpu_extras.batch import batch_for_shader
 
 from ...scene.ring import RingLines, ring_lines
 from ..panel import ViewportOverlay
-from .properties import Anchor, RaucaCameras, anchor
+from .properties import anchor
 
 # Linear colors and widths in pixels, in drawing order.
 STYLES = {
@@ -18,23 +18,17 @@ STYLES = {
     "cameras": ((0.45, 0.72, 1.0, 0.95), 1.5),
     "chosen": ((1.0, 0.75, 0.15, 1.0), 2.5),
 }
-_drawn: dict[tuple[object, ...], dict[str, gpu.types.GPUBatch]] = {}
 
 
-def wanted(context: bpy.types.Context) -> bool:
-    """Whether this viewport shows the ring: not through a view's camera, whose picture it would clutter."""
-    space, settings = context.space_data, context.scene.rauca.cameras
-    if not settings.overlay or space is None or space.type != "VIEW_3D" or not space.overlay.show_overlays:
-        return False
-    return not (settings.looking and space.region_3d.view_perspective == "CAMERA")
-
-
-def _draw() -> None:
-    context = bpy.context
-    if not wanted(context):
-        return
+def _draw(context: bpy.types.Context) -> None:
     settings = context.scene.rauca.cameras
-    batches = _batches(context, settings, anchor(context))
+    # Not through a view's camera, whose picture the ring would clutter.
+    if not settings.overlay or (settings.looking and context.region_data.view_perspective == "CAMERA"):
+        return
+    around, place = anchor(context), context.scene.rauca.weather.place - 1
+    shots, chosen, pose, center = settings.shots(), settings.chosen(), around.vehicle_to_world, around.center
+    key = (shots, place, chosen, pose.tobytes(), center.tobytes())
+    batches = _ring.kept(key, lambda: _on_card(ring_lines(shots, place, chosen, pose, center)))
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
@@ -58,17 +52,6 @@ def _in_fog(context: bpy.types.Context) -> bool:
     return box is not None and not box.hide_viewport and context.space_data.shading.type == "RENDERED"
 
 
-def _batches(context: bpy.types.Context, settings: RaucaCameras, around: Anchor) -> dict[str, gpu.types.GPUBatch]:
-    """The lines on the graphics card; made anew only when something about them has changed."""
-    shots, place, chosen = settings.shots(context), context.scene.rauca.weather.place - 1, settings.chosen()
-    key = (shots, place, chosen, around.vehicle_to_world.tobytes(), around.center.tobytes())
-    if key not in _drawn:
-        _drawn.clear()
-        lines = ring_lines(shots, place, chosen, around.vehicle_to_world, around.center)
-        _drawn[key] = _on_card(lines)
-    return _drawn[key]
-
-
 def _on_card(lines: RingLines) -> dict[str, gpu.types.GPUBatch]:
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     batches = {}
@@ -80,9 +63,4 @@ def _on_card(lines: RingLines) -> dict[str, gpu.types.GPUBatch]:
 
 
 _ring = ViewportOverlay(_draw, "POST_VIEW")
-register = _ring.register
-
-
-def unregister() -> None:
-    _ring.unregister()
-    _drawn.clear()
+register, unregister = _ring.register, _ring.unregister

@@ -1,12 +1,16 @@
-"""The cameras step's panel, and the one inside it: jitter."""
+"""The cameras step's panel, the one inside it, jitter, and what their buttons do."""
 
 from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface
+from bpy.app.translations import pgettext_rpt as rpt
+from bpy.app.translations import pgettext_tip as tip
 
 from ...core import contract
+from ...scene.camera import leave, look
 from ...translations import OWN_SENSE
+from ..operator import RaucaOperator
 from ..panel import SidebarPanel, State, StepPanel, paragraph
 from .properties import RaucaCameras, anchor
 from .timing import estimated_seconds, frame_count, pace
@@ -18,10 +22,9 @@ def state(context: bpy.types.Context) -> State:
     return State("done", iface("{count} views of the vehicle").format(count=views))
 
 
-class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
     """Place the cameras around the vehicle"""
 
-    bl_idname = "RAUCA_PT_cameras"
     bl_label = "Cameras"
     number = 3
     step_state = staticmethod(state)
@@ -33,17 +36,22 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender want
             text = iface("Drawn around the world's middle: the vehicle is not in this scene.")
             paragraph(context, layout, text, icon="INFO")
         layout.prop(settings, "azimuths")
-        _draw_spread(settings, layout, "elevations", "elevation_low", "elevation_high")
-        _draw_spread(settings, layout, "distances", "distance_near", "distance_far")
+        # A count and its two ends; of one ring only the middle counts.
+        for names in (
+            ("elevations", "elevation_low", "elevation_high"),
+            ("distances", "distance_near", "distance_far"),
+        ):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(settings, name)
         layout.prop(settings, "fov")
         _draw_look(settings, layout)
         _draw_estimate(context, layout)
 
 
-class RAUCA_PT_cameras_jitter(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_cameras_jitter(SidebarPanel, bpy.types.Panel):
     """Let cameras stray from their places at random, each in its own way"""
 
-    bl_idname = "RAUCA_PT_cameras_jitter"
     bl_label = "Jitter"
     bl_translation_context = OWN_SENSE
     bl_parent_id = "RAUCA_PT_cameras"
@@ -52,14 +60,6 @@ class RAUCA_PT_cameras_jitter(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Bl
         column = layout.column(align=True)
         for name in ("azimuth", "elevation", "distance", "aim", "roll"):
             column.prop(context.scene.rauca.cameras, f"jitter_{name}")
-
-
-def _draw_spread(settings: RaucaCameras, layout: bpy.types.UILayout, count: str, low: str, high: str) -> None:
-    """A count and its two ends; of one ring only the middle counts."""
-    column = layout.column(align=True)
-    column.prop(settings, count)
-    column.prop(settings, low)
-    column.prop(settings, high)
 
 
 def _draw_look(settings: RaucaCameras, layout: bpy.types.UILayout) -> None:
@@ -85,3 +85,52 @@ def _draw_estimate(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
     else:
         said = iface("A guess until a dataset has been rendered here")
     paragraph(context, column, said, icon="BLANK1")
+
+
+class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
+    """See what this view's camera will see, jitter included; your own camera is kept"""
+
+    bl_idname = "rauca.look_through"
+    bl_label = "Look Through"
+
+    step: bpy.props.IntProperty(
+        name="Step", default=0, options={"SKIP_SAVE"}, description="Views to go on by; 0: the chosen one"
+    )
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        if properties.step < 0:
+            return tip("Look through the view before; before the first comes the last")
+        if properties.step > 0:
+            return tip("Look through the next view; after the last comes the first")
+        return ""
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        if context.scene.library is not None:
+            return rpt("This scene is linked from another file: open that file")
+        return ""
+
+    def work(self, context: bpy.types.Context) -> None:
+        settings = context.scene.rauca.cameras
+        settings.view = (settings.chosen() + self.step) % len(settings.ring()) + 1
+        look(context.scene, settings, settings.viewpoint(context).camera)
+        if context.space_data is not None and context.space_data.type == "VIEW_3D":
+            context.space_data.region_3d.view_perspective = "CAMERA"
+
+
+class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):
+    """Bring back your own camera and picture size; the view's camera goes"""
+
+    bl_idname = "rauca.leave_view"
+    bl_label = "Leave View"
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        return rpt("No view is being looked through") if context.scene.rauca.cameras.camera is None else ""
+
+    def work(self, context: bpy.types.Context) -> None:
+        leave(context.scene, context.scene.rauca.cameras)
+        space = context.space_data
+        if space is not None and space.type == "VIEW_3D" and space.region_3d.view_perspective == "CAMERA":
+            space.region_3d.view_perspective = "PERSP"

@@ -1,4 +1,4 @@
-"""What the cameras of the open scene stand around."""
+"""Settings of the cameras step, kept in the scene, and what the cameras stand around."""
 
 from __future__ import annotations
 
@@ -70,33 +70,33 @@ def _count(name: str, tip: str, default: int, high: int) -> bpy.props._PropertyD
 class RaucaCameras(bpy.types.PropertyGroup):
     """The rings of cameras, and the view that is looked through."""
 
-    azimuths: _count("Around", "Cameras on each ring around the vehicle", 8, 360)  # type: ignore[valid-type]
-    elevation_low: _angle("Lowest", "The lowest ring, seen from the vehicle's middle", 10, -10, 89)  # type: ignore[valid-type]
-    elevation_high: _angle("Highest", "The highest ring, seen from the vehicle's middle", 25, -10, 89)  # type: ignore[valid-type]
-    elevations: _count("Heights", "Rings one above the other, from the lowest to the highest", 2, 32)  # type: ignore[valid-type]
-    distance_near: _metres("Nearest", "The nearest ring, from the vehicle's middle", 6, 0.5, 500)  # type: ignore[valid-type]
-    distance_far: _metres("Farthest", "The farthest ring, from the vehicle's middle", 10, 0.5, 500)  # type: ignore[valid-type]
-    distances: _count("Distances", "Rings one behind the other, from the nearest to the farthest", 2, 32)  # type: ignore[valid-type]
-    jitter_azimuth: _angle("Sideways", "Each camera strays so far to either side at random", 0, 0, 180)  # type: ignore[valid-type]
-    jitter_elevation: _angle("Up and Down", "Each camera strays so far up or down at random", 0, 0, 90)  # type: ignore[valid-type]
-    jitter_distance: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    azimuths: _count("Around", "Cameras on each ring around the vehicle", 8, 360)
+    elevation_low: _angle("Lowest", "The lowest ring, seen from the vehicle's middle", 10, -10, 89)
+    elevation_high: _angle("Highest", "The highest ring, seen from the vehicle's middle", 25, -10, 89)
+    elevations: _count("Heights", "Rings one above the other, from the lowest to the highest", 2, 32)
+    distance_near: _metres("Nearest", "The nearest ring, from the vehicle's middle", 6, 0.5, 500)
+    distance_far: _metres("Farthest", "The farthest ring, from the vehicle's middle", 10, 0.5, 500)
+    distances: _count("Distances", "Rings one behind the other, from the nearest to the farthest", 2, 32)
+    jitter_azimuth: _angle("Sideways", "Each camera strays so far to either side at random", 0, 0, 180)
+    jitter_elevation: _angle("Up and Down", "Each camera strays so far up or down at random", 0, 0, 90)
+    jitter_distance: bpy.props.FloatProperty(
         name="Distance", subtype="PERCENTAGE", min=0.0, max=90.0, precision=0, update=_changed,
         description="Each camera strays so far nearer or farther at random, in percent of its distance",
     )  # fmt: skip
-    jitter_aim: _metres("Aim", "The point that each camera looks at strays so far at random", 0, 0, 100)  # type: ignore[valid-type]
-    jitter_roll: _angle("Tilt", "Each camera tilts so far to either side at random", 0, 0, 180)  # type: ignore[valid-type]
-    fov: _angle("Field of View", "How wide the cameras see", 60, 1, 170)  # type: ignore[valid-type]
-    overlay: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    jitter_aim: _metres("Aim", "The point that each camera looks at strays so far at random", 0, 0, 100)
+    jitter_roll: _angle("Tilt", "Each camera tilts so far to either side at random", 0, 0, 180)
+    fov: _angle("Field of View", "How wide the cameras see", 60, 1, 170)
+    overlay: bpy.props.BoolProperty(
         name="Show in Viewport", default=True, description="Draw the rings and cameras in the viewport"
     )
-    view: bpy.props.IntProperty(  # type: ignore[valid-type]
+    view: bpy.props.IntProperty(
         name="View", default=1, min=1, update=_changed, description="The view that is drawn large and looked through"
     )
-    camera: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    camera_before: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    overrides: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    camera: bpy.props.PointerProperty(type=bpy.types.Object)
+    camera_before: bpy.props.PointerProperty(type=bpy.types.Object)
+    overrides: bpy.props.StringProperty(options={"HIDDEN"})
 
-    def ring(self, context: bpy.types.Context | None = None) -> contract.Ring:
+    def ring(self) -> contract.Ring:
         """The ring as the job renders it."""
         count = self.azimuths
         return contract.Ring(
@@ -111,10 +111,10 @@ class RaucaCameras(bpy.types.PropertyGroup):
             fov_deg=_degrees(self.fov),
         )
 
-    def shots(self, context: bpy.types.Context) -> SceneShots:
+    def shots(self) -> SceneShots:
         """Ring, picture size and seed, as the job gets them."""
-        dataset = context.scene.rauca.dataset
-        return SceneShots(self.ring(context), dataset.size, dataset.seed)
+        dataset = self.id_data.rauca.dataset
+        return SceneShots(self.ring(), dataset.size, dataset.seed)
 
     def chosen(self) -> int:
         """Index of the chosen view."""
@@ -124,7 +124,7 @@ class RaucaCameras(bpy.types.PropertyGroup):
         """The chosen view's camera at the street of step 2, jitter included: what the job renders."""
         around = anchor(context)
         place = context.scene.rauca.weather.place - 1
-        return viewpoint(self.shots(context), place, self.chosen(), around.vehicle_to_world, around.center)
+        return viewpoint(self.shots(), place, self.chosen(), around.vehicle_to_world, around.center)
 
     @property
     def looking(self) -> bool:

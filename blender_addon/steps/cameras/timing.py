@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import bpy
@@ -19,21 +19,6 @@ FILE = "pace.json"
 
 
 @dataclass(frozen=True)
-class Work:
-    """What a frame's time depends on."""
-
-    size: int
-    samples: int
-    denoise: bool
-    light: bool
-
-    def model_seconds(self) -> float:
-        """Seconds of a frame on the machine that the constants were measured on."""
-        per_pixel = (PER_SAMPLE * self.samples + DENOISING * self.denoise) * (self.size / 640.0) ** 2
-        return REST + per_pixel * (LIGHT if self.light else 1.0)
-
-
-@dataclass(frozen=True)
 class Pace:
     """How fast this machine is.
 
@@ -44,43 +29,6 @@ class Pace:
 
     factor: float = 1.0
     frames: int = 0
-
-    def seconds(self, work: Work, frames: int) -> float:
-        """Seconds that so many frames take."""
-        return self.factor * work.model_seconds() * frames
-
-
-def measure(dataset: Path, workers: int) -> Pace | None:
-    """The pace of a dataset that was rendered here, from its ledger; None when it has too few timed frames.
-
-    Args:
-        workers: Blender processes that rendered it at once. They share the cores, so each frame took longer.
-
-    Raises:
-        RaucaError: the folder holds no dataset that can be read.
-    """
-    plan = contract.read_plan(dataset)
-    times = [entry.seconds for entry in contract.read_ledger(dataset).values() if entry.seconds]
-    if len(times) < FEWEST:
-        return None
-    work = Work(plan.size, plan.quality.samples, plan.quality.denoise, plan.light)
-    at_once = min(workers, len(times))
-    return Pace(statistics.median(times) / at_once / work.model_seconds(), len(times))
-
-
-def remember(pace: Pace, folder: Path) -> None:
-    """Keep a pace in the extension's own folder."""
-    files.write_json(folder / FILE, {"factor": pace.factor, "frames": pace.frames})
-
-
-def recall(folder: Path) -> Pace:
-    """The pace that was kept; the guess if there is none or it cannot be read."""
-    try:
-        kept = schema.read_json(folder / FILE)
-        pace = Pace(kept.number("factor"), kept.integer("frames"))
-    except contract.RaucaError:
-        return Pace()
-    return pace if pace.factor > 0.0 else Pace()
 
 
 _kept: list[Pace] = []  # read once: panels are drawn often
@@ -93,17 +41,31 @@ def pace() -> Pace:
     return _kept[0]
 
 
+def recall(folder: Path) -> Pace:
+    """The pace that was kept in the extension's own folder; the guess if there is none or it cannot be read."""
+    try:
+        kept = schema.read_json(folder / FILE)
+        found = Pace(kept.number("factor"), kept.integer("frames"))
+    except contract.RaucaError:
+        return Pace()
+    return found if found.factor > 0.0 else Pace()
+
+
 def learn(dataset: Path, workers: int) -> None:
-    """Take the pace from a dataset that so many processes rendered here; too few frames change nothing.
+    """Take and keep the pace of a dataset that was rendered here, from its ledger; too few frames change nothing.
+
+    Args:
+        workers: Blender processes that rendered it at once. They share the cores, so each frame took longer.
 
     Raises:
         RaucaError: the folder holds no dataset, or the pace cannot be kept.
     """
-    measured = measure(dataset, workers)
-    if measured is None:
-        return
-    _kept[:] = [measured]
-    remember(measured, own_folder())
+    plan = contract.read_plan(dataset)
+    times = [entry.seconds for entry in contract.read_ledger(dataset).values() if entry.seconds]
+    if len(times) >= FEWEST:
+        modelled = _model_seconds(plan.size, plan.quality.samples, plan.quality.denoise, plan.light)
+        _kept[:] = [Pace(statistics.median(times) / min(workers, len(times)) / modelled, len(times))]
+        files.write_json(own_folder() / FILE, asdict(_kept[0]))
 
 
 def frame_count(context: bpy.types.Context) -> int:
@@ -117,5 +79,11 @@ def frame_count(context: bpy.types.Context) -> int:
 def estimated_seconds(context: bpy.types.Context) -> float:
     """Seconds that rendering them takes."""
     dataset = context.scene.rauca.dataset
-    work = Work(dataset.size, dataset.samples, dataset.denoise, dataset.light)
-    return pace().seconds(work, frame_count(context))
+    modelled = _model_seconds(dataset.size, dataset.samples, dataset.denoise, dataset.light)
+    return pace().factor * modelled * frame_count(context)
+
+
+def _model_seconds(size: int, samples: int, denoise: bool, light: bool) -> float:
+    """Seconds of a frame on the machine that the constants were measured on."""
+    per_pixel = (PER_SAMPLE * samples + DENOISING * denoise) * (size / 640.0) ** 2
+    return REST + per_pixel * (LIGHT if light else 1.0)

@@ -22,44 +22,34 @@ COLORS = (
     *((0.95, 0.45, 0.1), (0.85, 0.5, 0.7), (0.75, 0.75, 0.75), (0.6, 0.9, 0.6), (0.8, 0.65, 0.95)),
 )
 FONT, TEXT_PX, LINE_PX = 0, 11, 2.0
-
-
-def color_of(evaluated: EvaluatedFrame, detector: str) -> tuple[float, float, float]:
-    """A detector's color, the same in every view."""
-    return COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]
+Rectangle = tuple[float, float, float, float]  # left, bottom, right, top
 
 
 def shown_detections(scene: bpy.types.Scene, evaluated: EvaluatedFrame) -> list[tuple[str, Detection]]:
     """(detector, detection) of the boxes to draw, best first."""
-    settings = scene.rauca.camouflage
-    names = evaluated.evaluation.detectors
-    chosen = [n for n in names if settings.detector in ("ALL", n)]
-    found = [(name, d) for name in chosen for d in evaluated.evaluation.of(evaluated, paint_of(scene), name)]
+    settings, paint = scene.rauca.camouflage, paint_of(scene)
+    chosen = [name for name in evaluated.evaluation.detectors if settings.detector in ("ALL", name)]
+    found = [(name, box) for name in chosen for box in evaluated.evaluation.of(evaluated, paint, name)]
     return sorted((x for x in found if x[1].score >= settings.least_score), key=lambda x: -x[1].score)
 
 
-def _draw() -> None:
-    context = bpy.context
+def _draw(context: bpy.types.Context) -> None:
     settings = context.scene.rauca.camouflage
-    if not settings.boxes or context.region_data.view_perspective != "CAMERA" or not context.space_data.overlay:
-        return
-    if not context.space_data.overlay.show_overlays:
+    if not settings.boxes or context.region_data.view_perspective != "CAMERA":
         return
     views = loaded(settings.study)
     evaluated_frames = same_view(context.scene, views) if views is not None else []
-    if not evaluated_frames:
-        return
-    frame = _frame_on_screen(context)
+    frame = _frame_on_screen(context) if evaluated_frames else None
     if frame is None:
         return
     evaluated = evaluated_frames[0]
     size = np.array([evaluated.camera.width, evaluated.camera.height] * 2)
     scale = context.preferences.system.ui_scale
-    taken: list[tuple[float, float, float, float]] = []
+    taken: list[Rectangle] = []
     for detector, detection in shown_detections(context.scene, evaluated):
         left, top, right, bottom = np.array(detection.box) / size
         (x0, y1), (x1, y0) = _place(frame, left, top), _place(frame, right, bottom)
-        color = color_of(evaluated, detector)
+        color = COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]  # the same in every view
         _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
         _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
 
@@ -95,24 +85,18 @@ def _outline(corners: Sequence[tuple[float, float]], color: tuple[float, float, 
 
 
 def _label(
-    text: str,
-    place: tuple[float, float],
-    color: tuple[float, float, float],
-    scale: float,
-    taken: list[tuple[float, float, float, float]],
+    text: str, place: tuple[float, float], color: tuple[float, float, float], scale: float, taken: list[Rectangle]
 ) -> None:
     """Dark text on the detector's color, on top of its box or wherever above it no other label lies."""
     blf.size(FONT, TEXT_PX * scale)
-    width, _ = blf.dimensions(FONT, text)
     pad, height = 4 * scale, (TEXT_PX + 7) * scale
     x, y = place[0] - LINE_PX * scale / 2, place[1]
-    while any(
-        x < right and x + width + 2 * pad > left and y < top and y + height > low for left, low, right, top in taken
-    ):
+    end = x + blf.dimensions(FONT, text)[0] + 2 * pad
+    while any(x < right and end > left and y < top and y + height > low for left, low, right, top in taken):
         y += height
-    taken.append((x, y, x + width + 2 * pad, y + height))
+    taken.append((x, y, end, y + height))
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    corners = [(x, y), (x + width + 2 * pad, y), (x + width + 2 * pad, y + height), (x, y + height)]
+    corners = [(x, y), (end, y), (end, y + height), (x, y + height)]
     batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners})
     shader.bind()
     shader.uniform_float("color", (*color, 1.0))

@@ -49,13 +49,12 @@ class Evaluation:
     """One set of views and weathers that detectors looked at.
 
     Attributes:
-        vehicle, category: whose frames these are, and the class that a right detection names.
+        category: the class that a right detection names.
         detectors: in table order.
         paints: what the vehicle wore.
         found: ``found[detector][image sha256]``, best first.
     """
 
-    vehicle: str
     category: str
     detectors: tuple[str, ...]
     paints: tuple[str, ...]
@@ -67,14 +66,10 @@ class Evaluation:
         return tuple(d for d in detections if d.name == self.category)
 
 
-def find_evaluation(near: Path) -> Path | None:
-    """The folder of the evaluation that a camouflage's file lies in, at most three folders up; or None."""
-    parents = list(Path(near).resolve().parents)[:4]
-    for name in (STUDY, RESULTS):
-        for folder in parents:
-            if (folder / name).is_file():
-                return folder
-    return None
+def find_evaluation(near: Path) -> str:
+    """The folder of the evaluation that a camouflage's file lies in, at most three folders up; empty: none."""
+    parents = list(near.resolve().parents)[:4]
+    return next((str(folder) for name in (STUDY, RESULTS) for folder in parents if (folder / name).is_file()), "")
 
 
 def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
@@ -83,12 +78,10 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
     Raises:
         RaucaError: no evaluation there, or a damaged one.
     """
-    folder = Path(folder)
     if (folder / STUDY).is_file():
         fields = schema.read_json(folder / STUDY)
         fields.format("rauca-study", 1)
-        rows = [schema.Fields(row, f"{folder / STUDY}: entries[{i}]") for i, row in enumerate(fields.items("entries"))]
-        paths = [folder / row.text("results") for row in rows if row.text("defence") == "none"]
+        paths = [folder / row.text("results") for row in fields.objects("entries") if row.text("defence") == "none"]
     elif (folder / RESULTS).is_file():
         paths = [folder / RESULTS]
     else:
@@ -99,20 +92,20 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
 def _read_results(path: Path) -> list[EvaluatedFrame]:
     fields = schema.read_json(path)
     fields.format("rauca-results", 3)
-    frames = [schema.Fields(row, f"{path}: frames[{i}]") for i, row in enumerate(fields.items("frames"))]
-    images = fields.nested("images")
-    paints = tuple(fields.raw("images"))
-    rows = {paint: [schema.Fields(row, f"{path}: images") for row in images.items(paint)] for paint in paints}
+    frames, images = fields.objects("frames"), fields.nested("images")
+    rows = {paint: images.objects(paint) for paint in images.names()}
     if any(len(row) != len(frames) for row in rows.values()):
         raise contract.RaucaError(f"{path}: images and frames do not fit together; evaluate again")
-    fields.nested("detectors")  # an object
-    detectors = tuple(fields.raw("detectors"))
+    detectors = fields.nested("detectors").names()
+    kept = fields.nested("detections")
     evaluation = Evaluation(
-        vehicle=fields.text("vehicle") if fields.has("vehicle") else "",
         category=fields.nested("settings").text("category"),
-        detectors=detectors,
-        paints=paints,
-        found={name: _read_detections(_folders(path, fields, name), name) for name in detectors},
+        detectors=tuple(detectors),
+        paints=tuple(rows),
+        found={
+            name: _read_detections(path.parent, [kept.nested(paint) for paint in kept.names()], name)
+            for name in detectors
+        },
     )
     evaluated_frames = []
     for i, row in enumerate(frames):
@@ -122,26 +115,18 @@ def _read_results(path: Path) -> list[EvaluatedFrame]:
             raise contract.RaucaError(f"{path}: the views of {row.text('id')} are gone; evaluate again")
         frame = contract.load_frame(place.parent)
         camera = frame.camera.relative_to(frame.vehicle_to_world)
-        hashes = {paint: rows[paint][i].text("sha256") for paint in paints}
+        hashes = {paint: rows[paint][i].text("sha256") for paint in rows}
         evaluated_frames.append(EvaluatedFrame(row.text("id"), row.text("weather"), camera, hashes, evaluation))
     return evaluated_frames
 
 
-def _folders(path: Path, fields: schema.Fields, detector: str) -> list[Path]:
-    """Where the detections of one detector are kept, of whichever paint; beside the results if they do not say."""
-    named = fields.nested("detections") if fields.has("detections") else schema.Fields({}, str(path))
-    of_paints = [named.nested(paint) for paint in named.names()]
-    folders = {row.text(detector) for row in of_paints if row.has(detector)}
-    return [path.parent / folder for folder in sorted(folders or {"detections"})]
-
-
-def _read_detections(folders: Sequence[Path], detector: str) -> dict[str, tuple[Detection, ...]]:
-    """What one detector found, by image; lines that a killed run left unreadable are passed over."""
+def _read_detections(beside: Path, of_paints: list[schema.Fields], detector: str) -> dict[str, tuple[Detection, ...]]:
+    """What one detector found of any paint, by image; lines that a killed run left unreadable are passed over."""
     found: dict[str, tuple[Detection, ...]] = {}
-    for path in (path for folder in folders for path in sorted(folder.glob("*.jsonl"))):
-        if path.stem.rpartition("-")[0] != detector:  # another detector's, whose name begins with this one's
-            continue
-        found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
+    folders = {row.text(detector) for row in of_paints if row.has(detector)} or {"detections"}
+    for path in (path for folder in sorted(folders) for path in sorted((beside / folder).glob("*.jsonl"))):
+        if path.stem.rpartition("-")[0] == detector:  # not another one's, whose name begins with this one's
+            found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
     return found
 
 
@@ -161,31 +146,25 @@ class Views:
 
     def __init__(self, evaluated_frames: Sequence[EvaluatedFrame]) -> None:
         self.evaluated_frames = list(evaluated_frames)
-        matrices = [_projection(evaluated.camera) for evaluated in self.evaluated_frames]
+        cameras = [evaluated.camera for evaluated in self.evaluated_frames]
+        # (frames, 3, 4) from the vehicle's frame to fractions of the picture.
+        matrices = [np.diag([1 / c.width, 1 / c.height, 1.0]) @ c.K @ np.c_[c.R, c.t] for c in cameras]
         self._matrices = np.array(matrices).reshape(-1, 3, 4)
 
-    def distances(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far each frame is from a view.
+    def same(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> list[EvaluatedFrame]:
+        """The frames that show the vehicle like a view, in every weather.
 
         Args:
             corners: (8, 3) points of the vehicle, in its own frame, metres.
             seen: (8, 2) where the view shows them, in [0, 1] of its width and height, from the top left.
-
-        Returns:
-            (frames,) the largest distance of a corner from where the frame shows it, in pictures; infinite where a
-            corner lies behind the camera.
         """
         homogeneous = np.concatenate([corners, np.ones((len(corners), 1))], axis=1)
         projected = np.einsum("nij,kj->nki", self._matrices, homogeneous)
-        depth = projected[..., 2]
-        places = projected[..., :2] / np.where(depth > 1e-6, depth, np.nan)[..., None]
-        away = np.abs(places - seen).max(axis=(1, 2))
-        return np.where(np.isfinite(away), away, np.inf)
-
-    def same(self, corners: NDArray[np.float64], seen: NDArray[np.float64]) -> list[EvaluatedFrame]:
-        """The frames that show the vehicle like a view (see :meth:`distances`), in every weather."""
-        away = self.distances(corners, seen)
-        return [evaluated for evaluated, distance in zip(self.evaluated_frames, away, strict=True) if distance < SAME]
+        depth = projected[..., 2:]
+        # Not a number, and so not near, where a corner lies behind the camera.
+        places = projected[..., :2] / np.where(depth > 1e-6, depth, np.nan)
+        near = np.abs(places - seen).max(axis=(1, 2)) < SAME
+        return [evaluated for evaluated, fits in zip(self.evaluated_frames, near, strict=True) if fits]
 
 
 def camera_in_world(camera: contract.Camera, vehicle_to_world: NDArray[np.float64]) -> contract.Camera:
@@ -193,9 +172,3 @@ def camera_in_world(camera: contract.Camera, vehicle_to_world: NDArray[np.float6
     turn, place = vehicle_to_world[:3, :3], vehicle_to_world[:3, 3]
     R = camera.R @ turn.T
     return contract.Camera(camera.K, R, camera.t - R @ place, camera.width, camera.height)
-
-
-def _projection(camera: contract.Camera) -> NDArray[np.float64]:
-    """(3, 4) from the vehicle's frame to fractions of the picture."""
-    scale = np.diag([1 / camera.width, 1 / camera.height, 1.0])
-    return scale @ camera.K @ np.concatenate([camera.R, camera.t[:, None]], axis=1)

@@ -14,13 +14,13 @@ from ...scene import camera
 from ...scene.camouflages import read_paintwork
 from ...scene.coating import paint_surface, painted_objects, uncoat
 from ...scene.mesh_edits import Surface, object_mode
-from ..operator import RaucaOperator, tooltip
+from ..operator import RaucaOperator
 from .evaluation import EvaluatedFrame, Views, camera_in_world, find_evaluation
 from .painted_vehicle import coat_shown, objects_of, place, require_coat, vehicle_for
 from .shown_evaluation import load_now, nearest, same_view, vehicle_to_world
 
 
-class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
     """Paint the vehicle of step 1 with the chosen camouflage; it is added to the scene if it is not there"""
 
     bl_idname = "rauca.apply_camouflage"
@@ -42,9 +42,7 @@ class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N80
         settings.anchor = anchor
         to_anchor = np.linalg.inv(np.array(anchor.matrix_world)) @ surface.vehicle_to_world()
         settings.vehicle_to_anchor = [x for row in Matrix(to_anchor.tolist()) for x in row]
-        if not settings.study:
-            found = find_evaluation(path)
-            settings.study = str(found) if found is not None else ""
+        settings.study = settings.study or find_evaluation(path)
         return rpt("{name} is on {vehicle}").format(name=paintwork.name, vehicle=vehicle.name)
 
 
@@ -56,16 +54,12 @@ LOOKS = [
 ]
 
 
-class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):
     """Change between the original paint and the camouflage"""
 
     bl_idname = "rauca.show_paint"
     bl_label = "Original / Camouflage"
-    which: bpy.props.EnumProperty(name="Show", items=LOOKS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_show_paint) -> str:
-        return tooltip(LOOKS, properties.which)
+    which: bpy.props.EnumProperty(name="Show", items=LOOKS, options={"SKIP_SAVE"})
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -81,7 +75,7 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
         coat.show(which)
 
 
-class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):
     """Take the camouflage off again: the materials are as they were"""
 
     bl_idname = "rauca.remove_camouflage"
@@ -92,11 +86,8 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):  # noqa: N8
         return rpt("There is no camouflage to remove") if coat_shown(context) is None else ""
 
     def work(self, context: bpy.types.Context) -> None:
-        coat = coat_shown(context)
-        if coat is None:
-            raise contract.RaucaError("There is no camouflage to remove")
         with object_mode(context):
-            uncoat(painted_objects(context.scene, coat))
+            uncoat(painted_objects(context.scene, require_coat(context)))
         context.scene.rauca.camouflage.coat = None
 
 
@@ -109,16 +100,12 @@ STEPS = [
 ]
 
 
-class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
     """Look at the vehicle through a view that detectors were evaluated on; a camera of its own is added for that"""
 
     bl_idname = "rauca.evaluated_view"
     bl_label = "Look Through an Evaluated View"
-    step: bpy.props.EnumProperty(name="View", items=STEPS, options={"SKIP_SAVE"})  # type: ignore[valid-type]
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_evaluated_view) -> str:
-        return tooltip(STEPS, properties.step)
+    step: bpy.props.EnumProperty(name="View", items=STEPS, options={"SKIP_SAVE"})
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -150,12 +137,16 @@ def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame |
         order = [evaluated for evaluated in views.evaluated_frames if evaluated in here]
         return order[(order.index(here[0]) + 1) % len(order)]
     # One frame of each view: of frames whose cameras agree, the first.
-    first: list[EvaluatedFrame] = []
+    first: dict[tuple[float, ...], EvaluatedFrame] = {}
     for evaluated in views.evaluated_frames:
-        if not any((abs(evaluated.camera.position - other.camera.position) < 1e-6).all() for other in first):
-            first.append(evaluated)
-    mine = next(i for i, s in enumerate(first) if (abs(s.camera.position - here[0].camera.position) < 1e-6).all())
-    return first[(mine + (1 if step == "NEXT" else -1)) % len(first)]
+        first.setdefault(_place(evaluated), evaluated)
+    mine = list(first).index(_place(here[0]))
+    return list(first.values())[(mine + (1 if step == "NEXT" else -1)) % len(first)]
+
+
+def _place(evaluated: EvaluatedFrame) -> tuple[float, ...]:
+    """Where its camera stands, to a millionth of a metre."""
+    return tuple(evaluated.camera.position.round(6).tolist())
 
 
 def _own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
@@ -165,11 +156,3 @@ def _own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     thing = bpy.data.objects.new(CAMERA_NAME, bpy.data.cameras.new(CAMERA_NAME))
     scene.collection.objects.link(thing)
     return thing
-
-
-CLASSES = (
-    RAUCA_OT_apply_camouflage,
-    RAUCA_OT_show_paint,
-    RAUCA_OT_remove_camouflage,
-    RAUCA_OT_evaluated_view,
-)

@@ -49,8 +49,7 @@ def place(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bpy.typ
     thing.location = context.scene.cursor.location
     thing[ATLAS_KEY] = vehicle.atlas_id
     if settings.origin != "FILE" and NAME_KEY in thing:
-        settings.origin, settings.object = "OBJECT", thing
-        settings.paint, settings.material = "MATERIAL", None
+        settings.choose(thing)
     context.view_layer.update()
     return [thing]
 
@@ -84,11 +83,8 @@ def painted_vehicle(context: bpy.types.Context) -> tuple[contract.Vehicle, Coat]
     coat = require_coat(context)
     vehicle = context.scene.rauca.vehicle.chosen(context)
     if coat.tree.get("rauca_atlas") != vehicle.atlas_id:
-        raise contract.RaucaError(
-            rpt("{name}: its paint or UVs changed since the camouflage was applied; apply it again (step 6)").format(
-                name=vehicle.name
-            )
-        )
+        text = rpt("{name}: its paint or UVs changed since the camouflage was applied; apply it again (step 6)")
+        raise contract.RaucaError(text.format(name=vehicle.name))
     return vehicle, coat
 
 
@@ -100,7 +96,6 @@ def surface_of(context: bpy.types.Context, vehicle: contract.Vehicle) -> Surface
     """
     objects = objects_of(context, vehicle)
     if not objects:
-        raise contract.RaucaError(
-            rpt("{name}: is no longer in this scene; apply the camouflage again (step 6)").format(name=vehicle.name)
-        )
+        text = rpt("{name}: is no longer in this scene; apply the camouflage again (step 6)")
+        raise contract.RaucaError(text.format(name=vehicle.name))
     return Surface.of(vehicle, objects)

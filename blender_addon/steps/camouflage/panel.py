@@ -8,7 +8,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...scene.coating import Coat
-from ..panel import SidebarPanel, State, StepPanel, paragraph
+from ..panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 from .evaluation import NORMAL, EvaluatedFrame, Views
 from .shown_evaluation import ask, loaded, paint_of, same_view
 
@@ -17,11 +17,8 @@ _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of 
 
 def _detectors(self: bpy.types.PropertyGroup, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     views = loaded(self.study)
-    names = (
-        dict.fromkeys(name for evaluated in views.evaluated_frames for name in evaluated.evaluation.detectors)
-        if views
-        else {}
-    )
+    frames = views.evaluated_frames if views else []
+    names = dict.fromkeys(name for evaluated in frames for name in evaluated.evaluation.detectors)
     _items[:] = [("ALL", "All", "Boxes of every detector"), *((n, n, "Boxes of this detector alone") for n in names)]
     return _items
 
@@ -29,35 +26,30 @@ def _detectors(self: bpy.types.PropertyGroup, context: bpy.types.Context | None)
 class RaucaCamouflage(bpy.types.PropertyGroup):
     """What the vehicle wears; ``coat``, ``anchor`` and ``vehicle_to_anchor`` are set when it is applied."""
 
-    file: bpy.props.StringProperty(  # type: ignore[valid-type]
+    file: bpy.props.StringProperty(
         name="Camouflage", subtype="FILE_PATH", description="A camouflage's .json file, or the .png beside it"
     )
-    coat: bpy.props.PointerProperty(type=bpy.types.NodeTree, options={"HIDDEN"})  # type: ignore[valid-type]
-    anchor: bpy.props.PointerProperty(type=bpy.types.Object, options={"HIDDEN"})  # type: ignore[valid-type]
-    vehicle_to_anchor: bpy.props.FloatVectorProperty(  # type: ignore[valid-type]
+    coat: bpy.props.PointerProperty(type=bpy.types.NodeTree, options={"HIDDEN"})
+    anchor: bpy.props.PointerProperty(type=bpy.types.Object, options={"HIDDEN"})
+    vehicle_to_anchor: bpy.props.FloatVectorProperty(
         size=16, default=[float(i % 5 == 0) for i in range(16)], options={"HIDDEN"}
     )
-    study: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Evaluation", subtype="DIR_PATH", description="The folder that an evaluation wrote"
-    )
-    boxes: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    study: folder_setting("Evaluation", "The folder that an evaluation wrote")
+    boxes: bpy.props.BoolProperty(
         name="Show Boxes", default=True, description="Draw what detectors found over the camera's view"
     )
-    detector: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Detector", items=_detectors, description="Whose boxes are shown"
-    )
-    least_score: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    detector: bpy.props.EnumProperty(name="Detector", items=_detectors, description="Whose boxes are shown")
+    least_score: bpy.props.FloatProperty(
         name="Least Score",
         default=0.25,
         min=0.0,
         max=1.0,
         description="A detector's confidence, 0 to 1; boxes below are not shown",
     )
-    frame: bpy.props.StringProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    frame: bpy.props.StringProperty(options={"HIDDEN"})
 
 
 def state(context: bpy.types.Context) -> State:
-    """Quick: looks at the settings only."""
     settings = context.scene.rauca.camouflage
     if settings.coat is not None:
         name = settings.coat.get("rauca_camouflage", "")
@@ -72,10 +64,9 @@ def state(context: bpy.types.Context) -> State:
     return State("ready", iface("Ready to apply {name}").format(name=Path(settings.file).name))
 
 
-class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
     """Put a camouflage on the vehicle"""
 
-    bl_idname = "RAUCA_PT_camouflage"
     bl_label = "Apply Camouflage"
     number = 6
     step_state = staticmethod(state)
@@ -110,22 +101,20 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
     row.prop_enum(shading, "type", "RENDERED", text="Rendered")
 
 
-class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):
     """What detectors found in the evaluated views"""
 
-    bl_idname = "RAUCA_PT_detections"
     bl_label = "What Detectors See"
     bl_parent_id = "RAUCA_PT_camouflage"
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.camouflage
         layout.prop(settings, "study")
-        words = _missing(context)
-        if words:
-            paragraph(context, layout, words, "INFO")
+        views = _views(context)
+        if isinstance(views, str):
+            paragraph(context, layout, views, "INFO")
             return
-        views = ask(settings.study)
-        evaluated_frames = same_view(context.scene, views) if isinstance(views, Views) else []
+        evaluated_frames = same_view(context.scene, views)
         row = layout.row(align=True)
         row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
         row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
@@ -136,17 +125,14 @@ class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blende
         _table(context, layout, evaluated_frames)
 
 
-def _missing(context: bpy.types.Context) -> str:
-    """Why there is nothing to show, or ''."""
+def _views(context: bpy.types.Context) -> Views | str:
+    """The evaluation to show, or why there is none."""
     settings = context.scene.rauca.camouflage
     if settings.coat is None:
         return iface("Apply a camouflage first")
     if not settings.study:
         return iface("No evaluation yet: run “rauca evaluate” with this camouflage, then choose the folder it wrote")
-    views = ask(settings.study)
-    if views is None:
-        return iface("Reading the evaluation …")
-    return views if isinstance(views, str) else ""
+    return ask(settings.study) or iface("Reading the evaluation …")
 
 
 def _table(context: bpy.types.Context, layout: bpy.types.UILayout, evaluated_frames: list[EvaluatedFrame]) -> None:

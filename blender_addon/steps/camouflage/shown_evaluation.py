@@ -16,8 +16,7 @@ from .evaluation import NORMAL, RESULTS, STUDY, EvaluatedFrame, Views, read_eval
 
 REDRAW_S = 0.1
 
-_read: dict[tuple[str, float], Views | str] = {}
-_reading: set[tuple[str, float]] = set()
+_read: dict[tuple[str, float], Views | str | None] = {}  # None: is being read
 
 
 def loaded(study: str) -> Views | None:
@@ -30,15 +29,13 @@ def ask(study: str) -> Views | str | None:
     """The evaluation in a folder, or why there is none; None while it is being read, which this call begins."""
     if not study:
         return None
-    key = _key(bpy.path.abspath(study))
-    if key in _read:
-        return _read[key]
-    if key not in _reading:
-        _reading.add(key)
+    key = _key(study)
+    if key not in _read:
+        _read[key] = None
         threading.Thread(target=_load, args=(key,), daemon=True).start()  # a second's reading, and no bpy in it
         if not bpy.app.background and not bpy.app.timers.is_registered(_redraw_when_read):
             bpy.app.timers.register(_redraw_when_read, first_interval=REDRAW_S)
-    return None
+    return _read[key]
 
 
 def load_now(study: str) -> Views:
@@ -47,11 +44,10 @@ def load_now(study: str) -> Views:
     Raises:
         RaucaError: there is none, or it is damaged.
     """
-    key = _key(bpy.path.abspath(study))
-    if not isinstance(_read.get(key), Views):
-        _read[key] = Views(read_evaluated_frames(Path(key[0])))
-    found = _read[key]
-    assert isinstance(found, Views)
+    key = _key(study)
+    found = _read.get(key)
+    if not isinstance(found, Views):
+        found = _read[key] = Views(read_evaluated_frames(Path(key[0])))
     return found
 
 
@@ -101,7 +97,8 @@ def _corners(scene: bpy.types.Scene, pose: NDArray[np.float64]) -> tuple[NDArray
     return local[:, :3], np.stack([seen[:, 0], 1 - seen[:, 1]], axis=1)
 
 
-def _key(folder: str) -> tuple[str, float]:
+def _key(study: str) -> tuple[str, float]:
+    folder = bpy.path.abspath(study)
     path = next((p for name in (STUDY, RESULTS) if (p := Path(folder) / name).is_file()), None)
     return folder, path.stat().st_mtime if path is not None else 0.0
 
@@ -113,12 +110,10 @@ def _load(key: tuple[str, float]) -> None:
         _read[key] = str(error)
     except Exception as error:  # the panel tells it; a thread's would vanish
         _read[key] = f"{key[0]}: cannot be read ({error})"
-    finally:
-        _reading.discard(key)
 
 
 def _redraw_when_read() -> float | None:
-    if _reading:
+    if None in _read.values():
         return REDRAW_S
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

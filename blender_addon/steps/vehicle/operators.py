@@ -12,7 +12,7 @@ from ...scene.mesh_edits import mark_faces, object_mode, require_writable, selec
 from ...scene.paint_layer import check_paint, polygons_of
 from ...scene.vehicle import add_shipped, shipped_names
 from ...scene.vehicle_arrays import marked_faces
-from ..operator import RaucaOperator, tooltip
+from ..operator import RaucaOperator
 
 DISPLAY_NAMES = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
 
@@ -26,12 +26,12 @@ def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> li
     return _items
 
 
-class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):
     """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
 
     bl_idname = "rauca.add_vehicle"
     bl_label = "Add Vehicle"
-    vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)  # type: ignore[valid-type]
+    vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)
 
     def work(self, context: bpy.types.Context) -> str:
         active = context.view_layer.objects.active
@@ -43,9 +43,7 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):  # noqa: N801 - B
         for other in context.view_layer.objects:
             other.select_set(other == thing)
         context.view_layer.objects.active = thing
-        settings = context.scene.rauca.vehicle
-        settings.origin, settings.object = "OBJECT", thing
-        settings.front, settings.paint, settings.material = "AUTO", "MATERIAL", None
+        context.scene.rauca.vehicle.choose(thing)
         return rpt("{name} added and chosen").format(name=thing.name)
 
 
@@ -56,16 +54,12 @@ ACTIONS = [
 ]
 
 
-class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):
     """Say by the selected faces what is paint"""
 
     bl_idname = "rauca.mark_paint"
     bl_label = "Mark Paint"
-    action: bpy.props.EnumProperty(name="Action", items=ACTIONS)  # type: ignore[valid-type]
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_mark_paint) -> str:
-        return tooltip(ACTIONS, properties.action)
+    action: bpy.props.EnumProperty(name="Action", items=ACTIONS)
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -80,7 +74,10 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
         if not edited:
             raise contract.RaucaError("The object in edit mode is no part of the vehicle; pick it in step 1, Vehicle")
         if self.action == "SELECT":
-            return self._select(context, edited)
+            bpy.ops.object.mode_set(mode="OBJECT")
+            wanted = {thing: marked_faces(thing.data) for thing in edited}
+            select_faces(context, wanted)
+            return rpt("{count} faces selected").format(count=sum(int(faces.sum()) for faces in wanted.values()))
         for thing in edited:
             require_writable(thing)
         with object_mode(context):
@@ -94,13 +91,6 @@ class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Bl
             settings.count_marked(context)
         return rpt("{count} faces are paint").format(count=settings.marked)
 
-    @staticmethod
-    def _select(context: bpy.types.Context, edited: list[bpy.types.Object]) -> str:
-        bpy.ops.object.mode_set(mode="OBJECT")
-        wanted = {thing: marked_faces(thing.data) for thing in edited}
-        select_faces(context, wanted)
-        return rpt("{count} faces selected").format(count=sum(int(faces.sum()) for faces in wanted.values()))
-
 
 KINDS = [
     ("ALL", "All", "Check the UVs and select every faulty face"),
@@ -111,16 +101,12 @@ KINDS = [
 ]
 
 
-class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Blender wants this form
+class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):
     """Check the UVs of the paint and select the faulty faces"""
 
     bl_idname = "rauca.check_uvs"
     bl_label = "Check"
-    kind: bpy.props.EnumProperty(name="Faults", items=KINDS)  # type: ignore[valid-type]
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: RAUCA_OT_check_uvs) -> str:
-        return tooltip(KINDS, properties.kind)
+    kind: bpy.props.EnumProperty(name="Faults", items=KINDS)
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
@@ -145,10 +131,3 @@ class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):  # noqa: N801 - Ble
             return "No faults found"
         select_faces(context, polygons_of(reading, shown))
         return rpt("{count} faulty triangles, selected in the viewport").format(count=int(shown.sum()))
-
-
-CLASSES = (
-    RAUCA_OT_add_vehicle,
-    RAUCA_OT_mark_paint,
-    RAUCA_OT_check_uvs,
-)

@@ -10,13 +10,12 @@ from bpy.app.translations import pgettext_iface as iface
 
 from ...translations import OWN_SENSE
 from ..panel import SidebarPanel, State, StepPanel, paragraph
-from .unwrap import unwrapping
+from .unwrap import RAUCA_OT_unwrap_paint
 
 
 def state(context: bpy.types.Context) -> State:
-    """Quick: looks at the settings only."""
     settings = context.scene.rauca.vehicle
-    if unwrapping():
+    if RAUCA_OT_unwrap_paint.running():
         return State("running", iface("The paint is being unwrapped"))
     if settings.origin == "FILE":
         if not settings.file:
@@ -37,18 +36,9 @@ def state(context: bpy.types.Context) -> State:
     return State("done", iface("{name} is the vehicle").format(name=picked.name))
 
 
-FAULTS = (  # setting, words
-    ("missing", "Without UVs: {count}"),
-    ("outside", "Outside: {count}"),
-    ("overlapping", "Overlapping: {count}"),
-    ("uneven", "Uneven: {count}"),
-)
-
-
-class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):
     """Choose the vehicle, or add one"""
 
-    bl_idname = "RAUCA_PT_vehicle"
     bl_label = "Vehicle"
     bl_options: ClassVar[set[str]] = set()
     number = 1
@@ -70,10 +60,9 @@ def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name:
     row.prop(settings, name, expand=True)
 
 
-class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):
     """Say which faces may be camouflaged"""
 
-    bl_idname = "RAUCA_PT_vehicle_paint"
     bl_parent_id = "RAUCA_PT_vehicle"
     bl_label = "Paint"
     bl_translation_context = OWN_SENSE
@@ -95,10 +84,9 @@ class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Ble
             paragraph(context, layout, iface("Press Tab on the vehicle and select faces first"), "INFO")
 
 
-class RAUCA_PT_vehicle_uvs(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blender wants this form
+class RAUCA_PT_vehicle_uvs(SidebarPanel, bpy.types.Panel):
     """Give the paint a UV map of its own, and check it"""
 
-    bl_idname = "RAUCA_PT_vehicle_uvs"
     bl_parent_id = "RAUCA_PT_vehicle"
     bl_label = "UV Map"
 
@@ -108,18 +96,23 @@ class RAUCA_PT_vehicle_uvs(SidebarPanel, bpy.types.Panel):  # noqa: N801 - Blend
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.vehicle
-        if unwrapping():
+        if RAUCA_OT_unwrap_paint.running():
             layout.label(text="Unwrapping; Esc stops it", icon="TIME")
         row = layout.row(align=True)
         row.operator("rauca.unwrap_paint", icon="UV")
         row.operator("rauca.check_uvs", icon="CHECKMARK").kind = "ALL"
         if not settings.checked:
             return
-        found = [(name, getattr(settings, name), words) for name, words in FAULTS]
-        for name, count, words in found:
-            if count:
-                line = layout.split(factor=0.72)
-                line.label(text=iface(words).format(count=count), icon="ERROR", translate=False)
-                line.operator("rauca.check_uvs", text="Select").kind = name.upper()
-        if not any(count for _, count, _ in found):
+        faults = {
+            "missing": iface("Without UVs: {count}"),
+            "outside": iface("Outside: {count}"),
+            "overlapping": iface("Overlapping: {count}"),
+            "uneven": iface("Uneven: {count}"),
+        }
+        found = {name: getattr(settings, name) for name in faults if getattr(settings, name)}
+        for name, count in found.items():
+            line = layout.split(factor=0.72)
+            line.label(text=faults[name].format(count=count), icon="ERROR", translate=False)
+            line.operator("rauca.check_uvs", text="Select").kind = name.upper()
+        if not found:
             layout.label(text="No faults found", icon="CHECKMARK")

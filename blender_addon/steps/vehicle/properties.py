@@ -24,14 +24,14 @@ def _shaped(self: bpy.types.PropertyGroup, thing: bpy.types.Object) -> bool:
 
 def _changed(self: RaucaVehicle, context: bpy.types.Context) -> None:
     """Another vehicle or other paint: what was found out about the last one no longer holds."""
-    self.forget_check()
+    self.checked = False
     self.count_marked(context)
 
 
 class RaucaVehicle(bpy.types.PropertyGroup):
     """The vehicle that the other steps work on, and what is paint on it."""
 
-    origin: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    origin: bpy.props.EnumProperty(
         name="From",
         items=[
             ("OBJECT", "Object", "An object of this scene, with its children"),
@@ -41,24 +41,24 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         description="Where the vehicle comes from",
         update=_changed,
     )
-    object: bpy.props.PointerProperty(  # type: ignore[valid-type]
+    object: bpy.props.PointerProperty(
         name="Object",
         type=bpy.types.Object,
         poll=_shaped,
         update=_changed,
         description="The vehicle, or the parent of its parts",
     )
-    collection: bpy.props.PointerProperty(  # type: ignore[valid-type]
+    collection: bpy.props.PointerProperty(
         name="Collection", type=bpy.types.Collection, update=_changed, description="The collection of the parts"
     )
-    file: bpy.props.StringProperty(  # type: ignore[valid-type]
+    file: bpy.props.StringProperty(
         name="File",
         default="sedan",
         subtype="FILE_PATH",
         update=_changed,
         description="An .obj, .glb, .gltf or .blend file, a saved vehicle's folder, or the name of one of Rauca's own",
     )
-    front: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    front: bpy.props.EnumProperty(
         name="Front",
         items=[
             ("AUTO", "Longer Side", "Along x if the vehicle is longer there, else towards -y"),
@@ -70,7 +70,7 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         description="Where the vehicle's front points in the scene; up is always z",
         update=_changed,
     )
-    paint: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    paint: bpy.props.EnumProperty(
         name="Paint",
         items=[
             ("MATERIAL", "Material", "Paint is where one material is"),
@@ -79,27 +79,27 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         description="How the faces that may be camouflaged are told from the rest",
         update=_changed,
     )
-    material: bpy.props.PointerProperty(  # type: ignore[valid-type]
+    material: bpy.props.PointerProperty(
         name="Material",
         type=bpy.types.Material,
         update=_changed,
         description="The paint's material; empty: the one whose name says paint, body or car",
     )
-    file_material: bpy.props.StringProperty(  # type: ignore[valid-type]
+    file_material: bpy.props.StringProperty(
         name="Material", description="The paint's material in the file; empty: the one whose name says so"
     )
-    file_mask: bpy.props.StringProperty(  # type: ignore[valid-type]
+    file_mask: bpy.props.StringProperty(
         name="Paint Mask",
         translation_context=OWN_SENSE,
         subtype="FILE_PATH",
         description="A grey image, white where the camouflage may go",
     )
-    marked: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    checked: bpy.props.BoolProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    missing: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    outside: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    overlapping: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
-    uneven: bpy.props.IntProperty(options={"HIDDEN"})  # type: ignore[valid-type]
+    marked: bpy.props.IntProperty(options={"HIDDEN"})
+    checked: bpy.props.BoolProperty(options={"HIDDEN"})
+    missing: bpy.props.IntProperty(options={"HIDDEN"})
+    outside: bpy.props.IntProperty(options={"HIDDEN"})
+    overlapping: bpy.props.IntProperty(options={"HIDDEN"})
+    uneven: bpy.props.IntProperty(options={"HIDDEN"})
 
     def chosen(self, context: bpy.types.Context) -> contract.Vehicle:
         """The vehicle as every job and every other step uses it: what the headless import makes of the same objects.
@@ -149,27 +149,43 @@ class RaucaVehicle(bpy.types.PropertyGroup):
     def request(self) -> VehicleRequest:
         """How the chosen objects become a vehicle."""
         root = self.collection if self.origin == "COLLECTION" else self.object
-        name = root.name if root is not None else ""
-        material = self.material.name if self.paint == "MATERIAL" and self.material is not None else None
+        name, by_marks = root.name if root is not None else "", self.paint == "FACES"
+        material = self.material.name if self.material is not None and not by_marks else None
         source = Path(bpy.data.filepath).name
-        by_marks = self.paint == "FACES"
         return VehicleRequest(
             name, name, source, front=self.front, paint_material=material, by_marks=by_marks, remedy=REMEDY
         )
+
+    def choose(self, shipped: bpy.types.Object) -> None:
+        """Choose an object that is one of Rauca's own vehicles."""
+        self.origin, self.object = "OBJECT", shipped
+        self.front, self.paint, self.material = "AUTO", "MATERIAL", None
 
     def count_marked(self, context: bpy.types.Context) -> None:
         """Count the marked faces for the panel, which must not read meshes."""
         self.marked = sum(marked_count(thing) for thing in self.objects(context) if thing.type == "MESH")
 
-    def forget_check(self) -> None:
-        """What the last check found is out of date."""
-        self.checked = False
-
     def _from_file(self) -> contract.Vehicle:
         if not self.file:
             raise contract.RaucaError("No vehicle: in step 1, Vehicle, choose a file")
-        own = self.file in shipped_names()
-        mask = Path(bpy.path.abspath(self.file_mask)) if self.file_mask and not own else None
-        material = self.file_material or None
-        name = self.file if own else bpy.path.abspath(self.file)
-        return find_vehicle(contract.VehicleSource(name, mask, None if own else material))
+        if self.file in shipped_names():
+            return find_vehicle(contract.VehicleSource(self.file))
+        mask = Path(bpy.path.abspath(self.file_mask)) if self.file_mask else None
+        return find_vehicle(contract.VehicleSource(bpy.path.abspath(self.file), mask, self.file_material or None))
+
+
+@bpy.app.handlers.persistent
+def _recount(*given: object) -> None:
+    """An undo in edit mode takes back the marks on the faces, but not their number in the settings."""
+    bpy.context.scene.rauca.vehicle.count_marked(bpy.context)
+
+
+def register() -> None:
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.append(_recount)
+
+
+def unregister() -> None:
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        if _recount in handlers:
+            handlers.remove(_recount)

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-import bpy
-import bpy.utils.previews
-
 from ...core import assets, contract
+from ...jobs import pictures
 
 # Identifier, name and tooltip of every shipped list, in the order of the menu.
 SHIPPED = (
@@ -49,17 +47,11 @@ def _own(path: str, changed: int) -> tuple[contract.Weather, ...]:
     return tuple(contract.load_weathers(Path(path)))
 
 
-_previews: dict[str, bpy.utils.previews.ImagePreviewCollection] = {}
 Item = tuple[str, str, str, int | str, int]
 
 
-def register() -> None:
-    _previews["weathers"] = bpy.utils.previews.new()
-
-
 def unregister() -> None:
-    bpy.utils.previews.remove(_previews.pop("weathers"))
-    gallery_items.cache_clear()
+    gallery_items.cache_clear()  # the pictures go with the jobs'
 
 
 @cache  # Blender keeps no copy of an enumeration's strings: they must stay alive, and the same
@@ -78,21 +70,17 @@ def display_name(name: str) -> str:
 
 def describe(weather: contract.Weather) -> str:
     """A tooltip: what is not at rest in a weather."""
-    said = [f"sun {weather.sun_altitude_angle:g}°"]
-    for label, value in (
-        *(("fog", weather.fog_density), ("clouds", weather.cloudiness), ("rain", weather.precipitation)),
-        *(("wet", weather.wetness), ("puddles", weather.precipitation_deposits)),
-    ):
-        if value:
-            said.append(f"{label} {value:g}")
-    return ", ".join(said)
+    values = {
+        "fog": weather.fog_density,
+        "clouds": weather.cloudiness,
+        "rain": weather.precipitation,
+        "wet": weather.wetness,
+        "puddles": weather.precipitation_deposits,
+    }
+    at_work = [f"{label} {value:g}" for label, value in values.items() if value]
+    return ", ".join([f"sun {weather.sun_altitude_angle:g}°", *at_work])
 
 
 def _icon(name: str) -> int | str:
     path = assets.assets_folder() / "weathers" / "pictures" / f"{name}.jpg"
-    pictures = _previews.get("weathers")
-    if pictures is None or not path.is_file():
-        return "WORLD"
-    if name not in pictures:
-        pictures.load(name, str(path), "IMAGE")
-    return int(pictures[name].icon_id)
+    return pictures.load(f"weather.{name}", path) if path.is_file() else "WORLD"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -68,18 +69,18 @@ def _slider(name: str, tip: str, default: float = 0.0, top: float = 100.0) -> bp
 class RaucaShownWeather(bpy.types.PropertyGroup):
     """What the add-on has put into the scene, and what it replaced; see `scene/shown_weather.py`."""
 
-    on: bpy.props.BoolProperty()  # type: ignore[valid-type]
-    world: bpy.props.PointerProperty(type=bpy.types.World)  # type: ignore[valid-type]
-    world_before: bpy.props.PointerProperty(type=bpy.types.World)  # type: ignore[valid-type]
-    fog: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    sun: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
-    overrides: bpy.props.StringProperty()  # type: ignore[valid-type]
+    on: bpy.props.BoolProperty()
+    world: bpy.props.PointerProperty(type=bpy.types.World)
+    world_before: bpy.props.PointerProperty(type=bpy.types.World)
+    fog: bpy.props.PointerProperty(type=bpy.types.Object)
+    sun: bpy.props.PointerProperty(type=bpy.types.Object)
+    overrides: bpy.props.StringProperty()
 
 
 class RaucaWeather(bpy.types.PropertyGroup):
     """One weather in sliders, the list it was picked from, and which weathers the dataset gets."""
 
-    used: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    used: bpy.props.EnumProperty(
         name="Dataset Gets",
         items=[
             ("LIST", "Whole List", "Every view is rendered in each weather of the list"),
@@ -87,43 +88,41 @@ class RaucaWeather(bpy.types.PropertyGroup):
         ],
         description="The weathers in which every view is rendered",
     )
-    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    preset: bpy.props.EnumProperty(
         name="List",
         items=[*gallery.SHIPPED, (gallery.OWN, "From a File", "A list of weathers of your own")],
         description="The list of weathers to choose from",
         update=_other_list,
     )
-    file: bpy.props.StringProperty(  # type: ignore[valid-type]
+    file: bpy.props.StringProperty(
         name="File", subtype="FILE_PATH", description="A .json file with a list of weathers", update=_other_list
     )
-    picture: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    picture: bpy.props.EnumProperty(
         name="Weather", items=_listed, get=_picked, set=_pick, description="Click to choose another weather"
     )
-    picked: bpy.props.StringProperty(default="clear-day", options={"HIDDEN"})  # type: ignore[valid-type]
-    sun_altitude: _angle(  # type: ignore[valid-type]
+    picked: bpy.props.StringProperty(default="clear-day", options={"HIDDEN"})
+    sun_altitude: _angle(
         "Sun Height", "Above the horizon; below it lamps come on, and under -18 degrees it is night", 45, -90, 90
     )
-    sun_azimuth: _angle(  # type: ignore[valid-type]
-        "Sun Direction", "Counter-clockwise seen from above; 0 is the street map's east", 60, -360, 360
-    )
-    fog: _slider("Fog", "You see about 1000 m at 25, 260 m at 50 and 65 m at 100")  # type: ignore[valid-type]
-    fog_falloff: _slider("Fog Thins Out", "How fast fog thins out upwards; 0: not at all", top=1000.0)  # type: ignore[valid-type]
-    fog_distance: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    sun_azimuth: _angle("Sun Direction", "Counter-clockwise seen from above; 0 is the street map's east", 60, -360, 360)
+    fog: _slider("Fog", "You see about 1000 m at 25, 260 m at 50 and 65 m at 100")
+    fog_falloff: _slider("Fog Thins Out", "How fast fog thins out upwards; 0: not at all", top=1000.0)
+    fog_distance: bpy.props.FloatProperty(
         name="Fog Begins", subtype="DISTANCE", min=0.0, soft_max=100.0, max=1e6, update=_moved,
         description="Fog keeps clear of this distance around the camera",
     )  # fmt: skip
-    clouds: _slider("Clouds", "0 is a clear sky, 100 an overcast one without any sun")  # type: ignore[valid-type]
-    rain: _slider("Rain", "30 is moderate, 60 heavy, 100 violent rain; it also wets what it falls on")  # type: ignore[valid-type]
-    wetness: _slider("Wetness", "How wet surfaces are")  # type: ignore[valid-type]
-    puddles: _slider("Puddles", "How much of the flat ground lies under water")  # type: ignore[valid-type]
-    wind: _slider("Wind", "Slants the rain")  # type: ignore[valid-type]
-    place: bpy.props.IntProperty(  # type: ignore[valid-type]
+    clouds: _slider("Clouds", "0 is a clear sky, 100 an overcast one without any sun")
+    rain: _slider("Rain", "30 is moderate, 60 heavy, 100 violent rain; it also wets what it falls on")
+    wetness: _slider("Wetness", "How wet surfaces are")
+    puddles: _slider("Puddles", "How much of the flat ground lies under water")
+    wind: _slider("Wind", "Slants the rain")
+    place: bpy.props.IntProperty(
         name="Street", default=1, min=1, max=100, description="Which of the dataset's streets, each in another district"
     )
-    street: bpy.props.PointerProperty(type=bpy.types.Collection)  # type: ignore[valid-type]
-    street_turn_deg: bpy.props.FloatProperty()  # type: ignore[valid-type]
-    shown: bpy.props.PointerProperty(type=RaucaShownWeather)  # type: ignore[valid-type]
-    setting: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})  # type: ignore[valid-type]
+    street: bpy.props.PointerProperty(type=bpy.types.Collection)
+    street_turn_deg: bpy.props.FloatProperty()
+    shown: bpy.props.PointerProperty(type=RaucaShownWeather)
+    setting: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     def listed(self) -> Sequence[contract.Weather]:
         """The weathers of the chosen list; empty when the user's file cannot be read."""
@@ -140,14 +139,7 @@ class RaucaWeather(bpy.types.PropertyGroup):
         numbers = {theirs: round(math.degrees(getattr(self, mine)), 3) for mine, theirs in ANGLES.items()}
         numbers |= {theirs: round(getattr(self, mine), 3) for mine, theirs in NUMBERS.items()}
         weather = contract.Weather(self.picked, **numbers)
-        for listed in self.listed():
-            if (
-                listed.name == self.picked
-                and listed.light_key() == weather.light_key()
-                and _rains_alike(listed, weather)
-            ):
-                return listed
-        return contract.Weather(CHANGED, **numbers)
+        return weather if weather in self.listed() else replace(weather, name=CHANGED)
 
     def pick(self, weather: contract.Weather) -> None:
         """Move all sliders to a weather."""
@@ -185,7 +177,3 @@ class RaucaWeather(bpy.types.PropertyGroup):
             return gallery.shipped(self.preset), ()
         path = bpy.path.abspath(self.file) if self.file else ""
         return gallery.own(path), contract.preset_notes(path, Path())
-
-
-def _rains_alike(first: contract.Weather, second: contract.Weather) -> bool:
-    return (first.precipitation, first.wind_intensity) == (second.precipitation, second.wind_intensity)

@@ -13,26 +13,15 @@ from ..panel import ViewportOverlay
 
 WIDTH_STEP_PX = 64  # a viewport that is dragged wider gets a new picture only so often
 
-_drawn: dict[tuple[object, ...], gpu.types.GPUTexture] = {}
 
-
-def falling(context: bpy.types.Context) -> contract.Weather | None:
-    """The rainy weather that this viewport shows; None if it shows none."""
-    settings, space = context.scene.rauca.weather, context.space_data
-    if not settings.shown.on or settings.rain == 0.0 or space is None or space.type != "VIEW_3D":
-        return None
-    if space.shading.type not in {"MATERIAL", "RENDERED"} or not space.overlay.show_overlays:
-        return None
-    return settings.current()
-
-
-def _draw() -> None:
-    context = bpy.context
-    weather = falling(context)
-    if weather is None:
+def _draw(context: bpy.types.Context) -> None:
+    settings, region = context.scene.rauca.weather, context.region
+    if not settings.shown.on or settings.rain == 0.0 or context.space_data.shading.type not in {"MATERIAL", "RENDERED"}:
         return
-    region = context.region
-    texture = _texture(weather, -(-region.width // WIDTH_STEP_PX) * WIDTH_STEP_PX / max(region.height, 1))
+    weather = settings.current()
+    aspect = -(-region.width // WIDTH_STEP_PX) * WIDTH_STEP_PX / max(region.height, 1)
+    key = (weather.precipitation, weather.wind_intensity, weather.sun_altitude_angle, round(aspect, 2))
+    texture = _rain.kept(key, lambda: _texture(weather, aspect))
     right, top = float(region.width), float(region.height)
     corners = ((0.0, 0.0), (right, 0.0), (0.0, top), (right, top))
     shader = gpu.shader.from_builtin("IMAGE")
@@ -46,21 +35,12 @@ def _draw() -> None:
 
 
 def _texture(weather: contract.Weather, aspect: float) -> gpu.types.GPUTexture:
-    key = (weather.precipitation, weather.wind_intensity, weather.sun_altitude_angle, round(aspect, 2))
-    if key not in _drawn:
-        _drawn.clear()
-        picture = rain_picture(weather, aspect)
-        assert picture is not None  # it rains
-        height, width, _ = picture.shape
-        pixels = gpu.types.Buffer("FLOAT", picture.size, np.ascontiguousarray(picture).ravel())
-        _drawn[key] = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
-    return _drawn[key]
+    picture = rain_picture(weather, aspect)
+    assert picture is not None  # it rains
+    height, width, _ = picture.shape
+    pixels = gpu.types.Buffer("FLOAT", picture.size, np.ascontiguousarray(picture).ravel())
+    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
 
 
 _rain = ViewportOverlay(_draw, "POST_PIXEL")
-register = _rain.register
-
-
-def unregister() -> None:
-    _rain.unregister()
-    _drawn.clear()
+register, unregister = _rain.register, _rain.unregister

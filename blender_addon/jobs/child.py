@@ -1,11 +1,27 @@
-"""How a child process ended, in words that say what to do."""
+"""A job of this add-on in a process of its own: what starts it, and how it ended, in words that say what to do."""
 
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
+
+import bpy
+
+
+def child_command(job: Path) -> list[str]:
+    """The command that runs ``headless.main`` on a job's file, under the name that Blender gave the add-on."""
+    package, root = str(__package__).rpartition(".")[0], str(Path(__file__).resolve().parents[2])
+    # Blender finds extensions (bl_ext...) by itself; a checkout must come before an installed copy.
+    where = "" if "." in package else f"sys.path.insert(0, {root!r}); "
+    code = f"import sys, importlib; {where}sys.exit(importlib.import_module({package + '.headless'!r}).main())"
+    if blender := bpy.app.binary_path:
+        return [blender, "-b", "--python-exit-code", "3", "--python-expr", code, "--", str(job)]
+    return [sys.executable, "-c", code, str(job)]
+
 
 # The jobs speak of their command line; here a button is what the user has.
 IN_THE_WINDOW = (
@@ -33,13 +49,9 @@ class Ending:
     text: str
     values: Mapping[str, str] = field(default_factory=dict)
 
-    @staticmethod
-    def finished() -> Ending:
-        return Ending("done", "Finished")
 
-    @staticmethod
-    def stopped() -> Ending:
-        return Ending("stopped", "Stopped; what is finished is kept. Start again to go on")
+FINISHED = Ending("done", "Finished")
+STOPPED = Ending("stopped", "Stopped; what is finished is kept. Start again to go on")
 
 
 def ending(code: int, complaints: Sequence[str]) -> Ending:
@@ -51,7 +63,8 @@ def ending(code: int, complaints: Sequence[str]) -> Ending:
     """
     for line in reversed(complaints):
         if line.startswith("error: "):
-            return Ending("failed", "{reason}", {"reason": in_the_window(line.removeprefix("error: "))})
+            reason = with_buttons(line.removeprefix("error: "))
+            return Ending("failed", "{reason}", {"reason": reason[:1].upper() + reason[1:]})
         if line.startswith("interrupted: "):
             return Ending("failed", "It was interrupted from outside; what is finished is kept. Start again to go on")
     if code == -signal.SIGKILL:
@@ -64,14 +77,8 @@ def ending(code: int, complaints: Sequence[str]) -> Ending:
     return Ending("failed", "It broke off with code {code}: {last}", {"code": str(code), "last": last})
 
 
-def in_the_window(sentence: str) -> str:
-    """A sentence of the command line as one for the window."""
-    sentence = with_buttons(sentence)
-    return sentence[:1].upper() + sentence[1:] if not sentence.startswith(("--", "/")) else sentence
-
-
 def with_buttons(sentence: str) -> str:
-    """The same sentence where it tells what to do next: buttons instead of commands."""
+    """A sentence of the command line as one for the window: it tells of buttons, not of commands."""
     for there, here in IN_THE_WINDOW:
         sentence = sentence.replace(there, here)
     return sentence
