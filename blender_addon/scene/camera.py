@@ -32,11 +32,7 @@ def new_holder() -> bpy.types.Object:
 
 
 def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
-    """Give a camera object the place and the lens of a contract camera.
-
-    Raises:
-        RaucaError: the pixels are not square, which Blender could only imitate.
-    """
+    """Give a camera object a contract camera's place and lens; :class:`RaucaError` unless its pixels are square."""
     if not np.isclose(camera.K[0, 0], camera.K[1, 1], rtol=1e-6) or abs(camera.K[0, 1]) > 1e-9:
         raise contract.RaucaError("camera: pixels must be square and without skew (K[0][0] = K[1][1], K[0][1] = 0)")
     lens = holder.data

@@ -58,9 +58,6 @@ def render_camouflages(
     Only the vehicle and what is near it is rendered, some 30 % of a full frame's work; the rest is the data set's own
     image, which has the same noise. A session of another quality renders whole frames. Frames already there are kept
     if they come from the same plan, UV map and sample count, and are rendered again otherwise.
-
-    Args:
-        frames: of the data set; all of them by default.
     """
     frames = dataset.frames() if frames is None else frames
     for paintwork in paintworks:
@@ -131,11 +128,7 @@ def _noted(note: Path) -> object:
 
 
 def save_blend(vehicle: contract.Vehicle, camouflage: Path, out: Path) -> None:
-    """Write a .blend that holds nothing but the vehicle painted with ``camouflage`` (.json), images packed.
-
-    Raises:
-        RaucaError: the camouflage is damaged or was made for another UV atlas.
-    """
+    """Write a .blend of nothing but the vehicle in a camouflage (.json), images packed; raises as read_paintwork."""
     paintwork = read_paintwork(camouflage, vehicle.atlas_id)
     scene = bpy.data.scenes.new("rauca")
     placed = SceneVehicle(scene, vehicle)

@@ -96,11 +96,7 @@ def coat_of(material: bpy.types.Material | None) -> Coat | None:
 
 
 def require_coatable(material: bpy.types.Material | None, where: str) -> bpy.types.Material:
-    """The material, if it can take a coat.
-
-    Raises:
-        RaucaError: there is none, it is linked from another file, or it has no Principled BSDF.
-    """
+    """The material; :class:`RaucaError` if there is none, it is linked, or it has no Principled BSDF for a coat."""
     if material is None:
         raise contract.RaucaError(f"{where}: its paint has no material; give it one with a Principled BSDF")
     if material.library is not None:
@@ -181,6 +177,7 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
     for (piece, span), layer, painted in zip(pieces, layers, polygons, strict=True):
         if layer is None:
             write_layer(piece, surface.paint[span], surface.vehicle.uvs[span])
+        assert painted is not None  # _check saw to it
         mesh = piece.owner.data
         mark = mesh.attributes.get(PAINTED) or mesh.attributes.new(PAINTED, "FLOAT", "FACE")
         mark.data.foreach_set("value", painted.astype(np.float32))

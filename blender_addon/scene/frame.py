@@ -76,7 +76,6 @@ def render_chunk(
 
     Args:
         chunk: frames of one location, as :func:`contract.chunks` gives them.
-        tell: is told what happens.
         stopped: asked before each camera's coverage and each frame; True ends the work there.
 
     Raises:

@@ -58,11 +58,8 @@ def light_maps(
 def _render_light(session: Session, location: int, view: int, weather: contract.Weather, painted: Mask) -> PaintLight:
     session.vehicle.paint.set_color((0.0, 0.0, 0.0))
     black = session.render(location, view, weather)
-    gain = np.zeros_like(black)
     crop = Crop.around(painted, MARGIN_PX)
-    if crop is not None:
-        gain[crop.inside] = _gain(session, location, view, weather, crop, black[crop.inside])
-    return PaintLight(gain, black)
+    return PaintLight(_gain(session, location, view, weather, crop, black), black)
 
 
 def _compose_light(
@@ -78,20 +75,24 @@ def _compose_light(
     session.vehicle.paint.set_color((0.0, 0.0, 0.0))
     coarse = session.render_coarse(location, view, weather)
     black = composed_fog.compose(coarse, unfogged.black, annotation.distance, weather.extinction)
-    gain = np.zeros_like(black)
     crop = Crop.around(annotation.vehicle > 0, MARGIN_PX)
+    rendered = black.copy()
     if crop is not None:
-        rendered = session.render(location, view, weather, crop)
-        gain[crop.inside] = _gain(session, location, view, weather, crop, rendered)
-        black = composed_fog.blend(black, rendered, crop.inside)
-    return PaintLight(gain, black)
+        rendered[crop.inside] = session.render(location, view, weather, crop)
+        black = composed_fog.blend(black, rendered[crop.inside], crop.inside)
+    return PaintLight(_gain(session, location, view, weather, crop, rendered), black)
 
 
-def _gain(session: Session, location: int, view: int, weather: contract.Weather, crop: Crop, black: Image) -> Image:
-    """What white paint adds to a part of the frame, per albedo."""
-    session.vehicle.paint.set_color((WHITE, WHITE, WHITE))
-    white = session.render(location, view, weather, crop)
-    return np.maximum((white - black) / WHITE, 0.0).astype(np.float32)
+def _gain(
+    session: Session, location: int, view: int, weather: contract.Weather, crop: Crop | None, black: Image
+) -> Image:
+    """What white paint adds to a frame, per albedo; nothing beyond the crop."""
+    gain = np.zeros_like(black)
+    if crop is not None:
+        session.vehicle.paint.set_color((WHITE, WHITE, WHITE))
+        white = session.render(location, view, weather, crop)
+        gain[crop.inside] = np.maximum((white - black[crop.inside]) / WHITE, 0.0)
+    return gain
 
 
 def refine_edges(gain: Image, coverage: Coverage) -> Image:

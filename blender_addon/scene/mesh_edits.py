@@ -32,11 +32,7 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
 
 
 def require_writable(thing: bpy.types.Object) -> None:
-    """Refuse a mesh that is not this object's own.
-
-    Raises:
-        RaucaError: the mesh belongs to a library, or other objects share it.
-    """
+    """Raise :class:`RaucaError` for a mesh that is not this object's own: of a library, or shared."""
     mesh = thing.data
     for block in (thing, mesh):
         if block.library is not None:
@@ -50,11 +46,7 @@ def require_writable(thing: bpy.types.Object) -> None:
 
 
 def require_own_faces(pieces: Iterable[Piece]) -> None:
-    """Refuse pieces whose faces are not those of a mesh that may be written to.
-
-    Raises:
-        RaucaError: as :func:`require_writable`, or for a curve, an instance, or modifiers that add faces.
-    """
+    """Raise :class:`RaucaError` as :func:`require_writable`, and for curves, instances, or modifiers that add faces."""
     for piece in pieces:
         name = piece.owner.name
         if piece.owner.type == "EMPTY" or piece.instance:
@@ -129,13 +121,7 @@ def marked_count(thing: bpy.types.Object) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A vehicle and the triangles of its objects, in the same order.
-
-    Attributes:
-        vehicle: the contract's vehicle.
-        soup: the objects' triangles, in world space.
-        paint: (F,) True on paint.
-    """
+    """A vehicle, the triangles of its objects in world space, in the same order, and which (F,) are paint."""
 
     vehicle: contract.Vehicle
     soup: Soup
@@ -143,11 +129,7 @@ class Surface:
 
     @staticmethod
     def of(vehicle: contract.Vehicle, objects: list[bpy.types.Object]) -> Surface:
-        """Read ``objects``, which make up ``vehicle``.
-
-        Raises:
-            RaucaError: their faces are not the vehicle's.
-        """
+        """Read ``objects``, which make up ``vehicle``; :class:`RaucaError` if their faces are not the vehicle's."""
         soup = read_objects(objects)
         if len(soup.triangles) != len(vehicle.triangles):
             raise contract.RaucaError(

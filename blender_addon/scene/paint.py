@@ -32,11 +32,7 @@ FINISHES: dict[str, dict[str, float]] = {
 
 
 def finish_of(spec: contract.Material, name: str) -> dict[str, float]:
-    """The finish of a paint material: its own numbers for ``own``, else those of ``car_paint`` or ``sticker``.
-
-    Raises:
-        RaucaError: there is no finish of that name.
-    """
+    """A paint material's finish: its own numbers for ``own``, else those of a name; :class:`RaucaError` for others."""
     if name == "own":
         own = {"Roughness": spec.roughness, "Coat_Weight": spec.coat}
         return {**own, "Specular_IOR_Level": 0.5, "Coat_Roughness": 0.03}

@@ -14,11 +14,7 @@ from .vehicle_reading import Reading
 
 
 def to_unwrap(reading: Reading) -> contract.Vehicle:
-    """The vehicle of the objects that were read, without UVs on its paint.
-
-    Raises:
-        RaucaError: the paint lies on a mesh that cannot be written to.
-    """
+    """The vehicle of the objects that were read, without UVs on its paint; raises as :func:`require_own_faces`."""
     require_own_faces(piece for piece, _ in reading.soup.painted(reading.paint))
     return reading.with_uvs(np.zeros((int(reading.paint.sum()), 3, 2), np.float32), keep_textures=False)
 
@@ -61,8 +57,7 @@ def check_paint(reading: Reading) -> UvFaults:
 def polygons_of(reading: Reading, faults: NDArray[np.bool_]) -> dict[bpy.types.Object, NDArray[np.bool_]]:
     """The faulty polygons (polygons,) of each object that has any, from faulty paint triangles (F_paint,).
 
-    Raises:
-        RaucaError: the faces are not those of a mesh that may be written to.
+    Raises as :func:`require_own_faces`.
     """
     faulty = np.zeros(len(reading.paint), np.bool_)
     faulty[reading.paint] = faults

@@ -142,7 +142,7 @@ def _range(ring: contract.Ring, view: int, center: NDArray[np.float64]) -> list[
     for along in (axis for axis in range(3) if halves[axis]):
         for corner in itertools.product(*(sorted(set(span)) for axis, span in enumerate(spans) if axis != along)):
             places = [np.insert(corner, along, value) for value in np.linspace(*spans[along], EDGE_STEPS + 1)]
-            edges.append(_joined([eye_at(*place.tolist(), center) for place in places]))
+            edges.append(_joined([eye_at(place[0], place[1], place[2], center) for place in places]))
     return edges
 
 

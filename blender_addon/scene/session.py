@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from ..core import contract, seeding
 from . import camera, composed_fog, render
-from .annotate import Annotation, geometry_only
+from .annotate import Annotation, PaintVisibility, geometry_only
 from .composed_fog import is_composed
 from .ring import Viewpoint, viewpoint
 from .town import Town
 from .user_scene import UserScene
 from .vehicle import SceneVehicle
-from .visibility import PaintVisibility
 from .weather import SceneWeather, VehicleLamps
 
 MOST_BYTES = 256 << 20  # about a hundred views of 320 x 320

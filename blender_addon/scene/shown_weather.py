@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..core import contract, seeding
 from . import nodes, wetness
-from .overrides import override, restore
+from .overrides import Setting, override, restore
 from .sky import DAY_CARD, GREY_CARD, draw_sky, film_exposure, new_world, sun_diameter_deg, sun_share, toward_sun
 from .town.materials import NIGHT_GROUP, set_lit
 from .weather import MARCH_RATE, StreetLamps, fill_with_fog, new_fog_box
@@ -55,7 +55,7 @@ def show(
     box.location = ground
     box.hide_render = box.hide_viewport = turned.extinction == 0.0
     _aim_sun(shown.sun, turned)
-    settings = {  # what Cycles and the display need to show it as the data set's frames have it
+    settings: dict[str, Setting] = {  # what Cycles and the display need to show it as the data set's frames have it
         "cycles.film_exposure": film_exposure(turned),
         "cycles.volume_step_rate": MARCH_RATE,
         "cycles.volume_biased": not turned.fog_is_uniform,

@@ -21,9 +21,6 @@ def build(
 ) -> tuple[bpy.types.Collection, float]:
     """Build a location's street where it runs past the vehicle as in the data set; the vehicle stays where it is.
 
-    Args:
-        vehicle_to_world: (4, 4) rigid transform.
-
     Returns:
         The street's collection, and how far it is turned from its place in the data set, degrees.
     """
@@ -47,11 +44,7 @@ def lamps(collection: bpy.types.Collection | None) -> list[bpy.types.Object]:
 
 
 def remove(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Remove a street and all that came with it, but for what something of the artist's uses by now.
-
-    Raises:
-        RaucaError: the collection is linked from a library file.
-    """
+    """Remove a street and all that came with it, but for what something of the artist's uses by now."""
     if collection.library is not None:
         raise contract.RaucaError(f"collection {collection.name!r} is linked from a file; remove it there")
     for thing in [thing for thing in collection.objects if MARK not in thing]:

@@ -18,7 +18,7 @@ from .annotatable import require_annotatable
 from .blocks import Since, layers_below
 from .massing import turned
 from .render import silenced
-from .vehicle_files import DAMAGE, scripts_off
+from .vehicle_files import damage_told, scripts_off
 
 MARK = "rauca"
 LAMP_MARK = "rauca lamp"
@@ -129,12 +129,13 @@ class UserScene:
 
 def _appended(path: Path) -> list[bpy.types.Scene]:
     """All scenes of a file, appended, their drivers removed before anything could evaluate them."""
-    try:
-        with scripts_off(), silenced(), bpy.data.libraries.load(str(path), link=False) as (source, target):
-            target.scenes = source.scenes
-    except DAMAGE as error:
-        reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
-        raise contract.RaucaError(f"{path}: cannot be read as .blend ({reason}); save it again") from error
+    with (
+        damage_told(path, "save it again"),
+        scripts_off(),
+        silenced(),
+        bpy.data.libraries.load(str(path), link=False) as (source, target),
+    ):
+        target.scenes = source.scenes
     return [scene for scene in target.scenes if scene is not None]
 
 

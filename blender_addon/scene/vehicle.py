@@ -25,14 +25,7 @@ LAMP_RADIANCE = {"headlamp": 12.0, "taillamp": 2.5}  # lit at night, relative to
 
 
 class SceneVehicle:
-    """The vehicle's object and what a pipeline does to it.
-
-    Attributes:
-        vehicle: the contract's vehicle.
-        object: Blender's mesh object.
-        paint: the paint shared by all its paint materials.
-        materials: one Blender material per contract material, in order.
-    """
+    """The vehicle's mesh object, its paint, and one Blender material per contract material, in order."""
 
     def __init__(self, scene: bpy.types.Scene, vehicle: contract.Vehicle, finish: str = "own") -> None:
         """Add the vehicle to ``scene``, its paint in a finish: ``own``, ``car_paint`` or ``sticker``."""

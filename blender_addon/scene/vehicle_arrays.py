@@ -194,9 +194,8 @@ def _unit(
 def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> Soup:
     names = list(dict.fromkeys(name for soup in found for name in soup.names))
     if not found:
-        empty, none = np.zeros((0, 3, 3), np.float32), np.zeros(0, np.int16)
-        faces = np.zeros((0, 3), np.int32)
-        return Soup(np.zeros((0, 3)), faces, empty[..., :2], empty, none, none.astype(np.bool_), names, blocks)
+        faces, none = np.zeros((0, 3, 3), np.float32), np.zeros(0, np.int16)
+        return Soup(np.zeros((0, 3)), faces[..., 0].astype(np.int32), faces[..., :2], faces, none, none.astype(bool))
     first = np.cumsum([0] + [len(p.positions) for p in found[:-1]])
     return Soup(
         np.concatenate([p.positions for p in found]),

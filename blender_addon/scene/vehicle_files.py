@@ -21,7 +21,6 @@ from .vehicle_reading import read_vehicle
 from .vehicle_request import VehicleRequest
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".blend")
-# What importers raise on files that are not what their name says.
 DAMAGE = (
     RuntimeError, OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, struct.error,
     ArithmeticError, AssertionError, MemoryError,
@@ -47,18 +46,25 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
         raise contract.RaucaError(f"{path}: format {path.suffix!r} is not read; use {', '.join(SUFFIXES)}")
     new = Since()
     try:
-        try:
+        with damage_told(path, "export it again"):
             _require_finite(path)
             with silenced(), _into_the_scenes_own_collection():
                 _import(path)
             _check_images([block for block in new.blocks() if isinstance(block, bpy.types.Image)], path)
-        except DAMAGE as error:
-            reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
-            raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); export it again") from error
         bpy.context.view_layer.update()
         yield [block for block in new.blocks() if isinstance(block, bpy.types.Object)]
     finally:
         bpy.data.batch_remove(new.blocks())
+
+
+@contextlib.contextmanager
+def damage_told(path: Path, remedy: str) -> Iterator[None]:
+    """Within: whatever importers raise on files that are not what their name says is one :class:`RaucaError`."""
+    try:
+        yield
+    except DAMAGE as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[-1]
+        raise contract.RaucaError(f"{path}: cannot be read as {path.suffix} ({reason}); {remedy}") from error
 
 
 def _require_finite(path: Path) -> None:

@@ -93,8 +93,8 @@ class Reading:
         materials, material = self._materials(base)
         mask = self.mask
         if mask is None:
-            square = self.base is not None and self.base.shape[0] == self.base.shape[1]
-            mask = geometry.chart_mask(painted, len(self.base) if square else DEFAULT_ATLAS)
+            height, width = self.base.shape[:2] if self.base is not None else (0, -1)
+            mask = geometry.chart_mask(painted, height if height == width else DEFAULT_ATLAS)
         return contract.Vehicle(
             name=self.request.name,
             positions=soup.positions.astype(np.float32),

@@ -70,10 +70,7 @@ TURNS = {  # from the axis of the front to +x
 
 
 def orient(soup: Soup, request: VehicleRequest) -> tuple[NDArray[np.float64], list[str]]:
-    """Turn and move the vehicle in place.
-
-    Returns:
-        The transform that was applied, (4, 4), and what was assumed.
+    """Turn and move the vehicle in place; returns the transform (4, 4), and what was assumed.
 
     Raises:
         RaucaError: a length that no vehicle has.

@@ -34,11 +34,9 @@ def wet(
     """Put the scene's water on a surface.
 
     Args:
-        tree: the material's node tree.
         color: linear albedo, a socket or RGBA.
-        roughness: a socket or a number.
-        porosity: how much water gets into it, 0 to 1: asphalt and soil 1, concrete 0.7, brick 0.6, bark 0.5, leaves
-            0.2; paint, glass, metal and plastic 0, whose color does not change and which hold no puddles.
+        porosity: how much water gets into it, 0 to 1; 0 is paint, glass, metal and plastic, whose color does not change
+            and which hold no puddles.
 
     Returns:
         The sockets to link to the shader's base color and roughness.

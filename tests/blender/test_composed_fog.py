@@ -10,12 +10,14 @@ import pytest
 from rauca_core.contract import Camera, Quality, Weather
 from rauca_core.contract.color import linear_to_srgb
 
+from .conftest import psnr, small_plan
+
 CLEAR, FOG = Weather("clear", 45.0), Weather("fog", 45.0, 60.0, 50.0)
 GREY = np.full(3, 0.26, np.float32)
 
 
-def psnr(a, b):
-    return -10 * np.log10(np.mean((linear_to_srgb(a) - linear_to_srgb(b)) ** 2))
+def psnr_srgb(a, b):
+    return psnr(linear_to_srgb(a), linear_to_srgb(b))
 
 
 @pytest.fixture
@@ -34,7 +36,7 @@ def test_dimming_by_transmittance_and_a_smooth_glow_are_composed(fog, size):
     fogged = (through * clear + (1 - through) * 0.5).astype(np.float32)
     padded = np.pad(fogged, ((0, -size[0] % 4), (0, -size[1] % 4), (0, 0)), mode="edge")
     coarse = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 4, 4, 3).mean(axis=(1, 3))
-    assert psnr(fog.compose(coarse, clear, distance, 0.02), fogged) > 40
+    assert psnr_srgb(fog.compose(coarse, clear, distance, 0.02), fogged) > 40
 
 
 def test_black_pictures_and_endless_skies_stay_finite(fog):
@@ -63,21 +65,14 @@ def test_the_coarse_camera_sees_the_same_directions(fog):
 
 @pytest.fixture
 def foggy(bpy_module, box_vehicle):
-    """Two sessions of one plan in one scene's worth of time: made by a function, as their order is what is tested."""
+    """A session whose plan composes fog."""
     from blender_addon.scene.session import Session
 
-    from .conftest import small_plan
-
-    def make(composed: bool, samples: int = 8) -> Session:
-        bpy_module.ops.wm.read_factory_settings(use_empty=True)
-        plan = small_plan(
-            box_vehicle.atlas_id, weathers=(CLEAR, FOG), quality=Quality(samples, composed_fog=composed), size=128
-        )
-        session = Session(plan, box_vehicle)
-        session.enter(0)
-        return session
-
-    return make
+    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+    plan = small_plan(box_vehicle.atlas_id, weathers=(CLEAR, FOG), quality=Quality(8, composed_fog=True), size=128)
+    session = Session(plan, box_vehicle)
+    session.enter(0)
+    return session
 
 
 def maps(session, weather, annotation):
@@ -88,7 +83,7 @@ def maps(session, weather, annotation):
 
 
 def test_composed_fog_is_the_real_one_and_its_bytes_do_not_depend_on_the_past(foggy):
-    session = foggy(composed=True)
+    session = foggy
     annotation = session.annotations(0, [0])[0]
     alone = maps(session, FOG, annotation)
     session.memory = type(session.memory)(session.plan)
@@ -100,21 +95,12 @@ def test_composed_fog_is_the_real_one_and_its_bytes_do_not_depend_on_the_past(fo
     session.memory = type(session.memory)(session.plan)
     A, _, image = maps(session, FOG, annotation)
     assert A[annotation.paint == 0].max() == 0
-    assert psnr(alone[2], image) > 33
-    assert psnr(alone[0][annotation.paint > 0], A[annotation.paint > 0]) > 30
-
-
-def test_lights_that_nobody_asks_for_again_are_not_kept(foggy):
-    session = foggy(composed=False, samples=1)
-    annotation = session.annotations(0, [0])[0]
-    maps(session, CLEAR, annotation)
-    assert session.memory.get(0, 0, CLEAR) is None
+    assert psnr_srgb(alone[2], image) > 33
+    assert psnr_srgb(alone[0][annotation.paint > 0], A[annotation.paint > 0]) > 30
 
 
 def test_memory_holds_one_light_at_a_time(bpy_module):
     from blender_addon.scene.session import LightMemory, PaintLight
-
-    from .conftest import small_plan
 
     low, night, same_night = Weather("low", 10.0), Weather("night", -90.0), Weather("same", -30.0)
     foggy_low = replace(low, name="foggy", fog_density=50.0)

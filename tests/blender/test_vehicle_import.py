@@ -85,6 +85,20 @@ def write_glb(path: Path, points=CORNERS, name="body paint") -> Path:
     return path
 
 
+def saved(path: Path) -> Path:
+    """The session as a file, and a fresh session."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return path
+
+
+def _painted_box(name="car"):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
+    mesh.materials.append(bpy.data.materials.new("car paint"))
+    return bpy.data.objects.new(name, mesh)
+
+
 def refused(match: str, *arguments) -> None:
     with pytest.raises(RaucaError, match=match) as caught:
         import_vehicle(*arguments)
@@ -92,7 +106,7 @@ def refused(match: str, *arguments) -> None:
 
 
 def test_obj_keeps_its_uvs_and_finds_paint_by_name(box_obj):
-    vehicle = import_vehicle(box_obj, None, None)
+    vehicle = import_vehicle(box_obj)
     assert vehicle.size().tolist() == [4.0, 2.0, 1.5]
     assert vehicle.positions[:, 2].min() == 0
     assert [(m.name, m.kind) for m in vehicle.materials] == [("car_paint", "paint"), ("window glass", "glass")]
@@ -119,7 +133,7 @@ def test_a_file_is_read_whatever_of_the_open_scene_is_hidden(box_obj):
 def test_y_up_obj_along_z_is_turned(tmp_path):
     path = tmp_path / "car.obj"
     path.write_text(obj_text(np.stack([CORNERS[:, 1], CORNERS[:, 2], CORNERS[:, 0]], axis=1)))
-    vehicle = import_vehicle(path, None, None)
+    vehicle = import_vehicle(path)
     assert np.allclose(vehicle.size(), [4.0, 2.0, 1.5])
     assert "y taken as up" in vehicle.notes[0]
     assert "front is taken at -y" in vehicle.notes[1]
@@ -167,7 +181,7 @@ def test_unusable_uvs_are_unwrapped_and_told(tmp_path, changes, said):
 
 def test_uvs_in_another_tile_are_wrapped(tmp_path, box_obj):
     (tmp_path / "far.obj").write_text(obj_text(shift=3.0))
-    far, near = import_vehicle(tmp_path / "far.obj", None, None), import_vehicle(box_obj, None, None)
+    far, near = import_vehicle(tmp_path / "far.obj"), import_vehicle(box_obj)
     assert np.allclose(far.uvs[far.paint_faces()], near.uvs[near.paint_faces()], atol=1e-5)
 
 
@@ -179,10 +193,7 @@ def test_glb_is_read_z_up_with_its_front_ahead(tmp_path):
 
 def test_blend_with_a_script_is_read_and_never_run(tmp_path):
     mark = tmp_path / "ran"
-    mesh = bpy.data.meshes.new("car")
-    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
-    mesh.materials.append(bpy.data.materials.new("car paint"))
-    item = bpy.data.objects.new("car", mesh)
+    item = _painted_box()
     item.scale = (1, -1, 1)  # mirrored: faces must come out the right way round
     driver = item.driver_add("location", 2).driver
     driver.type, driver.expression = "SCRIPTED", f"__import__('pathlib').Path({str(mark)!r}).touch() or 0.0"
@@ -194,13 +205,6 @@ def test_blend_with_a_script_is_read_and_never_run(tmp_path):
     corners = vehicle.positions[vehicle.triangles].astype(float)
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((corners.mean(axis=1) - [0, 0, 0.75]) * outward).sum(axis=1).min() > 0
-
-
-def _painted_box(name="car"):
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
-    mesh.materials.append(bpy.data.materials.new("car paint"))
-    return bpy.data.objects.new(name, mesh)
 
 
 @pytest.mark.parametrize("kept", ["object", "collection", "asset"])
@@ -216,10 +220,7 @@ def test_an_asset_is_read_though_it_lies_in_no_scene_of_its_file(tmp_path, kept)
         collection.use_fake_user = kept == "collection"
         if kept == "asset":
             collection.asset_mark()
-    path = tmp_path / "asset.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert len(import_vehicle(path, None, "car paint").triangles) == 10
+    assert len(import_vehicle(saved(tmp_path / "asset.blend"), None, "car paint").triangles) == 10
 
 
 def test_a_vehicle_that_its_scene_hides_is_none_and_neither_is_what_lies_beside_the_scene(tmp_path):
@@ -229,10 +230,7 @@ def test_a_vehicle_that_its_scene_hides_is_none_and_neither_is_what_lies_beside_
     hidden.hide_render = True
     hidden.objects.link(_painted_box())
     bpy.data.scenes[0].collection.children.link(hidden)
-    path = tmp_path / "car.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    refused("has no faces that renders show", path, None, "car paint")
+    refused("has no faces that renders show", saved(tmp_path / "car.blend"), None, "car paint")
 
 
 @pytest.mark.parametrize("of", ["world", "backdrop", "material", "group", "modifier", "instance"])
@@ -267,9 +265,7 @@ def test_only_images_that_the_vehicle_uses_are_measured(tmp_path, of):
             tree.nodes.new("ShaderNodeGroup").node_tree = group
             tree = group
         tree.nodes.new("ShaderNodeTexImage" if of != "world" else "ShaderNodeTexEnvironment").image = image
-    path = tmp_path / "car.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    path = saved(tmp_path / "car.blend")
     if of in ("world", "backdrop"):
         assert len(import_vehicle(path, None, "car paint").triangles) == 10
     else:
@@ -287,7 +283,7 @@ def test_smart_project_serves_where_xatlas_is_missing(box_obj, monkeypatch):
 
 def test_shipped_folder_is_read_as_it_is():
     folder = assets_folder() / "vehicles" / "sedan"
-    vehicle = import_vehicle(folder, None, None)
+    vehicle = import_vehicle(folder)
     assert vehicle.name == "sedan"
     refused("brings its own paint", folder, None, "paint")
 
@@ -304,35 +300,35 @@ def test_the_real_car(shared_folder):
     assert np.array_equal(vehicle.base_texture, read_image_blender(folder / "etron.png"))
     assert not any(note.startswith("UVs:") for note in vehicle.notes)
     assert atlas_report(vehicle).overlap < 0.02
-    refused("cannot tell which faces are paint", folder / "etron.obj", None, None)
+    refused("cannot tell which faces are paint", folder / "etron.obj")
 
 
 def test_bad_files(tmp_path, box_obj):
-    refused("not found", tmp_path / "none.obj", None, None)
+    refused("not found", tmp_path / "none.obj")
     (tmp_path / "car.fbx").write_bytes(b"x")
-    refused("'.fbx' is not read; use .obj", tmp_path / "car.fbx", None, None)
+    refused("'.fbx' is not read; use .obj", tmp_path / "car.fbx")
     for suffix in (".obj", ".glb", ".gltf", ".blend"):
         path = tmp_path / ("garbage" + suffix)
         path.write_bytes(bytes(range(256)) * 40)
-        refused("cannot be read|no faces", path, None, None)
+        refused("cannot be read|no faces", path)
         path.write_bytes(b"")
-        refused("cannot be read|no faces", path, None, None)
+        refused("cannot be read|no faces", path)
     (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
-    refused("no faces", tmp_path / "points.obj", None, None)
+    refused("no faces", tmp_path / "points.obj")
     (tmp_path / "nan.obj").write_text(obj_text().replace("v 2 ", "v nan ").replace("v 2.0 ", "v nan "))
-    refused("vertices are NaN", tmp_path / "nan.obj", None, None)
+    refused("vertices are NaN", tmp_path / "nan.obj")
     broken = CORNERS.copy()
     broken[3] = np.nan
     refused("NaN", write_glb(tmp_path / "nan.glb", broken), None, "body paint")
     for scale in (100.0, 0.01):
         (tmp_path / "size.obj").write_text(obj_text(CORNERS * scale))
-        refused("metres are expected; scale it", tmp_path / "size.obj", None, None)
+        refused("metres are expected; scale it", tmp_path / "size.obj")
 
 
 def test_bad_paint(tmp_path, box_obj):
     refused("it has 'car_paint', 'window glass'", box_obj, None, "chrome")
     (tmp_path / "plain.obj").write_text(obj_text(names=("a", "b")))
-    refused("cannot tell which faces are paint", tmp_path / "plain.obj", None, None)
+    refused("cannot tell which faces are paint", tmp_path / "plain.obj")
     mask = tmp_path / "mask.png"
 
     def with_mask(pixels: np.ndarray, match: str, path: Path = box_obj) -> None:
@@ -346,7 +342,7 @@ def test_bad_paint(tmp_path, box_obj):
     corner = np.zeros((64, 64))
     corner[0, 0] = 255
     with_mask(corner, "white nowhere on the vehicle's UVs")
-    refused("not found", box_obj, tmp_path / "none.png", None)
+    refused("not found", box_obj, tmp_path / "none.png")
     mask.write_bytes(b"no image")
     refused("not a readable image", box_obj, mask, None)
     bare = tmp_path / "bare.obj"

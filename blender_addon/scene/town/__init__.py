@@ -1,6 +1,6 @@
 """A procedural town: every location stands in a district of its own, built from the data set's seed when it is entered.
 
-`districts.py` says what each kind of district is made of, `site.py` where its street runs and where the vehicle stands;
+`tables.py` says what each kind of district is made of, `site.py` where its street runs and where the vehicle stands;
 the town shows one district at a time; the other modules build one kind of thing each.
 """
 
@@ -12,10 +12,9 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..massing import MeshParts
-from .furniture import build_furniture
+from .furniture import build_furniture, build_parked
 from .greenery import Nursery, build_greenery
 from .materials import Materials, set_lit
-from .parked import build_parked
 from .sides import build_sides, build_skyline
 from .site import Layout, Site, layout
 from .streets import build_ground

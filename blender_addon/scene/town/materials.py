@@ -41,7 +41,7 @@ LIT_COLORS: tuple[Albedo, Albedo] = ((1.0, 0.62, 0.28), (0.95, 0.88, 0.75))
 
 
 class Materials(dict[str, bpy.types.Material]):
-    """Materials by the names of :mod:`surfaces`."""
+    """Materials by the names of :data:`SURFACES` and :data:`GLAZINGS`."""
 
     def __missing__(self, name: str) -> bpy.types.Material:
         glazing = GLAZINGS.get(name)

@@ -85,7 +85,8 @@ class Solids:
         colors = {name: pick(rng, materials) for name, materials in self.colors.items()}
         for solid, material, *sizes in self.solids:
             if solid == "load":
-                _load(parts, colors[material], *sizes, top)
+                low, high = sizes
+                _load(parts, colors[material], low, high, top)
             else:
                 getattr(parts, solid)(colors.get(material, material), *sizes)
 
