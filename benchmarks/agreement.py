@@ -39,12 +39,11 @@ def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] =
         "IoU worst": "{worst_iou:.4f}", "inside dB": "{inside_db:.1f}", "edge dB": "{edge_db:.1f}",
     }  # fmt: skip
     results.table("The neural renderer against Cycles", columns, rows)
-    results.publish(out)
     lines = [
         Line(label, [(row["build_ms"], row[key], row["name"]) for row in rows])
         for label, key in (("inside the paint", "inside_db"), ("on its edges", "edge_db"))
     ]
-    save_figure(
-        out.with_suffix(".png"), [Panel("", lines)], "ms to build a view's taps, once", "PSNR against Cycles, dB", 6
-    )
+    axes = "ms to build a view's taps, once", "PSNR against Cycles, dB"
+    results.picture(lambda path: save_figure(path, [Panel("", lines)], *axes, 6), ".png", "agreement.png")
+    results.publish(out)
     return results

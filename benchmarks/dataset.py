@@ -9,6 +9,7 @@ import json
 import math
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,7 +58,6 @@ METHODS = {"real": "real volume", "composed": "composed around the vehicle", "ev
 PSNR_DB = {"clear": 35.0, "foggy": 33.0, "night": 33.0}
 COMPOSED_DB = 35.0
 SPEEDUP = 10.0
-PICTURES = Path("pictures") / "datasets"
 Image = NDArray[np.float32]
 
 
@@ -106,26 +106,15 @@ def naive_samples(entries: Sequence[Row]) -> int:
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
-    """Measure the default data set; write ``out`` (JSON) and two plots beside it.
-
-    Args:
-        docs: folder whose `datasets.md` gets the figures anew, and its pictures the plots.
-
-    Raises:
-        RaucaError: Blender is missing, or died.
-    """
+    """Measure the default data set; raises :class:`RaucaError` where Blender is missing, or died."""
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("data set") as move:
-        source, target = Path(temporary) / "settings.json", Path(temporary) / "found.json"
-        source.write_text(json.dumps(vars(settings)))
-        run_child("benchmarks.dataset_in_blender", [source, target], move)
-        results = Results("dataset", settings, **json.loads(target.read_text()))
+        found = Path(temporary) / "found.json"
+        run_child("dataset_in_blender.main", {"settings": vars(settings), "out": str(found)}, move)
+        results = Results("dataset", settings, **json.loads(found.read_text()))
     summarize(results)
+    results.picture(partial(save_pareto, results), ".svg", "datasets/cost-error.svg")
+    results.picture(partial(save_fog_curve, results), "-fog.svg", "datasets/composed-fog.svg")
     results.publish(out, docs, "datasets.md", width=170)
-    save_pareto(results, out.with_suffix(".svg"))
-    save_fog_curve(results, out.with_name(f"{out.stem}-fog.svg"))
-    if docs is not None:
-        save_pareto(results, docs / PICTURES / "cost-error.svg")
-        save_fog_curve(results, docs / PICTURES / "composed-fog.svg")
     return results
 
 

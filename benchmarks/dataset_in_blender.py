@@ -1,21 +1,15 @@
-"""Measures frames in a process of its own, with Blender: what they cost, and how far from converged ones they are.
-
-Usage: python -m benchmarks.dataset_in_blender SETTINGS.json OUTPUT.json
-"""
+"""In a process of its own, with Blender: what frames cost, and how far from converged ones they are."""
 
 from __future__ import annotations
 
-import json
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from blender_addon.jobs.dataset_job import completed
 from blender_addon.scene import camera, composed_fog
@@ -48,32 +42,25 @@ Cpu = time.process_time  # Cycles runs inside this process, so its threads count
 
 
 class Studio:
-    """The default data set's scene: the sedan at the town's first place, seen by the default ring.
-
-    Attributes:
-        session: of the data set's own code; its plan's quality is set per measurement.
-        default: the quality that `rauca dataset make` uses.
-        sights: annotations of the views that are used.
-        coverage_s: CPU seconds of a camera's annotation, mean.
-    """
+    """The default data set's scene: the sedan at the town's first place, seen by the default ring."""
 
     def __init__(self, size: int, views: set[int]) -> None:
         vehicle = find_vehicle(VehicleSource("sedan"))
         options = dataset_parser().parse_args(["--out", "bench", "--size", str(size), "--weathers", "single"])
         plan = completed(dataset_job(options), vehicle)
-        self.default = plan.quality
+        self.default = plan.quality  # that `rauca dataset make` uses; the session's plan has that of a measurement
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.session = Session(plan, vehicle)
         self.session.enter(LOCATION)
         started = Cpu()
         self.sights: dict[int, Annotation] = dict(self.session.annotations(LOCATION, sorted(views)))
-        self.coverage_s = (Cpu() - started) / len(views)
+        self.coverage_s = (Cpu() - started) / len(views)  # of a camera's annotation, mean
         self._weather: Weather | None = None
         self._references: dict[tuple[Any, ...], Image] = {}
 
-    def painted(self, view: int) -> NDArray[np.bool_]:
-        """(H, W) pixels that show paint."""
-        return self.sights[view].paint > 0
+    def errors(self, view: int, frame: Image, halves: Halves) -> tuple[float, float, float]:
+        """:func:`squared_errors` of a frame of a view."""
+        return squared_errors(frame, halves, self.sights[view].paint > 0)
 
     def set_weather(self, weather: Weather) -> None:
         """As the data set's loop does: only when it changes."""
@@ -108,7 +95,9 @@ class Studio:
         """A and B as the data set stores them, save for their rounding to half precision."""
         self.set_weather(weather)
         grey = srgb_to_linear(np.array(self.session.plan.reference_srgb, np.float32) / 255)
-        A, B, _ = light_maps(self.session, LOCATION, view, weather, self.painted(view), grey, self.sights[view])
+        A, B, _ = light_maps(
+            self.session, LOCATION, view, weather, self.sights[view].paint > 0, grey, self.sights[view]
+        )
         return A, B
 
     def reference(self, view: int, weather: Weather, color: Color, samples: int) -> Halves:
@@ -123,19 +112,18 @@ class Studio:
         return Halves(*halves)
 
 
-def variants(settings: Settings, default: Quality) -> Iterator[tuple[str, str, Quality]]:
+def variants_of(settings: Settings, default: Quality) -> Iterator[tuple[str, str, Quality]]:
     """(what, axis, quality) of everything that is measured; the default light maps come first."""
     yield MAPS, "samples", default
     plain = replace(default, adaptive_threshold=0.0, denoise=True)
-    raw = replace(plain, denoise=False)
     for samples in settings.map_samples:
-        if replace(plain, samples=samples) != default:
-            yield MAPS, "samples", replace(plain, samples=samples)
+        if (quality := replace(plain, samples=samples)) != default:
+            yield MAPS, "samples", quality
     for samples in settings.single_samples:
         yield SINGLE, "samples", replace(plain, samples=samples)
     for samples in settings.raw_samples:
-        yield SINGLE, "raw", replace(raw, samples=samples)
-        yield MAPS, "raw", replace(raw, samples=samples)
+        for what in (SINGLE, MAPS):
+            yield what, "raw", replace(plain, denoise=False, samples=samples)
     for threshold in settings.thresholds:
         yield MAPS, "adaptive", replace(plain, samples=settings.adaptive_samples, adaptive_threshold=threshold)
     for bounces in settings.bounces:
@@ -150,7 +138,7 @@ def measure(studio: Studio, settings: Settings, kind: str, what: str, axis: str,
         halves = [studio.reference(view, weather, color, settings.reference_samples) for color in COLORS]
         spent_s, frames = (_through_maps if what == MAPS else _one_by_one)(studio, view, weather, quality)
         cpu_s += spent_s / len(settings.views)
-        errors += [squared_errors(f, h, studio.painted(view)) for f, h in zip(frames, halves, strict=True)]
+        errors += [studio.errors(view, f, h) for f, h in zip(frames, halves, strict=True)]
     display, linear, paint = (psnr_db(column) for column in zip(*errors, strict=True))
     found = {"psnr_db": display, "linear_psnr_db": linear, "paint_psnr_db": paint, "cpu_seconds": cpu_s}
     return {"what": what, "axis": axis, "kind": kind, **asdict(quality), **found}
@@ -197,7 +185,7 @@ def measure_fog(studio: Studio, settings: Settings, light: str, density: float) 
     composed = everywhere if crop is None else composed_fog.blend(everywhere, real[crop.inside], crop.inside)
     formula = by_formula(coarse, unfogged, np.asarray(distance, np.float32), weather.extinction)
     frames = {"real": real, "composed": composed, "everywhere": everywhere, "formula": formula}
-    db = {f"{n}_db": psnr_db([squared_errors(f, halves, studio.painted(view))[0]]) for n, f in frames.items()}
+    db = {f"{n}_db": psnr_db([studio.errors(view, f, halves)[0]]) for n, f in frames.items()}
     return {"light": light, "fog_density": density, "extinction": weather.extinction, **db}
 
 
@@ -242,50 +230,34 @@ def naive_of_a_set(studio: Studio, view: int, weathers: Sequence[Weather], sampl
     return total
 
 
-def run(settings: Settings) -> dict[str, Any]:
-    """Measure; returns sweeps, fog curve and whole sets as JSON."""
-    studio = Studio(settings.size, {*settings.views, *(view for _, views in settings.sets for view in views)})
-    jobs = [(kind, *variant) for kind in KINDS for variant in variants(settings, studio.default)]
-    jobs = [job for job in jobs if job[0] == "foggy" or job[2] != "fog"]
-    moved = _counter(len(jobs) + 2 * len(settings.fog_densities) + 2 * sum(len(views) for _, views in settings.sets))
-    entries, fogs, sets = [], [], []
-    for kind, what, axis, quality in jobs:
-        entries.append(measure(studio, settings, kind, what, axis, quality))
-        moved(f"{kind}: {what}, {axis}")
-    for light in LIGHTS:
-        for density in settings.fog_densities:
-            fogs.append(measure_fog(studio, settings, light, density))
-            moved(f"fog {density:g}, {light}")
-    samples = {kind: naive_samples([entry for entry in entries if entry["kind"] == kind]) for kind in KINDS}
-    for preset, views in settings.sets:
+def main(settings: dict[str, Any], out: str) -> None:
+    """Measure; write sweeps, fog curve and whole sets as JSON."""
+    chosen = Settings(**settings)
+    studio = Studio(chosen.size, {*chosen.views, *(view for _, views in chosen.sets for view in views)})
+    variants = [(kind, *variant) for kind in KINDS for variant in variants_of(chosen, studio.default)]
+    variants = [variant for variant in variants if variant[0] == "foggy" or variant[2] != "fog"]
+    fogs = [(light, density) for light in LIGHTS for density in chosen.fog_densities]
+    sets = [(preset, view) for preset, views in chosen.sets for view in views]
+    total = len(variants) + len(fogs) + len(sets)
+    rows: dict[str, list[Row]] = {"entries": [], "fog_curve": [], "sets": []}
+
+    def add(kind: str, row: Row, last: str) -> None:
+        rows[kind].append(row)
+        print(Progress(sum(map(len, rows.values())), total, last).line(), flush=True)
+
+    for kind, what, axis, quality in variants:
+        add("entries", measure(studio, chosen, kind, what, axis, quality), f"{kind}: {what}, {axis}")
+    for light, density in fogs:
+        add("fog_curve", measure_fog(studio, chosen, light, density), f"fog {density:g}, {light}")
+    samples = {kind: naive_samples([entry for entry in rows["entries"] if entry["kind"] == kind]) for kind in KINDS}
+    for preset, view in sets:
         weathers = find_preset(preset, assets_folder() / "weathers")
-        for view in views:
-            ours = ours_of_a_set(studio, view, weathers)
-            moved(f"{preset}, view {view}, ours")
-            naive = naive_of_a_set(studio, view, weathers, samples)
-            moved(f"{preset}, view {view}, naive")
-            row = {"preset": preset, "view": view, "frames": len(weathers) * len(TRAIN), "naive_samples": samples}
-            sets.append(row | {"ours_s": ours, "naive_s": naive, "speedup": naive / ours})
-    return {
-        "figures": {
-            "blender": bpy.app.version_string,
-            "default": studio.default.to_json(),
-            "coverage_cpu_seconds": studio.coverage_s,
-        },
-        "rows": {"entries": entries, "fog_curve": fogs, "sets": sets},
+        ours, naive = ours_of_a_set(studio, view, weathers), naive_of_a_set(studio, view, weathers, samples)
+        row = {"preset": preset, "view": view, "frames": len(weathers) * len(TRAIN), "naive_samples": samples}
+        add("sets", row | {"ours_s": ours, "naive_s": naive, "speedup": naive / ours}, f"{preset}, view {view}")
+    figures = {
+        "blender": bpy.app.version_string,
+        "default": studio.default.to_json(),
+        "coverage_cpu_seconds": studio.coverage_s,
     }
-
-
-def _counter(total: int) -> Callable[[str], None]:
-    done = 0
-
-    def moved(last: str) -> None:
-        nonlocal done
-        done += 1
-        print(Progress(done, total, last).line(), flush=True)
-
-    return moved
-
-
-if __name__ == "__main__":
-    write_json(Path(sys.argv[2]), run(Settings(**json.loads(Path(sys.argv[1]).read_text()))))
+    write_json(Path(out), {"figures": figures, "rows": rows})

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from PIL import Image, ImageDraw, ImageFont
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
 from rauca_core.attack.losses import attack_loss
-from rauca_core.contract import Dataset, Frame, RaucaError
-from rauca_core.contract.files import write_bytes
+from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, car_score, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.defences import Defence, defence_names, make_defence
-from rauca_core.study.defences.interface import to_pixels
 from rauca_core.study.detecting import read_frame_image
 
-from .harness import Results, Settings
-from .timing import counted
+from .harness import Results, Settings, counted, save_sheet
 
 FULL = Settings(
     steps=120,  # of the patch's optimization
@@ -38,9 +34,8 @@ LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
 SIDE = 48  # of the patch, texels
 
 
-@dataclass(frozen=True, eq=False)
-class Views:
-    """Images (B, 3, H, W) sRGB by paint, and the vehicle's boxes (B, 4) xyxy, pixels."""
+class Views(NamedTuple):
+    """The vehicle's boxes (B, 4) xyxy, pixels, and images (B, 3, H, W) sRGB by paint."""
 
     boxes: Tensor
     paints: dict[str, Tensor]
@@ -63,8 +58,6 @@ def bench(
     The patch is optimized on every other view against the first detector, and measured on the rest.
 
     Args:
-        out: JSON to write; the sheet of pictures goes beside it.
-        docs: folder whose ``defences.md`` gets the figures anew, and its pictures the sheet.
         run: folder laid out as the demo's.
         detectors: names from ``rauca weights list``, or detectors.
         patch: share of the vehicle's box that it covers.
@@ -94,9 +87,9 @@ def bench(
         "images": len(held.boxes), "size": [height, width], "white_box": loaded[0].name, "patch_share": patch,
     }  # fmt: skip
     _tables(results, f"{width}x{height}", judged_on)
+    pictures = largest_view(held, defences)
+    results.picture(lambda path: save_sheet(path, pictures), ".jpg", "defences.jpg")
     results.publish(out, docs, "defences.md", width=150)
-    for path in [out.with_suffix(".jpg"), *([docs / "pictures" / "defences.jpg"] if docs else [])]:
-        save_sheet(held, defences, path)
     return results
 
 
@@ -110,16 +103,16 @@ def read_views(run: Path) -> Views:
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if len(frames) < 2:
         raise RaucaError(f"{run}: fewer than two held-out frames show the vehicle; run `rauca demo` first")
+
+    def read(path_of: Callable[[str], Path]) -> Tensor:
+        pixels = np.stack([read_frame_image(path_of(frame.id), frame) for frame in frames])
+        return torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255
+
     paints = {
-        "normal": _read([(dataset.frame_folder(frame.id) / "image.png", frame) for frame in frames]),
-        "camouflage": _read([(run / "renders" / "rauca" / f"{frame.id}.png", frame) for frame in frames]),
+        "normal": read(lambda name: dataset.frame_folder(name) / "image.png"),
+        "camouflage": read(lambda name: run / "renders" / "rauca" / f"{name}.png"),
     }
     return Views(torch.tensor([frame.box_xyxy for frame in frames], dtype=torch.float32), paints)
-
-
-def _read(paths: Sequence[tuple[Path, Frame]]) -> Tensor:
-    pixels = np.stack([read_frame_image(path, frame) for path, frame in paths])
-    return torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255
 
 
 def patch_area(box: Tensor, share: float) -> tuple[int, int, int]:
@@ -184,24 +177,20 @@ def _measure(
 def _seen(detector: Detector, images: Tensor, boxes: Tensor) -> tuple[float, float]:
     """AP@0.5 of class car and the mean best car score on the vehicle."""
     car, samples, scores = class_index(detector, "car"), [], []
-    for start in range(0, len(images), BATCH):
-        batch, truth = images[start : start + BATCH], boxes[start : start + BATCH]
+    for batch, truth in zip(images.split(BATCH), boxes.split(BATCH), strict=True):
         scores.append(car_score(detector, batch, truth))
         for box, found in zip(truth, detector.detect(batch, LOW_SCORE, NMS_IOU), strict=True):
             cars = found.labels == car
-            samples.append(
-                Sample(box.double().numpy(), found.boxes[cars].double().numpy(), found.scores[cars].double().numpy())
-            )
+            parts = (box, found.boxes[cars], found.scores[cars])
+            samples.append(Sample(*(part.double().numpy() for part in parts)))
     return average_precision(samples), float(torch.cat(scores).mean())
 
 
 def _mean_in_boxes(values: Tensor, boxes: Tensor) -> float:
     """Mean over the boxes (B, 4) of the mean of (B, H, W) inside each."""
-    parts = []
-    for value, box in zip(values, boxes.round().int().tolist(), strict=True):
-        left, top, right, bottom = (max(0, x) for x in box)
-        parts.append(float(value[top:bottom, left:right].mean()))
-    return float(np.mean(parts))
+    corners = boxes.round().int().clamp(min=0).tolist()
+    parts = [v[top:bottom, left:right].mean() for v, (left, top, right, bottom) in zip(values, corners, strict=True)]
+    return float(np.mean([float(part) for part in parts]))
 
 
 def _tables(results: Results, size: str, judged_on: str) -> None:
@@ -219,29 +208,11 @@ def _tables(results: Results, size: str, judged_on: str) -> None:
         results.table(f"{label}, {judged_on}", {"defence": "{defence}", **seen}, rows)
 
 
-TILE, GAP, TITLE = 216, 6, 26
-INK, PAPER = "#20242a", "#ffffff"
-NAMES = {"none": "no defence", "lgs": "LGS", "pad": "PAD", "jpeg": "JPEG 75", "bits": "5 bits", "median": "median 3"}
-
-
-def save_sheet(views: Views, defences: Sequence[Defence], out: Path) -> None:
-    """The largest view of the vehicle: paints from top to bottom, defences from left to right, as JPEG."""
+def largest_view(views: Views, defences: Sequence[Defence]) -> dict[str, dict[str, NDArray[np.float32]]]:
+    """Pictures of the largest view of the vehicle, by paint and defence."""
     sides = views.boxes[:, 2:] - views.boxes[:, :2]
     index = int(sides.prod(1).argmax())
-    size = (TITLE + len(defences) * (TILE + GAP), TITLE + len(views.paints) * (TILE + GAP))
-    sheet = Image.new("RGB", size, PAPER)
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
-    for column, defence in enumerate(defences):
-        x = TITLE + column * (TILE + GAP)
-        pen.text((x + TILE / 2, TITLE / 2), NAMES.get(defence.name, defence.name), INK, font, anchor="mm")
-        for row, images in enumerate(views.paints.values()):
-            tile = Image.fromarray(to_pixels(defence(images[index : index + 1])[0]))
-            place = (x, TITLE + row * (TILE + GAP))
-            sheet.paste(tile.resize((TILE, TILE), Image.Resampling.LANCZOS), place)
-    for row, paint in enumerate(views.paints):
-        label = Image.new("RGB", (TILE, TITLE), PAPER)
-        ImageDraw.Draw(label).text((TILE / 2, TITLE / 2), paint, INK, font, anchor="mm")
-        sheet.paste(label.rotate(90, expand=True), (0, TITLE + row * (TILE + GAP)))
-    stream = io.BytesIO()
-    sheet.save(stream, "JPEG", quality=80, optimize=True)
-    write_bytes(out, stream.getvalue())
+    return {
+        paint: {d.name: d(images[index : index + 1])[0].permute(1, 2, 0).clamp(0, 1).numpy() for d in defences}
+        for paint, images in views.paints.items()
+    }

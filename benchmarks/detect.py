@@ -21,8 +21,7 @@ from rauca_core.runtime.images import read_image
 
 from . import detect_runtimes as runtimes
 from .detect_runtimes import Contender
-from .harness import Results, Settings
-from .timing import Clock, counted
+from .harness import Clock, Results, Settings, counted
 
 FULL = Settings(
     images=20,
@@ -38,17 +37,15 @@ FULL = Settings(
 QUICK = FULL.but(timed=7, framework_images=3, torchvision=FULL.torchvision[:2], transformers=("DeformableDetr",))
 
 LARGEST_DIFFERENCE = 1e-3
-LARGEST_RATIO = 1.5
 WARM_UPS = 2
 USUAL = Path("runs") / "demo" / "held-out"  # the demo's frames, when it has been run here
 Maker = Callable[[], AbstractContextManager[Contender]]
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path | None = None) -> Results:
-    """Measure every standard detector that is ready, and the frameworks' with random weights; write ``out`` (JSON).
+    """Measure every standard detector that is ready, and the frameworks' with random weights.
 
     Args:
-        docs: folder whose `detectors.md` gets the figures anew.
         dataset: whose frames are detected in; the demo's held-out ones, or drawn pictures, by default.
     """
     # The other cores may be busy, and a race of thread pools says little about networks.
@@ -76,19 +73,13 @@ def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path
 
 def _contenders(settings: Settings) -> Iterator[tuple[str, Maker, int]]:
     """Name, maker, and on how many images."""
-    makers: dict[str, Callable[..., AbstractContextManager[Contender]]] = {
-        "darknet": runtimes.darknet,
-        "tf-ssd": runtimes.tensorflow,
-        "caffe-ssd": runtimes.caffe,
-        "onnx": runtimes.yolox,
-    }
     for entry in listing():
         if entry.ready and entry.source.standard:
-            yield entry.source.name, partial(makers[entry.source.family], entry.source), settings.images
-    for architecture in settings.torchvision:
-        yield architecture, partial(runtimes.torchvision, architecture), settings.framework_images
-    for prefix in settings.transformers:
-        yield prefix, partial(runtimes.transformers, prefix), settings.framework_images
+            of_family = runtimes.OF_FAMILY[entry.source.family]
+            yield entry.source.name, partial(of_family, entry.source), settings.images
+    for maker, names in ((runtimes.torchvision, settings.torchvision), (runtimes.transformers, settings.transformers)):
+        for name in names:
+            yield name, partial(maker, name), settings.framework_images
 
 
 def measure(results: Results, contender: Contender, images: list[Tensor], timed: int) -> None:
@@ -111,7 +102,7 @@ def measure(results: Results, contender: Contender, images: list[Tensor], timed:
         "adapters",
         name=contender.name,
         reference=contender.reference,
-        compared="detections" if contender.final else "predictions",  # after suppression, or before
+        compared="detections" if contender.thresholds else "predictions",  # after suppression, or before
         images=len(images),
         max_abs_difference=max(contender.differences(image) for image in fitted),
         forward_ms=ours_ms,
@@ -133,9 +124,10 @@ def report(results: Results) -> None:
     results.table(title, columns, adapters)
     for what, key, wanted in (
         ("largest difference", "max_abs_difference", LARGEST_DIFFERENCE),
-        ("ratio of the forward pass", "forward_ratio", LARGEST_RATIO),
+        ("ratio of the forward pass", "forward_ratio", 1.5),
     ):
-        for worst in sorted(adapters, key=lambda row: -row[key])[:1]:
+        if adapters:
+            worst = max(adapters, key=lambda row: row[key])
             results.target(f"{what}, worst: {worst['name']}", wanted, worst[key], most=True)
     results.target_table()
     if missing := results.rows.get("missing"):

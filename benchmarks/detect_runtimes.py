@@ -43,16 +43,14 @@ class Contender:
     """One adapter.
 
     Attributes:
-        name: of the detector.
         reference: the other runtime, with its version.
         size: images are stretched to this square before either sees them.
-        detector: ours.
-        final: final detections are compared, since the reference does not show what it had before suppression.
         prepare: an image (1, 3, size, size) to what the reference takes; not timed.
         run: the reference's part of the race.
-        rows: what it found: (N, 4 + C) boxes as fractions of the image and scores per class, in our order; for
-            ``final`` (M, 6) boxes, score, label, in any order.
-        thresholds: of score and overlap, for ``final``.
+        rows: what it found: (N, 4 + C) boxes as fractions of the image and scores per class, in our order; or, with
+            ``thresholds``, (M, 6) boxes, score, label, in any order.
+        thresholds: of score and overlap, where final detections are compared, since the reference does not show what
+            it had before suppression.
         run_openly: in place of ``run`` where the difference is taken, for a reference that keeps low scores to itself.
     """
 
@@ -63,13 +61,12 @@ class Contender:
     prepare: Callable[[Tensor], Any]
     run: Callable[[Any], Any]
     rows: Callable[[Any], Rows]
-    final: bool = False
-    thresholds: tuple[float, float] = (0.0, 1.0)
+    thresholds: tuple[float, float] | None = None
     run_openly: Callable[[Any], Any] | None = None
 
     def forward(self, image: Tensor) -> DensePredictions | list[Detections]:
         """Our part of the race: the same work, without gradients."""
-        if self.final:
+        if self.thresholds:
             return self.detector.detect(image, *self.thresholds)
         with torch.inference_mode():
             return self.detector.dense(image)
@@ -83,9 +80,10 @@ class Contender:
     def differences(self, image: Tensor) -> float:
         """Largest difference of any score or box side (as a fraction of the image's)."""
         theirs = self.rows((self.run_openly or self.run)(self.prepare(image)))
-        if self.final:
+        if self.thresholds:
             found = self.detector.detect(image, *self.thresholds)[0]
-            return unordered_difference(final_rows(found, self.size), theirs, self.thresholds[0])
+            ours = torch.cat([found.boxes / self.size, found.scores[:, None], found.labels[:, None]], 1).numpy()
+            return unordered_difference(ours, theirs, self.thresholds[0])
         plain, with_gradient = (self.detector.dense(image.clone().requires_grad_(wants)) for wants in (False, True))
         return max(ordered_difference(dense_rows(found, self.size), theirs) for found in (plain, with_gradient))
 
@@ -94,11 +92,6 @@ def dense_rows(found: DensePredictions, size: int) -> Rows:
     """(N, 4 + C): boxes as fractions of the image, scores."""
     scores = found.objectness[0, :, None] * found.classes[0]
     return torch.cat([found.boxes[0] / size, scores], 1).detach().numpy()
-
-
-def final_rows(found: Detections, size: int) -> Rows:
-    """(M, 6): boxes as fractions of the image, score, label."""
-    return torch.cat([found.boxes / size, found.scores[:, None], found.labels[:, None]], 1).numpy()
 
 
 def ordered_difference(ours: Rows, theirs: Rows) -> float:
@@ -176,18 +169,15 @@ def caffe(source: Source) -> Iterator[Contender]:
     weights, prototxt = stored_paths(source)
     net = cv2.dnn.readNetFromCaffe(str(prototxt), str(weights))
     parts = ["mbox_loc", "mbox_conf_flatten", "mbox_priorbox"]
-
-    def prepare(image: Tensor) -> Rows:
-        return np.ascontiguousarray((image.numpy()[:, ::-1] * 255 - 127.5) * 0.007843)
-
-    yield _ssd(source, net, parts, prepare)
+    yield _ssd(
+        source, net, parts, lambda image: np.ascontiguousarray((image.numpy()[:, ::-1] * 255 - 127.5) * 0.007843)
+    )
 
 
 def _ssd(source: Source, net: Any, parts: list[str], prepare: Callable[[Tensor], Rows]) -> Contender:
     detector: Any = load_detector(source.name)
-    return Contender(
-        source.name, OPENCV, detector.size, detector, prepare, _runner(net, parts), lambda o: _ssd_rows(*o)
-    )
+    run = _runner(net, parts)
+    return Contender(source.name, OPENCV, detector.size, detector, prepare, run, lambda found: _ssd_rows(*found))
 
 
 def _ssd_rows(encodings: Rows, scores: Rows, priors: Rows) -> Rows:
@@ -237,6 +227,9 @@ def _decoded(output: NDArray[np.float32], size: int) -> Rows:
     return np.concatenate([center - half, center + half, output[:, 4:5] * output[:, 5:]], 1).astype(np.float32)
 
 
+OF_FAMILY = {"darknet": darknet, "tf-ssd": tensorflow, "caffe-ssd": caffe, "onnx": yolox}
+
+
 @contextmanager
 def torchvision(architecture: str) -> Iterator[Contender]:
     """Faster R-CNN or SSDlite: softmax over few categories, so random weights make detections too."""
@@ -253,7 +246,6 @@ def torchvision(architecture: str) -> Iterator[Contender]:
         prepare=list,
         run=torch.inference_mode()(reference),
         rows=lambda found: _rows(found, first_label=1),  # 0 is the background
-        final=True,
         thresholds=THRESHOLDS,
     )
 
@@ -272,7 +264,9 @@ def transformers(prefix: str) -> Iterator[Contender]:
     size = {"height": SIZE, "width": SIZE} if prefix == "RTDetr" else {"shortest_edge": SIZE, "longest_edge": SIZE}
     processor = getattr(package, f"{prefix}ImageProcessor")(size=size)
     detector = TransformersDetector.of(model, prefix, size=SIZE)
-    threshold = _low_score(detector)
+    with torch.no_grad():
+        # Nearly every query is a detection, whatever random weights make of the scores of other pictures.
+        threshold = float(detector.dense(torch.full((1, 3, SIZE, SIZE), 0.5)).classes.amax(2).median() / 2)
 
     @torch.inference_mode()
     def run(images: list[Tensor]) -> Any:
@@ -289,15 +283,8 @@ def transformers(prefix: str) -> Iterator[Contender]:
         prepare=list,
         run=run,
         rows=lambda found: _rows(found, first_label=0),
-        final=True,
         thresholds=(threshold, 1.0),
     )
-
-
-def _low_score(detector: TransformersDetector) -> float:
-    """Nearly every query is a detection, whatever random weights make of the scores of other pictures."""
-    with torch.no_grad():
-        return float(detector.dense(torch.full((1, 3, SIZE, SIZE), 0.5)).classes.amax(2).median() / 2)
 
 
 def _rows(found: list[dict[str, Tensor]], first_label: int) -> Rows:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from statistics import mean, median
+from statistics import mean
 
-import numpy as np
 import torch
-from PIL import Image
-from torch import Tensor
 
 from rauca_core.environment import LightSplitter, PublishedEfe
-from rauca_core.environment.estimate import estimate
 from rauca_core.environment.frames import LightFrame, LightFrames
 from rauca_core.environment.methods import (
     AffineRender,
@@ -24,13 +21,23 @@ from rauca_core.environment.methods import (
     splitter_render,
     transfer_render,
 )
-from rauca_core.environment.metrics import Error, total
-from rauca_core.render import linear_to_srgb
+from rauca_core.environment.metrics import Error
 from rauca_core.runtime.cpu import keep_large_blocks, threads
 
+from .environment_report import save_curve, save_figure_of_maps, summarize
 from .environment_training import adapt, drawn, splitter_db, time_epochs, train_ours, train_published
-from .environment_truth import LIGHT, Budget, Truth, displayed, find_truths, regions, render_anew, save_textures
-from .harness import Line, Panel, Results, Row, Settings, save_figure
+from .environment_truth import (
+    LIGHT,
+    SATURATED,
+    Budget,
+    Truth,
+    displayed,
+    find_truths,
+    regions,
+    render_anew,
+    save_textures,
+)
+from .harness import Results, Settings
 from .in_blender import Wanted, make_dataset, weathers_of
 
 CLEAR, LOW, FOG, NIGHT = "sun90-fog0", "sun30-fog0", "sun30-fog90", "sun-90-fog0"
@@ -83,21 +90,18 @@ QUICK = FULL.but(
     most_epochs=20,
 )
 
-METHODS = ("none", "transfer", "published", "ours", "exact")
 TRAIN_SEED, TEST_SEED = 11, 12  # other streets, other cameras
+METHODS = ("none", "transfer", "published", "ours", "exact")
 JITTER = "--jitter-azimuth 40 --jitter-elevation 8 --jitter-distance 0.2 --jitter-aim 0.2 --min-visible 0.4"
-SATURATED = "saturated"  # the texture of the figures
-PICTURES = Path("pictures") / "environment"
 Method = Callable[[int, LightFrame], Render]
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, weights: Path | None = None) -> Results:
-    """Measure every way to light a vehicle; write ``out`` (JSON) and the figures beside it.
+    """Measure every way to light a vehicle.
 
     Data sets and Cycles' renders are kept in a folder beside ``out`` and read again by the next run.
 
     Args:
-        docs: folder whose `environment.md` gets the figures anew.
         weights: pre-trained ones; the shipped by default.
 
     Raises:
@@ -106,23 +110,21 @@ def bench(out: Path, settings: Settings, docs: Path | None = None, weights: Path
     keep_large_blocks()
     results = Results("environment", settings)
     with threads(1):
-        save_maps = _measure(results, out.parent / "environment", weights)
+        _measure(results, out.parent / "environment", weights)
     summarize(results)
+    results.picture(partial(save_curve, results), ".svg", "environment/seconds-error.svg")
     results.publish(out, docs, "environment.md")
-    save_curve(results, out.with_suffix(".svg"))
-    save_maps(out.with_suffix(".jpg"))
-    if docs is not None:
-        save_curve(results, docs / PICTURES / "seconds-error.svg")
-        save_maps(docs / PICTURES / "maps.jpg")
     return results
 
 
-def _measure(results: Results, folder: Path, weights: Path | None) -> Callable[[Path], None]:
-    """Fill the rows; returns what saves the figure of maps."""
+def _measure(results: Results, folder: Path, weights: Path | None) -> None:
     settings = results.settings
-    # One list of frames: the first data set to train on, the second to test on.
-    wanted = (sedan_data(settings), held_out_data(settings))
-    frames = LightFrames([make_dataset(data, folder).folder for data in wanted])
+    wanted = data_sets(settings)
+
+    def made(*names: str) -> LightFrames:
+        return LightFrames([make_dataset(wanted[name], folder).folder for name in names])
+
+    frames = made("train", "test")
     train_on, test_on = ([i for i, p in enumerate(frames.places) if p.dataset == number] for number in (0, 1))
     chosen = [i for i in test_on if frames.places[i].frame.weather.name in settings.seen]
     epochs = {"epochs": settings.ours_epochs}
@@ -135,54 +137,44 @@ def _measure(results: Results, folder: Path, weights: Path | None) -> Callable[[
     camouflages = save_textures(tests.vehicle(0), settings.uv_size, folder / f"textures-{settings.uv_size}")
     truths = find_truths(tests, camouflages, settings, folder / "cycles")
     compare(results, "sedan", tests, truths, methods_of(tests, ours.net, published.net))
-    defaults = LightFrames([make_dataset(default_data(settings), folder).folder])
+    defaults = made("default")
     near = find_truths(defaults, camouflages, settings, folder / "cycles")
     compare(results, "defaults", defaults, near, {"exact": lambda i, frame: exact_render(frame)})
     results.figures["epoch_time"] = time_epochs(frames, train_on, settings)
     weigh(results, frames, test_on, (ours.net, without.net))
     measure_curve(results, defaults, near, camouflages, folder / "cycles")
     for vehicle in settings.vehicles:
-        own, unseen = (LightFrames([make_dataset(d, folder).folder]) for d in vehicle_data(vehicle, settings))
-        results.add("vehicles", **adapt(vehicle, own, unseen, settings, weights))
-    return lambda path: save_figure_of_maps(tests, truths, ours.net, settings.shown, path)
+        results.add("vehicles", **adapt(vehicle, made(vehicle), made(f"{vehicle}-unseen"), settings, weights))
+    pictures = partial(save_figure_of_maps, tests, truths, ours.net, settings.shown)
+    results.picture(pictures, ".jpg", "environment/maps.jpg")
 
 
-def sedan_data(settings: Settings) -> Wanted:
-    """The sedan, in seen weathers."""
-    views = f"--azimuths {settings.azimuths} --distances {_list(settings.distances_m)}"
-    return _wanted("train", "sedan", settings.seen, settings, f"--locations {settings.locations} {views}", TRAIN_SEED)
+def data_sets(settings: Settings) -> dict[str, Wanted]:
+    """What is rendered, by name.
 
-
-def held_out_data(settings: Settings) -> Wanted:
-    """The sedan, in seen and unseen weathers."""
-    views = f"--azimuths {settings.test_azimuths} --distances {_list(settings.distances_m)}"
-    weathers = (*settings.seen, *settings.unseen)
-    return _wanted("test", "sedan", weathers, settings, f"--locations 1 {views}", TEST_SEED)
-
-
-def default_data(settings: Settings) -> Wanted:
-    """The sedan nearby in all weathers, at the default budget: what exact maps are judged on."""
-    views = f"--locations 1 --azimuths 1 --distances {settings.distances_m[0]:g}"
-    whole = settings.but(size=settings.exact_size)
-    return _wanted("default", "sedan", (*settings.seen, *settings.unseen), whole, views, TEST_SEED)
-
-
-def vehicle_data(vehicle: str, settings: Settings) -> tuple[Wanted, Wanted]:
-    """Another vehicle, to fine-tune on in seen weathers, and to test on in unseen ones."""
-    near = f"--distances {settings.distances_m[0] * 1.5}"
-    many = f"--locations {settings.vehicle_locations} --azimuths {settings.vehicle_azimuths} {near}"
-    few = f"--locations 1 --azimuths 2 {near}"
-    train = _wanted(vehicle, vehicle, settings.seen, settings, many, TRAIN_SEED)
-    return train, _wanted(f"{vehicle}-unseen", vehicle, settings.unseen, settings, few, TEST_SEED)
-
-
-def _wanted(name: str, vehicle: str, weathers: Sequence[str], settings: Settings, views: str, seed: int) -> Wanted:
-    options = f"--size {settings.size} --samples {settings.samples} --elevations 12 {views} {JITTER} --seed {seed}"
-    return Wanted(name, vehicle, weathers_of(weathers), options)
-
-
-def _list(values: Sequence[float]) -> str:
-    return ",".join(f"{v:g}" for v in values)
+    ``train`` is the sedan in seen weathers; ``test`` too, elsewhere and in all; ``default`` is it nearby at the default
+    budget, what exact maps are judged on. Of other vehicles one set is to fine-tune on in seen weathers, the other,
+    ``<name>-unseen``, to test on in unseen ones.
+    """
+    near, everywhere = settings.distances_m[0], ",".join(f"{d:g}" for d in settings.distances_m)
+    seen, unseen, small = settings.seen, settings.unseen, settings.size
+    sets = [
+        ("train", "sedan", seen, small, settings.locations, settings.azimuths, everywhere, TRAIN_SEED),
+        ("test", "sedan", (*seen, *unseen), small, 1, settings.test_azimuths, everywhere, TEST_SEED),
+        ("default", "sedan", (*seen, *unseen), settings.exact_size, 1, 1, f"{near:g}", TEST_SEED),
+    ]
+    places, azimuths = settings.vehicle_locations, settings.vehicle_azimuths
+    for name in settings.vehicles:
+        sets.append((name, name, seen, small, places, azimuths, f"{near * 1.5}", TRAIN_SEED))
+        sets.append((f"{name}-unseen", name, unseen, small, 1, 2, f"{near * 1.5}", TEST_SEED))
+    found = {}
+    for name, vehicle, weathers, size, locations, azimuths, distances, seed in sets:
+        options = (
+            f"--size {size} --samples {settings.samples} --elevations 12 --locations {locations} --azimuths {azimuths} "
+            f"--distances {distances} {JITTER} --seed {seed}"
+        )
+        found[name] = Wanted(name, vehicle, weathers_of(weathers), options)
+    return found
 
 
 def methods_of(frames: LightFrames, ours: LightSplitter, published: PublishedEfe) -> dict[str, Method]:
@@ -211,20 +203,6 @@ def compare(
             case = {"data": data, "method": name, "weather": frame.weather, "texture": truth.texture}
             for region, mask in where.items():
                 results.add("errors", **case, region=region, cpu_ms=spent_ms, **vars(truth.error(seen, mask)))
-
-
-def error_of(
-    results: Results,
-    method: str,
-    weathers: Iterable[str] = (),
-    data: str = "sedan",
-    region: str = "paint",
-    **where: str,
-) -> Error:
-    """The error of a method over weathers (all by default) and textures."""
-    chosen, sums = list(weathers), ("values", "squared", "absolute", "entropy")
-    rows = results.where("errors", data=data, method=method, region=region, **where)
-    return total(Error(**{key: row[key] for key in sums}) for row in rows if not chosen or row["weather"] in chosen)
 
 
 def weigh(
@@ -273,181 +251,3 @@ def measure_curve(
                 render_db=cars.psnr_db, maps_s=mean(float(light["seconds"]) for light in lights),
                 render_s=mean(float(car["seconds"]) for car in textured),
             )  # fmt: skip
-
-
-def summarize(results: Results) -> None:
-    """Tables and targets from the rows."""
-    _method_tables(results)
-    _training_tables(results)
-    _exact_targets(results)
-    ours, published = (error_of(results, name).mse for name in ("ours", "published"))
-    results.target("our MSE over the published", 0.5, ours / published, most=True)
-    results.target(
-        "our time over the published", 0.25, _cpu_ms(results, "ours") / _cpu_ms(results, "published"), most=True
-    )
-    counts = [results.one("training", name=name)["parameters"] for name in ("ours", "published")]
-    results.target("our parameters over the published", 0.25, counts[0] / counts[1], most=True)
-    times = results.figures["epoch_time"]
-    results.target("epoch, base over final, both with our renderer", 13, times["base_s"] / times["final_s"])
-    published_base = times["base_published_s"] / times["final_s"]
-    results.target("epoch, base over final, base rendering as published", 13, published_base)
-    results.target("epoch, base over ours", 20, times["base_s"] / times["ours_s"])
-    for row in results.rows.get("vehicles", []):
-        name, ratio = row["vehicle"], row["epochs_pretrained"] / row["epochs_scratch"]
-        results.target(f"{name}: epochs pre-trained over from scratch, the paper's criterion", 0.2, ratio, most=True)
-        if row["near_scratch"] and row["near_pretrained"] is not None:
-            ratio = row["near_pretrained"] / row["near_scratch"]
-            results.target(f"{name}: the same, to 5 % of the error from scratch", 0.2, ratio, most=True)
-        results.target(f"{name}: fine-tuned, unseen weather", 28, row["after_db"], "dB")
-    results.target_table()
-
-
-def _cpu_ms(results: Results, method: str) -> float:
-    return median(row["cpu_ms"] for row in results.where("errors", data="sedan", method=method, region="paint"))
-
-
-def _method_tables(results: Results) -> None:
-    settings, sedan = results.settings, results.where("errors", data="sedan")
-    methods, weathers, textures = (
-        list(dict.fromkeys(r[key] for r in sedan)) for key in ("method", "weather", "texture")
-    )
-    rows = [
-        {
-            "method": name, "all": error_of(results, name), "seen": error_of(results, name, settings.seen),
-            "unseen": error_of(results, name, settings.unseen), "cpu_ms": _cpu_ms(results, name),
-        }
-        for name in methods
-    ]  # fmt: skip
-    columns = {
-        "method": "{method}", "PSNR, dB": "{all.psnr_db:.2f}", "seen weather": "{seen.psnr_db:.2f}",
-        "unseen": "{unseen.psnr_db:.2f}", "MSE": "{all.mse:.5f}", "MAE": "{all.mae:.4f}", "BCE": "{all.bce:.4f}",
-        "CPU ms per image": "{cpu_ms:.1f}",
-    }  # fmt: skip
-    results.table("Textures never seen, against Cycles, on the paint", columns, rows)
-    results.figures["methods"] = {
-        row["method"]: {part: row[part].to_json() for part in ("all", "seen", "unseen")} for row in rows
-    }
-    by_method = {name: f"{{{name}.psnr_db:.1f}}" for name in methods}
-    exact = {f"exact at {settings.exact_size} px, inside": "{inside.psnr_db:.1f}", "edges": "{edge.psnr_db:.1f}"}
-    rows = [
-        {"weather": w, **{name: error_of(results, name, [w]) for name in methods}, **_exact(results, w)}
-        for w in weathers
-    ]  # fmt: skip
-    results.table("PSNR by weather, dB", {"weather": "{weather}", **by_method, **exact}, rows)
-    rows = [{"texture": t, **{name: error_of(results, name, texture=t) for name in methods}} for t in textures]
-    results.table("PSNR by texture, dB", {"texture": "{texture}", **by_method}, rows)
-
-
-def _exact(results: Results, weather: str) -> dict[str, Error]:
-    """Exact maps at the data set's default size and budget."""
-    return {r: error_of(results, "exact", [weather], "defaults", r) for r in ("inside", "edge")}
-
-
-def _training_tables(results: Results) -> None:
-    settings, rows = results.settings, list[Row]()
-    weathers = results.distinct("curve", "weather")
-    for samples in results.distinct("curve", "samples"):
-        points = {row["weather"]: row for row in results.where("curve", samples=samples)}
-        seconds = {key: mean(p[key] for p in points.values()) for key in ("maps_s", "render_s")}
-        rows.append({"samples": samples, **seconds, **points})
-    columns = {"samples": "{samples}", "CPU s, maps and car": "{maps_s:.1f}, {render_s:.1f}"}
-    columns |= {w: f"{{{w}[maps_db]:.1f}} / {{{w}[maps_edge_db]:.1f}}" for w in weathers}
-    results.table(f"Exact maps by budget, {settings.exact_size} px, dB inside / on edges", columns, rows)
-    times = results.figures["epoch_time"]
-    loops = {
-        "published": "base {base_s:.2f} ({base_published_s:.0f} with every face tested), final {final_s:.2f}",
-        "ours": "{ours_s:.2f}",
-    }
-    rows = [row | {"loops": loops[row["name"]].format(**times)} for row in results.rows["training"]]
-    columns = {
-        "extractor": "{name}", "parameters": "{parameters:,}", "epochs trained": "{epochs}",
-        "CPU s in all": "{cpu_seconds:.0f}", f"CPU s per epoch of {times['frames']} frames": "{loops}",
-    }  # fmt: skip
-    results.table("Training on the same frames", columns, rows)
-    never = f"over {settings.most_epochs}"
-    rows = [{k: never if v is None else v for k, v in row.items()} for row in results.rows.get("vehicles", [])]
-    columns = {
-        "vehicle": "{vehicle}", "epochs by the paper's criterion, from scratch": "{epochs_scratch}",
-        "pre-trained": "{epochs_pretrained}",
-        "epochs to within 5 % of the error from scratch, from scratch": "{near_scratch}",
-        "the same, pre-trained": "{near_pretrained}",
-        "from scratch to the pre-trained's first converged error": "{epochs_matched}",
-        "MAE from scratch": "{mae_scratch:.4f}", "MAE pre-trained": "{mae_pretrained:.4f}",
-        "unseen weather before, dB": "{before_db:.1f}", "fine-tuned, dB": "{after_db:.1f}",
-    }  # fmt: skip
-    results.table("Unseen vehicles: epochs from scratch and from pre-trained weights", columns, rows)
-    columns = {"distance": "{distance_m:g} m", "with W": "{with_w_db:.2f}", "without": "{without_w_db:.2f}"}
-    results.table("W of Eq. 5, PSNR by distance, dB", columns, results.rows["weighting"])
-
-
-def _exact_targets(results: Results) -> None:
-    weathers = list(dict.fromkeys(row["weather"] for row in results.where("errors", data="defaults")))
-    inside, edges = ({w: _exact(results, w)[region].psnr_db for w in weathers} for region in ("inside", "edge"))
-    for weather, wanted in ((CLEAR, 40), (FOG, 40), (NIGHT, 38)):
-        if weather in inside:
-            results.target(f"exact maps inside the paint, {weather}", wanted, inside[weather], "dB")
-    results.target("exact maps inside the paint, worst weather", 35, min(inside.values()), "dB")
-    if CLEAR in edges:
-        results.target(f"exact maps on edges, {CLEAR}", 36, edges[CLEAR], "dB")
-    results.target("exact maps on edges, worst weather", 32, min(edges.values()), "dB")
-    if len(results.settings.budgets) > 1:
-        gap = min(_gap(results.where("curve", weather=weather)) for weather in weathers)
-        results.target("exact maps over the car itself at equal time, worst weather", 0, gap, "dB")
-
-
-def _gap(curve: Sequence[Row]) -> float:
-    """Least of the maps' PSNR, less that of rendering the car for the same time."""
-    rows = sorted(curve, key=lambda row: float(row["samples"]))
-    seconds, db = [np.log(row["render_s"]) for row in rows], [row["render_db"] for row in rows]
-    return min(row["maps_db"] - float(np.interp(np.log(row["maps_s"]), seconds, db)) for row in rows)
-
-
-def save_curve(results: Results, path: Path) -> None:
-    """Error against CPU seconds per texture, one panel per weather."""
-    panels = []
-    for weather in results.settings.shown:
-        rows = sorted(results.where("curve", weather=weather), key=lambda row: float(row["samples"]))
-        lines = [
-            Line(label, [(row[seconds] / textures, row[db], str(row["samples"])) for row in rows], {"marker": marker})
-            for label, seconds, textures, db, marker in (
-                ("rendering the car", "render_s", 1, "render_db", "s"),
-                ("maps, 1st texture", "maps_s", 1, "maps_db", "o"),
-                ("maps, 10th texture", "maps_s", 10, "maps_db", "^"),
-            )
-        ]
-        panels.append(Panel(weather, lines))
-    save_figure(path, panels, "CPU s per texture", "PSNR inside the paint, dB", 3.2)
-
-
-ERROR_GAIN, ZOOM, GAP = 4, 2, 4  # GAP in pixels, between the pictures
-
-
-def save_figure_of_maps(
-    frames: LightFrames, truths: Sequence[Truth], net: LightSplitter, weathers: Sequence[str], path: Path
-) -> None:
-    """A row per weather: reference, A, B, the textured car as our extractor lights it, the truth, the error."""
-    rows = []
-    for weather in weathers:
-        truth = next(t for t in truths if t.texture == SATURATED and frames.get(t.index).weather == weather)
-        frame = frames.get(truth.index)
-        light = estimate(frames.datasets[0], frames.places[truth.index].frame.id, net)
-        seen = splitter_render(net, frame)(truth.albedo)[0]
-        paint = frame.paint > 0
-        # The truth was rendered around the paint only; the rest of the frame is the data set's own.
-        rendered = (truth.first + truth.second) / 2 * paint + frame.image / 255 * ~paint
-        error = ((seen - rendered).abs() * paint * ERROR_GAIN).clamp(max=1.0)
-        maps = [linear_to_srgb(torch.from_numpy(m.transpose(2, 0, 1).copy())) for m in (light.A, light.B)]
-        rows.append(_beside([_bytes(p) for p in (frame.image / 255, *maps, seen, rendered, error)], 1))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(_beside(rows, 0).repeat(ZOOM, 0).repeat(ZOOM, 1)).save(path, quality=85)
-
-
-def _beside(pictures: Sequence[np.ndarray], axis: int) -> np.ndarray:
-    shape = list(pictures[0].shape)
-    shape[axis] = GAP
-    gap = np.full(shape, 255, np.uint8)
-    return np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis)
-
-
-def _bytes(image: Tensor) -> np.ndarray:
-    return (image.permute(1, 2, 0).numpy() * 255 + 0.5).astype(np.uint8)

@@ -1,19 +1,8 @@
-"""Runs in a process of its own, with Blender: frames of a data set rendered anew, textured or as light maps.
-
-Usage: python -m benchmarks.environment_in_blender REQUEST.json
-
-Request: ``dataset``, ``camouflages`` (name -> JSON path), ``out``, ``jobs``, each with ``name``, ``frame``, ``paint``
-(a camouflage's name, or ``light``), ``samples``, ``seed``, ``denoise`` and ``whole``. Every job becomes
-``out/<name>.npz``: ``image``, or ``A`` and ``B``, (H, W, 3) linear float32 in the frame's exposure and behind its rain,
-and ``seconds`` of CPU. In camouflage only the part of the frame that shows paint is rendered, unless it is
-wanted whole; the rest is 0. Progress is one marked JSON line per job.
-"""
+"""In a process of its own, with Blender: frames of a data set rendered anew, textured or as light maps."""
 
 from __future__ import annotations
 
 import io
-import json
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -32,17 +21,22 @@ from blender_addon.scene.session import LightMemory, Session
 MARGIN_PX = 2
 
 
-def main(request_path: str) -> None:
-    request = json.loads(Path(request_path).read_text())
-    dataset = contract.Dataset(Path(request["dataset"]))
-    session = Session(dataset.plan, contract.load_vehicle(dataset.vehicle_folder, read_image_blender))
-    frames = {frame.id: frame for frame in dataset.frames()}
-    maps = {
-        name: read_paintwork(Path(path), dataset.plan.atlas_id).uv_map_srgb
-        for name, path in request["camouflages"].items()
-    }
+def main(dataset: str, camouflages: dict[str, str], out: str, jobs: list[dict[str, Any]]) -> None:
+    """Render every job into ``out/<name>.npz``: ``image``, or ``A`` and ``B``, and ``seconds`` of CPU.
+
+    Pictures are (H, W, 3) linear float32 in the frame's exposure and behind its rain. In camouflage only the part of
+    the frame that shows paint is rendered, unless it is wanted whole; the rest is 0.
+
+    Args:
+        camouflages: name -> JSON path.
+        jobs: the fields of an `environment_truth.Budget` each, and ``name``.
+    """
+    data = contract.Dataset(Path(dataset))
+    session = Session(data.plan, contract.load_vehicle(data.vehicle_folder, read_image_blender))
+    frames = {frame.id: frame for frame in data.frames()}
+    maps = {name: read_paintwork(Path(path), data.plan.atlas_id).uv_map_srgb for name, path in camouflages.items()}
     present, painted = None, None
-    for number, job in enumerate(request["jobs"]):
+    for number, job in enumerate(jobs):
         frame = frames[job["frame"]]
         if present != (frame.location, frame.weather):
             session.enter(frame.location)
@@ -52,9 +46,9 @@ def main(request_path: str) -> None:
             session.vehicle.paint.set_map(maps[job["paint"]])
         painted = job["paint"]
         arrays = io.BytesIO()
-        np.savez_compressed(arrays, **_rendered(session, dataset, frame, job))
-        files.write_bytes(Path(request["out"]) / f"{job['name']}.npz", arrays.getvalue())
-        print(contract.Progress(number + 1, len(request["jobs"]), job["paint"]).line(), flush=True)
+        np.savez_compressed(arrays, **_rendered(session, data, frame, job))
+        files.write_bytes(Path(out) / f"{job['name']}.npz", arrays.getvalue())
+        print(contract.Progress(number + 1, len(jobs), job["paint"]).line(), flush=True)
 
 
 def _rendered(
@@ -89,7 +83,3 @@ def _as_in_the_frame(session: Session, dataset: contract.Dataset, frame: contrac
     light = light.exposed(frame.exposure_stops)
     (distance,) = contract.load_passes(dataset.frame_folder(frame.id), ("distance",)).values()
     return light.behind(rain_before(session, frame.location, frame.view, frame.weather, distance))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

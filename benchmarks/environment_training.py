@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import njit
-from numpy.typing import NDArray
 
 from pipelines.console import progress_bar
-from rauca_core.contract import Camera, Progress, Vehicle
+from rauca_core.contract import Progress
 from rauca_core.contract.color import TEST
 from rauca_core.contract.seeding import named_seed
 from rauca_core.environment import LightSplitter, PublishedEfe, load_extractor
@@ -32,18 +30,11 @@ OURS = {"batch": 4, "lr": 4e-3, "crop": 80, "stop_early": False}
 PUBLISHED = {"batch": 4, "lr": 0.01, "stop_early": False, "method": "published-final"}
 FINE_TUNED: dict[str, Any] = {"lr": 1e-3, "schedule": "constant", "crop": 80, "mixed": False}
 NEAR = 1.05  # times the least error from scratch
-SUBSAMPLES = 2  # per axis, of Neural Renderer, as published
 
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A network with the weights of its best epoch, and what they cost.
-
-    Attributes:
-        net: ready to infer.
-        outcome: of the training.
-        cpu_seconds: of the training, tests included.
-    """
+    """A network with the weights of its best epoch, and what they cost, tests included."""
 
     net: Any
     outcome: Outcome
@@ -110,23 +101,15 @@ def _train(
 
 
 def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings) -> Row:
-    """CPU seconds of one epoch of every loop over the same few frames, after one step that is not counted.
-
-    ``base_s`` renders with our rasterizer, ``base_published_s`` as Neural Renderer does: every pixel meets every face.
-    """
+    """CPU seconds of one epoch of every loop over the same few frames, after one step that is not counted."""
     some = list(train_on)[: settings.timed_frames]
-    published = PublishedEfe(settings.widths)
-    chosen = ExtractorSettings.make(**PUBLISHED)
-    base_loop = BaseLearner(published, frames, chosen)
-    final_loop = FinalLearner(published, frames, chosen)
-    ours_loop = SplitterLearner(LightSplitter(), frames, ExtractorSettings.make(**OURS))
-    base, final, ours = (_time_epoch(loop, some) for loop in (base_loop, final_loop, ours_loop))
-    started = time.process_time()
-    frames.render_plain(some[0])
-    rendering = time.process_time() - started
-    slower = seconds_per_image(frames.vehicle(some[0]), frames.camera(some[0])) - rendering
-    base_published = base + len(base_loop.items(some)) * slower
-    return {"frames": len(some), "base_s": base, "final_s": final, "ours_s": ours, "base_published_s": base_published}
+    published, chosen = PublishedEfe(settings.widths), ExtractorSettings.make(**PUBLISHED)
+    loops: dict[str, Learner] = {
+        "base_s": BaseLearner(published, frames, chosen),
+        "final_s": FinalLearner(published, frames, chosen),
+        "ours_s": SplitterLearner(LightSplitter(), frames, ExtractorSettings.make(**OURS)),
+    }
+    return {"frames": len(some), **{name: _time_epoch(loop, some) for name, loop in loops.items()}}
 
 
 def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
@@ -145,51 +128,6 @@ def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
     for first in range(0, len(items), batch):
         step(items[first : first + batch])
     return time.process_time() - started
-
-
-def find_faces(vehicle: Vehicle, camera_in_vehicle: Camera, every: int = 1) -> NDArray[np.int32]:
-    """Ids (SUBSAMPLES * H, SUBSAMPLES * W) of the nearest faces, -1 where there is none.
-
-    Faces that reach behind the camera are left out; of ``every`` rows one is tested, the others stay at -1.
-    """
-    camera = camera_in_vehicle
-    seen = vehicle.positions @ camera.R.T + camera.t
-    depth = seen[:, 2]
-    pixels = (seen @ camera.K.T)[:, :2] / np.where(depth > 0, depth, 1)[:, None] * SUBSAMPLES
-    corners = np.concatenate([pixels, depth[:, None]], 1)[vehicle.triangles]
-    whole = (corners[..., 2] > 0).all(1)
-    corners[~whole] = 0  # no area, so never hit
-    return _test_all(corners.astype(np.float32), camera.height * SUBSAMPLES, camera.width * SUBSAMPLES, every)
-
-
-def seconds_per_image(vehicle: Vehicle, camera_in_vehicle: Camera, every: int = 32) -> float:
-    """CPU time of a whole picture, from one row in ``every``."""
-    find_faces(vehicle, camera_in_vehicle, camera_in_vehicle.height * SUBSAMPLES)  # compiles
-    started = time.process_time()
-    find_faces(vehicle, camera_in_vehicle, every)
-    return (time.process_time() - started) * every
-
-
-@njit(cache=True)
-def _test_all(corners: Any, height: int, width: int, every: int) -> Any:
-    """corners (F, 3, 3): x, y in subsamples, depth."""
-    found = np.full((height, width), -1, np.int32)
-    for row in range(0, height, every):
-        y = np.float32(row + 0.5)
-        for column in range(width):
-            x = np.float32(column + 0.5)
-            nearest = np.float32(0.0)
-            for face in range(corners.shape[0]):
-                c = corners[face]
-                a = (c[1, 0] - x) * (c[2, 1] - y) - (c[2, 0] - x) * (c[1, 1] - y)
-                b = (c[2, 0] - x) * (c[0, 1] - y) - (c[0, 0] - x) * (c[2, 1] - y)
-                d = (c[0, 0] - x) * (c[1, 1] - y) - (c[1, 0] - x) * (c[0, 1] - y)
-                if (a > 0 and b > 0 and d > 0) or (a < 0 and b < 0 and d < 0):
-                    # 1 / depth is linear in the image.
-                    inverse = (a / c[0, 2] + b / c[1, 2] + d / c[2, 2]) / (a + b + d)
-                    if inverse > nearest:
-                        nearest, found[row, column] = inverse, face
-    return found
 
 
 def adapt(vehicle: str, frames: LightFrames, unseen: LightFrames, settings: Settings, weights: Path | None) -> Row:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from torch import Tensor
 from pipelines.console import progress_bar
 from rauca_core.contract import Camouflage, Dataset, Vehicle, save_camouflage
 from rauca_core.contract.color import linear_to_srgb, to_bytes
-from rauca_core.contract.files import png_bytes, write_json
+from rauca_core.contract.files import png_bytes
 from rauca_core.contract.seeding import named_rng
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.metrics import Error
@@ -38,7 +37,8 @@ SOLID = 250 / 255  # coverage above which a pixel is inside the paint; below, on
 SEEDS = (101, 202)
 SAMPLES_PER_AXIS = 12  # of our renderer
 LIGHT = "light"
-TEXTURES = ("noise", "photograph-like", "saturated")  # that no extractor was taught
+SATURATED = "saturated"  # the texture of the figures
+TEXTURES = ("noise", "photograph-like", SATURATED)  # that no extractor was taught
 CELL = 4  # texels; finer noise is grey from where cameras stand
 SATURATED_CELL = 16
 
@@ -65,12 +65,6 @@ def save_textures(vehicle: Vehicle, size: int, folder: Path) -> dict[str, Path]:
         record = Camouflage(kind, vehicle.name, vehicle.atlas_id, size, "benchmark")
         save_camouflage(paths[kind], record, png_bytes(texture(kind, pyramid)))
     return paths
-
-
-def texels_of(image_srgb: NDArray[np.uint8], pyramid: Pyramid) -> Tensor:
-    """All levels (T, 3), linear, of an 8-bit sRGB UV map."""
-    uv = torch.from_numpy(image_srgb.astype(np.float32) / 255).permute(2, 0, 1)
-    return pyramid(srgb_to_linear(pyramid.from_map(uv)))
 
 
 class Budget(NamedTuple):
@@ -103,7 +97,8 @@ def render_anew(
             "out": str(folder.absolute()),
             "jobs": jobs,
         }
-        _run(request)
+        with progress_bar("Cycles", resumes=False) as move:
+            run_child("environment_in_blender.main", request, move)
     found = {}
     for render, path in paths.items():
         with np.load(path) as archive:
@@ -119,20 +114,12 @@ def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Budget) -> 
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def _run(request: dict[str, Any]) -> None:
-    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary, progress_bar("Cycles", resumes=False) as move:
-        path = Path(temporary) / "request.json"
-        write_json(path, request)
-        run_child("benchmarks.environment_in_blender", [path], move)
-
-
 @dataclass(frozen=True, eq=False)
 class Truth:
     """One frame in one texture.
 
     Attributes:
         index: of the frame in the test set.
-        texture: its name.
         albedo: (1, 3, H, W) linear, the texture at each pixel, normalized by coverage, from our renderer's taps.
         first, second: (3, H, W) sRGB, two renders of the same.
     """
@@ -158,10 +145,8 @@ class Truth:
 def near_frames(frames: LightFrames) -> list[int]:
     """The nearest view of every weather: the ones that are rendered textured."""
     chosen: dict[str, int] = {}
-    for i, place in enumerate(frames.places):
-        best = chosen.get(place.frame.weather.name)
-        if best is None or place.frame.distance_m < frames.places[best].frame.distance_m:
-            chosen[place.frame.weather.name] = i
+    for i in sorted(range(len(frames.places)), key=lambda i: frames.places[i].frame.distance_m):
+        chosen.setdefault(frames.places[i].frame.weather.name, i)
     return sorted(chosen.values())
 
 
@@ -169,18 +154,17 @@ def find_truths(frames: LightFrames, camouflages: Mapping[str, Path], settings: 
     """Render the near frames of the test set in every texture."""
     dataset, chosen = frames.datasets[0], near_frames(frames)
     ids = {i: frames.places[i].frame.id for i in chosen}
-    wanted = [
-        Budget(ids[i], name, settings.reference_samples, seed) for i in chosen for name in TEXTURES for seed in SEEDS
-    ]
-    rendered = render_anew(dataset, camouflages, wanted, folder)
-    albedo = sample_textures(frames, chosen, camouflages, settings.uv_size)
-    return [
-        Truth(i, name, albedo[i, name], *(
-            displayed(rendered[Budget(ids[i], name, settings.reference_samples, seed)]["image"]) for seed in SEEDS
-        ))
+    pairs = {
+        (i, name): [Budget(ids[i], name, settings.reference_samples, seed) for seed in SEEDS]
         for i in chosen
         for name in TEXTURES
-    ]  # fmt: skip
+    }
+    rendered = render_anew(dataset, camouflages, [render for pair in pairs.values() for render in pair], folder)
+    albedo = sample_textures(frames, chosen, camouflages, settings.uv_size)
+    return [
+        Truth(*key, albedo[key], *(displayed(rendered[render]["image"]) for render in pair))
+        for key, pair in pairs.items()
+    ]
 
 
 def sample_textures(
@@ -188,8 +172,10 @@ def sample_textures(
 ) -> dict[tuple[int, str], Tensor]:
     """Textures at the pixels of frames, (1, 3, H, W) linear albedo each."""
     pyramid = Pyramid.of(frames.vehicle(chosen[0]), uv_size)
-    texels = {name: texels_of(read_image(path.with_suffix(".png")), pyramid) for name, path in camouflages.items()}
-    found = {}
+    texels, found = {}, {}
+    for name, path in camouflages.items():
+        uv_map = torch.from_numpy(read_image(path.with_suffix(".png")).astype(np.float32) / 255).permute(2, 0, 1)
+        texels[name] = pyramid(srgb_to_linear(pyramid.from_map(uv_map)))
     for i in chosen:
         camera = frames.places[i].frame.camera_in_vehicle
         taps = build_taps(frames.vehicle(i), camera, uv_size, SAMPLES_PER_AXIS, pyramid=pyramid)

@@ -1,7 +1,8 @@
-"""What every benchmark shares: its extent, what it found, tables, targets, a figure, and its page in docs/.
+"""What every benchmark shares: its extent, timing by turns, what it found, tables, targets, figures, its page in docs/.
 
 A benchmark is a module with ``FULL`` and ``QUICK`` settings and a function ``bench(out, settings, docs, ...)`` that
-fills a :class:`Results`. ``rauca bench NAME`` starts it; see `pipelines/bench_commands.py`.
+fills a :class:`Results` and writes it to ``out`` (JSON) and, where ``docs`` is a folder, to its page and pictures.
+``rauca bench NAME`` starts it; see `pipelines/bench_commands.py`.
 """
 
 from __future__ import annotations
@@ -9,17 +10,21 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import matplotlib
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table as Printed
 
-from pipelines.console import output
-from rauca_core.contract import RaucaError
+from pipelines.console import output, progress_bar
+from rauca_core.contract import Progress, RaucaError
 from rauca_core.contract.files import write_bytes, write_json
 
 matplotlib.use("Agg")
@@ -63,7 +68,7 @@ class Table(NamedTuple):
 
     title: str
     headers: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
     on_page: bool = True
 
 
@@ -78,6 +83,7 @@ class Results:
         figures: what else goes to the JSON.
         tables: what is printed, and written to the page.
         targets: printed, never asserted: times depend on the machine.
+        pictures: what saves each, the ending of its name beside the JSON, and its name below ``docs/pictures``.
     """
 
     benchmark: str
@@ -86,6 +92,7 @@ class Results:
     figures: dict[str, Any] = field(default_factory=dict)
     tables: list[Table] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
+    pictures: list[tuple[Callable[[Path], None], str, str]] = field(default_factory=list)
 
     def add(self, kind: str, /, **values: Any) -> Row:
         """One more row of a kind."""
@@ -116,15 +123,19 @@ class Results:
     def target_table(self, title: str = "Targets") -> None:
         """Add all targets so far as a table."""
         rows = [
-            {
-                "what": t.what,
-                "wanted": f"{'≤' if t.most else '≥'} {t.wanted:g} {t.unit}".strip(),
-                "found": f"{t.found:.4g}",
-                "passed": "pass" if t.passed else "FAIL",
-            }
-            for t in self.targets
+            (
+                target.what,
+                f"{'≤' if target.most else '≥'} {target.wanted:g} {target.unit}".strip(),
+                f"{target.found:.4g}",
+                "pass" if target.passed else "FAIL",
+            )
+            for target in self.targets
         ]
-        self.table(title, {"what": "{what}", "wanted": "{wanted}", "found": "{found}", "": "{passed}"}, rows)
+        self.tables.append(Table(title, ("what", "wanted", "found", ""), rows))
+
+    def picture(self, save: Callable[[Path], None], ending: str, name: str) -> None:
+        """Add a picture."""
+        self.pictures.append((save, ending, name))
 
     def to_json(self) -> dict[str, Any]:
         """All of it; infinity and NaN become null, as JSON has neither."""
@@ -141,7 +152,7 @@ class Results:
         return plain
 
     def publish(self, out: Path, docs: Path | None = None, page: str = "", width: int = 120) -> None:
-        """Print every table, write the JSON, and renew the figures of ``docs/page``.
+        """Print every table, write the JSON and the pictures, and renew the figures of ``docs/page``.
 
         Args:
             width: of the tables in a log, which has no terminal's width, characters.
@@ -155,6 +166,10 @@ class Results:
         write_json(out, self.to_json())
         if docs is not None:
             fill_page(docs / page, "\n".join(_markdown(t) for t in self.tables if t.on_page), self.benchmark)
+        for save, ending, name in self.pictures:
+            for path in [out.with_name(out.stem + ending), *([docs / "pictures" / name] if docs else [])]:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                save(path)
 
 
 def _without_infinity(value: Any) -> Any:
@@ -176,20 +191,23 @@ def mark(benchmark: str) -> str:
 
 
 def fill_page(page: Path, figures: str, benchmark: str) -> None:
-    """Replace what stands between the marks: a page's words are written by hand, its figures by the benchmark.
-
-    A page that does not exist is made of the figures alone.
+    """Renew a page's figures; its words are written by hand. One that does not exist is made of the figures alone.
 
     Raises:
         RaucaError: the page has lost its marks.
     """
-    begins = mark(benchmark)
-    text = page.read_text() if page.is_file() else f"{begins}\n{END}\n"
-    before, begin, rest = text.partition(begins)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise RaucaError(f"{page}: the marks for the figures are gone; put {begins} and {END} back")
-    write_bytes(page, f"{before}{begins}\n\n{figures}\n{END}{after}".encode())
+    if not page.is_file():
+        write_bytes(page, f"{mark(benchmark)}\n{END}\n".encode())
+    fill_between(page, mark(benchmark), END, figures)
+
+
+def fill_between(page: Path, begin: str, end: str, text: str) -> None:
+    """Replace what stands between two marks of a page; raises :class:`RaucaError` where they are gone."""
+    before, begins, rest = page.read_text().partition(begin)
+    _, ends, after = rest.partition(end)
+    if not begins or not ends:
+        raise RaucaError(f"{page}: the marks for what is written here are gone; put {begin} and {end} back")
+    write_bytes(page, f"{before}{begin}\n\n{text}\n{end}{after}".encode())
 
 
 class Line(NamedTuple):
@@ -231,6 +249,74 @@ def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: floa
         axes.grid(alpha=0.3)
     plots[0][0].set_ylabel(y)
     plots[0][0].legend(fontsize=7)
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
     plt.close(figure)
+
+
+def save_sheet(path: Path, rows: Mapping[str, Mapping[str, NDArray[np.float32]]]) -> None:
+    """Pictures (H, W, 3) in [0, 1] beside each other, by the name of their row and of their column."""
+    columns = max(len(pictures) for pictures in rows.values())
+    size = (2 * columns, 2 * len(rows) + 0.3)
+    figure, plots = plt.subplots(len(rows), columns, figsize=size, layout="constrained", squeeze=False)
+    for row, (name, pictures) in enumerate(rows.items()):
+        plots[row][0].set_ylabel(name)
+        for axes, (title, picture) in zip(plots[row], pictures.items(), strict=True):
+            axes.imshow(picture)
+            axes.set(xticks=[], yticks=[], title="" if row else title)
+    figure.savefig(path, dpi=108)
+    plt.close(figure)
+
+
+class Clock:
+    """Laps in milliseconds: of wall time, or of this process's CPU time."""
+
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self.laps: list[float] = []
+        self._now = now
+        self.restart()
+
+    def restart(self) -> None:
+        """What was done since the last lap does not count."""
+        self._started = self._now()
+
+    def lap(self) -> None:
+        """One more lap, since the last one or the restart."""
+        self.laps.append(1e3 * (self._now() - self._started))
+        self._started = self._now()
+
+
+def race(
+    contenders: Mapping[str, Callable[[Clock], object]], rounds: int, moved: Callable[[], None] = lambda: None
+) -> dict[str, NDArray[np.float64]]:
+    """Laps (rounds, laps) in milliseconds of each contender; they take turns: a busy moment hits all alike.
+
+    Args:
+        contenders: each takes its laps on the clock that it is given; one that takes none is timed as a whole.
+        rounds: after one that compiles and fills caches and is not counted.
+        moved: called after each contender's turn.
+    """
+    laps: dict[str, list[list[float]]] = {name: [] for name in contenders}
+    for number in range(-1, rounds):
+        for name, work in contenders.items():
+            clock = Clock()
+            work(clock)
+            if not clock.laps:
+                clock.lap()
+            if number >= 0:
+                laps[name].append(clock.laps)
+            moved()
+    return {name: np.array(rows) for name, rows in laps.items()}
+
+
+@contextmanager
+def counted(title: str, total: int) -> Iterator[Callable[..., None]]:
+    """A progress bar; yields a function to call after each of ``total`` steps, with the step's name if it has one."""
+    with progress_bar(title, resumes=False) as move:
+        done = 0
+
+        def moved(last: str = "") -> None:
+            nonlocal done
+            done += 1
+            move(Progress(min(done, total), total, last))
+
+        yield moved

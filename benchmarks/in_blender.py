@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
-import os
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pipelines.console import goes_on_by_itself, progress_bar
 from pipelines.dataset_options import dataset_job, dataset_parser
@@ -23,52 +22,43 @@ from rauca_core.contract import (
     Weather,
     find_preset,
     load_vehicle,
-    parse_progress,
 )
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
 from rauca_core.contract.presets import PRESET_FORMAT
-from rauca_core.runtime.blender import require_bpy, run_blender
+from rauca_core.runtime.blender import require_bpy, run_blender, run_command
 from rauca_core.runtime.images import read_image
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def run_child(
-    module: str, arguments: Sequence[object], progress: Callable[[Progress], None], instead: str = ""
-) -> None:
-    """Run a module of this checkout that imports bpy, ``python -m MODULE ARGUMENTS``, and pass its progress on.
+def run_child(function: str, request: Mapping[str, Any], move: Callable[[Progress], None], instead: str = "") -> None:
+    """Call a function of the benchmarks that needs bpy in a process of its own, and pass its progress on.
 
     Args:
+        function: its name with its module's, ``environment_in_blender.main``.
+        request: its keyword arguments, as JSON has them; files are how it answers.
         instead: what would do where Blender is missing.
 
     Raises:
-        RaucaError: Blender is missing, or the module ended with another code than 0; what it wrote last tells why.
+        RaucaError: Blender is missing, the function raised one, or its process died.
     """
     require_bpy(instead)
-    process = subprocess.Popen(
-        [sys.executable, "-m", module, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    tail = "no message"
+    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from benchmarks.in_blender import child; child()"
+    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
+        path = Path(temporary) / "request.json"
+        write_json(path, request)
+        run_command(function, [sys.executable, "-c", code, function, str(path)], move)
+
+
+def child() -> None:
+    """What the process of :func:`run_child` does."""
+    module, _, name = sys.argv[1].rpartition(".")
+    request = json.loads(Path(sys.argv[2]).read_text())
     try:
-        for line in process.stdout or ():
-            if news := parse_progress(line):
-                progress(news)
-            elif line.strip():
-                tail = line.strip()
-        code = process.wait()
-    except BaseException:
-        process.kill()
-        process.wait()
-        raise
-    if tail.startswith("error: "):
-        raise RaucaError(tail.removeprefix("error: "))
-    if code:
-        raise RaucaError(f"{module}: Blender stopped with code {code}: {tail}")
+        getattr(importlib.import_module(f"benchmarks.{module}"), name)(**request)
+    except RaucaError as error:
+        sys.exit(f"error: {error}")
 
 
 class Wanted(NamedTuple):
@@ -96,7 +86,9 @@ def weathers_of(names: Sequence[str]) -> tuple[Weather, ...]:
 def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
     """Render a data set below ``folder``, or go on with it, or open it when it is whole."""
     out = folder / wanted.folder_name
-    if not (out / "dataset.json").is_file() or _unfinished(Dataset(out)):
+    found = Dataset(out) if (out / "dataset.json").is_file() else None
+    # Occluded frames are never there, and asking for them again is cheap.
+    if found is None or len(found.frames()) < len(found.plan.frame_ids()):
         name, version = PRESET_FORMAT
         preset = folder / f"{wanted.folder_name}.json"
         write_json(preset, {"format": name, "version": version, "weathers": [w.to_json() for w in wanted.weathers]})
@@ -104,11 +96,6 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
         with goes_on_by_itself(), progress_bar(f"rendering {wanted.name}") as move:
             run_blender(dataset_job(dataset_parser().parse_args(chosen)), move)
     return Dataset(out)
-
-
-def _unfinished(dataset: Dataset) -> bool:
-    """Occluded frames are never there, and asking for them again is cheap."""
-    return len(dataset.frames()) < len(dataset.plan.frame_ids())
 
 
 def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_material: str | None = None) -> Vehicle:
@@ -124,20 +111,15 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
             return load_vehicle(folder, read_image)
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "vehicle"
-        arguments = [name_or_path, paint_mask or "", paint_material or "", folder]
-        run_child("benchmarks.in_blender", arguments, lambda progress: None, "give a vehicle folder")
+        source = {"path": name_or_path, "mask": str(paint_mask or ""), "material": paint_material}
+        run_child(
+            "in_blender.import_vehicle", {**source, "out": str(folder)}, lambda progress: None, "give a vehicle folder"
+        )
         return load_vehicle(folder, read_image)
 
 
-def _import_vehicle(name: str, mask: str, material: str, out: str) -> None:
+def import_vehicle(path: str, mask: str, material: str | None, out: str) -> None:
     """In the child process: import a vehicle file and save it as a vehicle folder."""
     from blender_addon.vehicles import find_vehicle
 
-    try:
-        find_vehicle(VehicleSource(name, Path(mask) if mask else None, material or None)).save(Path(out))
-    except RaucaError as error:
-        sys.exit(f"error: {error}")
-
-
-if __name__ == "__main__":
-    _import_vehicle(*sys.argv[1:])
+    find_vehicle(VehicleSource(path, Path(mask) if mask else None, material)).save(Path(out))

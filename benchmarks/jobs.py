@@ -13,8 +13,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +42,6 @@ SIZE = 48
 SMALL = f"--elevations 15 --distances 6 --size {SIZE} --samples 1 --no-denoise --json-progress".split()
 MAKE = [sys.executable, str(Path(__file__).resolve().parent.parent / "pipelines" / "make_dataset.py")]
 
-
 FULL = Settings(frames=500, kills=20, killed_views=20)
 QUICK = FULL.but(frames=100, kills=5)
 
@@ -63,8 +60,10 @@ def bench(out: Path, settings: Settings) -> Results:
         memory, chunk = measure_worker(Path(temporary), settings.frames)
     results.figures |= {"memory": memory, "chunk": chunk, "kills": kills}
     shown = {k: v for found in (kills, memory, chunk) for k, v in found.items() if k != "resident_mib"}
-    told = {name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in shown.items()}
-    rows = [{"what": name.replace("_", " "), "found": text} for name, text in told.items()]
+    rows = [
+        {"what": name.replace("_", " "), "found": f"{value:.4g}" if isinstance(value, float) else value}
+        for name, value in shown.items()
+    ]
     results.table("Jobs of a data set", {"what": "{what}", "found": "{found}"}, rows)
     results.publish(out)
     return results
@@ -80,8 +79,7 @@ def measure_kills(place: Path, kills: int, views: int) -> dict[str, Any]:
     command = [*MAKE, "--out", str(hunted), *options, "--retry-quarantined"]
     hit = _hunt(command, kills, pace_s)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    same = dict(_content(peaceful)) == dict(_content(hunted))
-    return {"frames": 3 * views, "killed": hit, "identical": same}
+    return {"frames": 3 * views, "killed": hit, "identical": _content(peaceful) == _content(hunted)}
 
 
 def _hunt(command: list[str], kills: int, pace_s: float) -> dict[str, int]:
@@ -94,7 +92,8 @@ def _hunt(command: list[str], kills: int, pace_s: float) -> dict[str, int]:
         time.sleep(2 * pace_s * chance.random())
         if job.poll() == 0:
             break  # finished before it was killed often enough; the counts tell
-        workers = _children(job.pid)
+        children = Path(f"/proc/{job.pid}/task/{job.pid}/children")
+        workers = [int(child) for child in children.read_text().split()] if children.exists() else []
         victim = "worker" if workers and chance.random() < 0.4 else "supervisor"
         with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
             os.kill(workers[0] if victim == "worker" else job.pid, signal.SIGKILL)
@@ -106,32 +105,32 @@ def _hunt(command: list[str], kills: int, pace_s: float) -> dict[str, int]:
     return hit
 
 
-@dataclass
+def _content(folder: Path) -> dict[Path, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("ledger"))
+    return {path.relative_to(folder): path.read_bytes() for path in files}
+
+
 class _Watch:
     """What a worker costs, by its news: resident MiB after each frame, CPU seconds by what they went into."""
 
-    resident_mib: list[float] = field(default_factory=list)
-    start_s: float = 0.0
-    coverage_s: float = 0.0
-    frames_s: float = 0.0
-    _spent: float = 0.0
-    _covering: bool = True
+    def __init__(self) -> None:
+        self.resident_mib: list[float] = []
+        self.cpu_s = {"start": 0.0, "coverage": 0.0, "frames": 0.0}
+        self._spent_s, self._doing = 0.0, "coverage"
 
     def hear(self, worker: Worker, news: News) -> None:
-        spent = _cpu_seconds(worker.pid)
-        cost, self._spent = spent - self._spent, spent
-        if news.event == "ready":
-            self.start_s = cost
-        elif news.event in ("done", "occluded"):
-            self.frames_s += cost
-            self._covering = False
-            self.resident_mib.append(_resident_mib(worker.pid))
-        elif self._covering:
-            self.coverage_s += cost
-        else:
-            self.frames_s += cost
+        """Its user and system time so far goes to what it has just done; a chunk begins with coverage."""
+        # The name in the second field may hold spaces.
+        fields = Path(f"/proc/{worker.pid}/stat").read_text().rpartition(")")[2].split()
+        spent_s = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        if news.event in ("done", "occluded"):
+            self._doing = "frames"
+            pages = int(Path(f"/proc/{worker.pid}/statm").read_text().split()[1])
+            self.resident_mib.append(pages * os.sysconf("SC_PAGE_SIZE") / 2**20)
+        self.cpu_s["start" if news.event == "ready" else self._doing] += spent_s - self._spent_s
+        self._spent_s = spent_s
         if news.event == "idle":
-            self._covering = True
+            self._doing = "coverage"
 
 
 def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -149,42 +148,20 @@ def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, 
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
     save_job(place / "worker.json", RenderFrames(folder, folder))
-    command = blender_command(place / "worker.json")
-    watch, wanted = _Watch(), planned_frames(plan)[:frames] if frames % 12 else planned_frames(plan)
+    crew = Crew(blender_command(place / "worker.json"), recycle=10 * frames)
+    watch, wanted = _Watch(), planned_frames(plan)[:frames]
     pieces = [[frame.id for frame in chunk] for chunk in chunks(plan, wanted, frames)]
     with progress_bar("rendering for memory", resumes=False) as move:
-        Supervisor(
-            folder, Shard(), Crew(command, recycle=10 * frames), Listener(move, print, watch.hear), lambda: None
-        ).run(pieces, 0)
+        listener = Listener(move, print, watch.hear)
+        Supervisor(folder, Shard(), crew, listener, lambda: None).run(pieces, 0)
     at, last = watch.resident_mib[49], watch.resident_mib[-1]
     memory = {
         "frames": len(wanted), "resident_mib_at_50": at, "resident_mib_at_end": last, "growth": last / at - 1,
         "resident_mib": watch.resident_mib,
     }  # fmt: skip
-    cameras = len({frame.camera for frame in wanted})
     chunk = {
-        "start_cpu_s": watch.start_s, "coverage_cpu_s_per_camera": watch.coverage_s / cameras,
-        "cpu_s_per_frame": watch.frames_s / len(wanted),
-    }  # fmt: skip
+        "start_cpu_s": watch.cpu_s["start"],
+        "coverage_cpu_s_per_camera": watch.cpu_s["coverage"] / len({frame.camera for frame in wanted}),
+        "cpu_s_per_frame": watch.cpu_s["frames"] / len(wanted),
+    }
     return memory, chunk
-
-
-def _children(pid: int) -> list[int]:
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(child) for child in path.read_text().split()] if path.exists() else []
-
-
-def _resident_mib(pid: int) -> float:
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def _cpu_seconds(pid: int) -> float:
-    """User and system time so far; the name in the second field may hold spaces."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def _content(folder: Path) -> Iterator[tuple[str, bytes]]:
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.name.startswith("ledger"):
-            yield str(path.relative_to(folder)), path.read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,11 +18,12 @@ from rauca_core.render.surface import find_surface
 
 from .harness import Row, Settings
 from .in_blender import run_child
-from .render_reference import random_cameras
+from .render_reference import box_of, random_cameras
 
 UV_SIZE = 1024  # texels; at which the UV error is counted
 MASK_SUBSAMPLES = (4, 8, 12)
 COLOR_SUBSAMPLES = 4
+REACH = 2  # pixels around the car that the filter may touch
 CELLS = 64  # of the colorful texture, along each axis of the map
 SOLID, FAINT = 0.999, 0.02  # coverage above which a pixel is inside; below which it is not compared
 Image = NDArray[np.float32]
@@ -66,24 +66,17 @@ def render_jobs(
         RaucaError: Blender is missing, or died.
     """
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
-        source, target = Path(temporary) / "views.npz", Path(temporary) / "rendered.npz"
-        np.savez(
-            source,
-            positions=vehicle.positions,
-            triangles=vehicle.triangles,
-            uvs=vehicle.uvs,
-            paint=vehicle.paint_faces(),
-            mask=vehicle.paint_mask,
-            uv_map_linear=uv_map_linear,
-            K=np.stack([c.K for c in cameras]),
-            R=np.stack([c.R for c in cameras]),
-            t=np.stack([c.t for c in cameras]),
-            size=cameras[0].width,
-            jobs=json.dumps(jobs),
-        )
-        run_child("benchmarks.render_in_blender", [source, target], progress, "leave it out with --no-blender")
-        with np.load(target) as archive:
-            return [archive[str(i)] for i in range(len(jobs))]
+        folder = Path(temporary)
+        vehicle.save(folder / "vehicle")
+        np.save(folder / "uv_map_linear.npy", uv_map_linear)
+        request = {
+            "folder": temporary,
+            "cameras_json": [camera.to_json() for camera in cameras],
+            "boxes": [box_of(vehicle, camera, REACH) for camera in cameras],
+            "jobs": jobs,
+        }
+        run_child("render_in_blender.main", request, progress, "leave it out with --no-blender")
+        return [np.load(folder / f"{number}.npy") for number in range(len(jobs))]
 
 
 def compare_with_blender(name: str, vehicle: Vehicle, settings: Settings, progress: Callable[[Progress], None]) -> Row:

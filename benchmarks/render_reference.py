@@ -55,15 +55,9 @@ def random_cameras(vehicle: Vehicle, number: int, size: int, seed: int = 0) -> l
 
 
 def _orbit(
-    vehicle: Vehicle,
-    azimuth: float,
-    elevation: float,
-    distance: float,
-    fov: float,
-    size: int,
-    shift: np.ndarray | float = 0.0,
-    roll: float = 0.0,
-) -> Camera:
+    vehicle: Vehicle, azimuth: float, elevation: float, distance: float, fov: float, size: int,
+    shift: np.ndarray | float = 0.0, roll: float = 0.0,
+) -> Camera:  # fmt: skip
     """A camera at angles in degrees around the middle of the vehicle, looking at it ``shift`` metres off."""
     middle = (vehicle.positions.max(0) + vehicle.positions.min(0)).astype(np.float64) / 2
     a, e = np.radians([azimuth, elevation])
@@ -135,12 +129,12 @@ def ray_directions(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64
     return points @ np.linalg.inv(camera.K).T @ camera.R
 
 
-def box_of(vehicle: Vehicle, camera: Camera) -> tuple[int, int, int, int]:
-    """Pixels x0, y0 (inclusive), x1, y1 (exclusive) that the vehicle's projection lies within."""
+def box_of(vehicle: Vehicle, camera: Camera, margin: int = 0) -> tuple[int, int, int, int]:
+    """Pixels x0, y0 (inclusive), x1, y1 (exclusive) that the vehicle's projection lies within, and a margin."""
     pixels, depth = camera.project(vehicle.positions.astype(np.float64))
     if (depth <= 0.02).any():
         return 0, 0, camera.width, camera.height
-    low, high = np.floor(pixels.min(0)).astype(int), np.ceil(pixels.max(0)).astype(int)
+    low, high = np.floor(pixels.min(0)).astype(int) - margin, np.ceil(pixels.max(0)).astype(int) + margin
     limit = np.array([camera.width, camera.height])
     (x0, y0), (x1, y1) = np.clip(low, 0, limit), np.clip(high, 0, limit)
     return int(x0), int(y0), int(x1), int(y1)

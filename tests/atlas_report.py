@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from rauca_core.contract import Vehicle
 from rauca_core.geometry.atlas import chart_of_faces, covered, density_spread, signed_uv_area
@@ -93,14 +94,8 @@ def _clearances(uvs: NDArray[np.float64], chart: NDArray[np.int64], size: int) -
 
 
 def _touch(owner: NDArray[np.int64], distance: int) -> bool:
-    """True when texels of two charts lie ``distance`` apart (the larger of rows and columns)."""
-    size = len(owner)
-    ring = [(distance, k) for k in range(-distance, distance + 1)] + [(k, distance) for k in range(-distance, distance)]
-    for down, right in ring:
-        here = owner[: size - down if down >= 0 else size, max(0, -right) : size - max(0, right)]
-        there = owner[max(0, down) :, max(0, right) : size + min(0, right)]
-        if down < 0:
-            here, there = owner[-down:, : size - right], owner[: size + down, right:]
-        if ((here >= 0) & (there >= 0) & (here != there)).any():
-            return True
-    return False
+    """True when texels of two charts lie ``distance`` apart or less (the larger of rows and columns)."""
+    window = 2 * distance + 1
+    highest = maximum_filter(owner, window, mode="nearest")
+    lowest = minimum_filter(np.where(owner < 0, owner.max(), owner), window, mode="nearest")
+    return bool(((owner >= 0) & ((highest != owner) | (lowest != owner))).any())

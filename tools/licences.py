@@ -20,9 +20,9 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.harness import fill_between  # noqa: E402
 from rauca_core.contract import RaucaError  # noqa: E402
 from rauca_core.contract.assets import assets_folder  # noqa: E402
-from rauca_core.contract.files import write_bytes  # noqa: E402
 from rauca_core.detect import SOURCES, Source  # noqa: E402
 
 BEGIN, END = "<!-- licences: written by tools/licences.py -->", "<!-- end of licences -->"
@@ -160,19 +160,10 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def write_page(page: Path) -> None:
-    """Put fresh tables between the page's marks; raises :class:`RaucaError` when it has none."""
-    before, begin, rest = page.read_text().partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise RaucaError(f"{page}: the marks for the tables are gone; put {BEGIN} and {END} back")
-    write_bytes(page, f"{before}{BEGIN}\n\n{page_tables()}\n{END}{after}".encode())
-
-
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit("error: give the page to write, docs/licences.md")
     try:
-        write_page(Path(sys.argv[1]))
+        fill_between(Path(sys.argv[1]), BEGIN, END, page_tables())
     except RaucaError as error:
         sys.exit(f"error: {error}")

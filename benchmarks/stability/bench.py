@@ -7,12 +7,10 @@ from pathlib import Path
 
 import torch
 
-from benchmarks.harness import Results, Row, Settings
-from benchmarks.timing import counted
+from benchmarks.harness import Results, Row, Settings, counted
 from rauca_core.runtime.cpu import threads
 
-from . import endure, light, losses, rasterizer, renderer
-from .checks import DTYPES, Check, Outcome, name_of, outcome
+from . import DTYPES, Check, Outcome, light, losses, name_of, optimizer, outcome, rasterizer, renderer
 
 FULL = Settings(steps=100)  # of each case of the optimizer
 QUICK = FULL.but(steps=25)
@@ -23,15 +21,11 @@ Found = Mapping[torch.dtype, Outcome]
 
 def catalogue(steps: int) -> tuple[Check, ...]:
     """All hard cases, by the part they are hard for; the optimizer's take ``steps`` steps each."""
-    return (*FAST, *endure.checks(steps))
+    return (*FAST, *optimizer.checks(steps))
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
-    """Try every hard case in every precision and write ``out`` (JSON); a case that fails is a missed target.
-
-    Args:
-        docs: folder whose `stability.md` gets the tables anew.
-    """
+    """Try every hard case in every precision and write ``out`` (JSON); a case that fails is a missed target."""
     checks, found = catalogue(settings.steps), list[Found]()
     with threads(1), counted("hard cases", len(checks)) as moved:
         for check in checks:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +11,7 @@ from torch import Tensor, nn
 from rauca_core.detect import DensePredictions, Detections
 
 Answer = Callable[[DensePredictions], DensePredictions]
+Box = tuple[float, float, float, float]
 
 
 class FirstLayer(nn.Module):
@@ -79,41 +81,37 @@ def unseen(found: DensePredictions) -> DensePredictions:
 
 def elsewhere(found: DensePredictions) -> DensePredictions:
     """Boxes that miss the picture by far."""
-    return DensePredictions(found.boxes + 1e4, found.objectness, found.classes)
+    return replace(found, boxes=found.boxes + 1e4)
 
 
-def saturated(box: tuple[float, float, float, float]) -> Answer:
+def inside_out(found: DensePredictions) -> DensePredictions:
+    """Right edges left of left ones."""
+    return replace(found, boxes=found.boxes.roll(2, -1))
+
+
+def points(found: DensePredictions) -> DensePredictions:
+    """Boxes without area."""
+    return replace(found, boxes=found.boxes[..., :2].repeat(1, 1, 2))
+
+
+def endless(found: DensePredictions) -> DensePredictions:
+    """Boxes whose exponential overflows: sides from minus to plus infinity, beside one that is fine."""
+    blown_up = (found.boxes[:, 1:] - found.boxes[:, 1:].mean(-1, keepdim=True)) * 1e38 * 1e3
+    return replace(found, boxes=torch.cat([found.boxes[:, :1], blown_up], 1))
+
+
+def saturated(box: Box, found: DensePredictions) -> DensePredictions:
     """A box in the very place, and probabilities that a sigmoid rounds to 1, of float64 too."""
-    return lambda found: DensePredictions(
-        torch.tensor(box).to(found.boxes) + 0.0 * found.boxes,
-        (found.objectness + 40).sigmoid(),
-        (found.classes + 40).sigmoid(),
-    )
+    boxes = torch.tensor(box).to(found.boxes) + 0.0 * found.boxes
+    return DensePredictions(boxes, (found.objectness + 40).sigmoid(), (found.classes + 40).sigmoid())
 
 
-def sure(box: tuple[float, float, float, float]) -> Answer:
+def sure(box: Box, found: DensePredictions) -> DensePredictions:
     """The same, but with the slope of the whole picture's objectness: Eq. 6 is at its steepest there."""
 
     def one(values: Tensor) -> Tensor:
         mean = values.mean(1, keepdim=True).expand_as(values)
         return mean - mean.detach() + 1.0
 
-    return lambda found: DensePredictions(
-        torch.tensor(box).to(found.boxes) + 0.0 * found.boxes, one(found.objectness), one(found.classes)
-    )
-
-
-def endless(found: DensePredictions) -> DensePredictions:
-    """Boxes whose exponential overflows: sides from minus to plus infinity, beside one that is fine."""
-    blown_up = (found.boxes[:, 1:] - found.boxes[:, 1:].mean(-1, keepdim=True)) * 1e38 * 1e3
-    return DensePredictions(torch.cat([found.boxes[:, :1], blown_up], 1), found.objectness, found.classes)
-
-
-def inside_out(found: DensePredictions) -> DensePredictions:
-    """Right edges left of left ones."""
-    return DensePredictions(found.boxes.roll(2, -1), found.objectness, found.classes)
-
-
-def points(found: DensePredictions) -> DensePredictions:
-    """Boxes without area."""
-    return DensePredictions(found.boxes[..., :2].repeat(1, 1, 2), found.objectness, found.classes)
+    boxes = torch.tensor(box).to(found.boxes) + 0.0 * found.boxes
+    return DensePredictions(boxes, one(found.objectness), one(found.classes))

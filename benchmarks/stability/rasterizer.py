@@ -6,7 +6,7 @@ The precision is that of the vertices. Inside, samples and vertices lie on one f
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,17 +17,15 @@ from rauca_core.contract import Camera
 from rauca_core.render import Raster, rasterize
 from rauca_core.render.surface import find_surface
 
-from .checks import Check, Try, expect
+from . import Checks, expect
 
 Points = NDArray[np.floating]
-POINTLESS = {torch.bfloat16: "vertices are never bfloat16: those of a car would move by 8 mm"}
+NO_HALF = {torch.bfloat16: "vertices are never bfloat16: those of a car would move by 8 mm"}
 SHEET = [(0, -1, -1), (0, 1, -1), (0, 0, 1)]
 QUAD = [(0, 1, 2), (0, 2, 3)]
 
 
-def attempt(body: Callable[[Any], str]) -> Try:
-    """A case, whose ``body`` gets the vertices' NumPy type."""
-    return lambda dtype: body(np.float64 if dtype == torch.float64 else np.float32)
+CHECKS = Checks("rasterizer", lambda dtype: np.float64 if dtype == torch.float64 else np.float32)
 
 
 def flat(size: int) -> Camera:
@@ -65,6 +63,7 @@ def _once(number: NDArray[np.integer]) -> str:
     return f"{number.size} samples, each owned once"
 
 
+@CHECKS.case("diagonal through sample centers", "every sample owned by one face", NO_HALF)
 def _diagonal(kind: Any) -> str:
     square = at_depth_one([(0.5, 0.5), (32.5, 0.5), (32.5, 32.5), (0.5, 32.5)], kind)
     for faces in (QUAD, [(0, 1, 3), (1, 2, 3)]):
@@ -75,6 +74,7 @@ def _diagonal(kind: Any) -> str:
     return told
 
 
+@CHECKS.case("vertices on sample centers", "every sample owned by one face, either winding", NO_HALF)
 def _vertices_on_centers(kind: Any) -> str:
     rng = np.random.default_rng(0)
     points, faces = triangulated(rng.integers(0, 16, (40, 2)) + 0.5, 16)
@@ -84,6 +84,7 @@ def _vertices_on_centers(kind: Any) -> str:
     return told
 
 
+@CHECKS.case("faces without area", "nothing drawn, all finite", NO_HALF)
 def _without_area(kind: Any) -> str:
     points = at_depth_one([(1.5, 1.5), (20.5, 20.5), (39.5, 39.5), (1.5, 1.5), (10, 30)], kind)
     # A needle through sample centers, two equal corners, a repeated index, a point.
@@ -94,6 +95,7 @@ def _without_area(kind: Any) -> str:
     return "nothing drawn, finite"
 
 
+@CHECKS.case("a needle in perspective", "all finite", NO_HALF)
 def _needle(kind: Any) -> str:
     points = at_depth_one([(1.5, 1.5), (39.5, 1.5 + 1e-4), (39.5, 1.5 - 1e-4)]) * [[1], [2], [3]]
     raster = rasterize(points.astype(kind), np.array([(0, 1, 2)]), flat(40), 4)
@@ -102,6 +104,7 @@ def _needle(kind: Any) -> str:
     return "finite"
 
 
+@CHECKS.case("NaN and infinite vertices", "their faces left out, with a warning that counts", NO_HALF)
 def _nan_vertex(kind: Any) -> str:
     points = at_depth_one([(0, 0), (8, 0), (8, 8), (0, 8), (4, 4)], kind)
     points[3, 1], points[4, 0] = np.nan, np.inf
@@ -114,6 +117,7 @@ def _nan_vertex(kind: Any) -> str:
     return "2 vertices counted, their 2 faces left out"
 
 
+@CHECKS.case("faces smaller than a sample", "no gap", NO_HALF)
 def _tiny_faces(kind: Any) -> str:
     x, y = np.meshgrid(np.linspace(0, 24, 301), np.linspace(0, 24, 301))
     n = np.arange(300 * 301).reshape(300, 301)[:, :300].ravel()
@@ -123,6 +127,7 @@ def _tiny_faces(kind: Any) -> str:
     return f"{len(faces)} faces on {ids.size} samples, no gap"
 
 
+@CHECKS.case("coordinates up to 1e25", "the image covered, every sample owned by one face", NO_HALF)
 def _huge_coordinates(kind: Any) -> str:
     for far in (4e6, 1e10, 1e25):
         points = at_depth_one([(-far, -far), (far, -far), (far, far), (-far, far)], kind)
@@ -133,6 +138,7 @@ def _huge_coordinates(kind: Any) -> str:
     return told
 
 
+@CHECKS.case("ground through the camera", "the lower half filled, all finite", NO_HALF)
 def _ground_through_the_camera(kind: Any) -> str:
     camera = Camera.look_at(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0]), 90, 64, 64)
     ground = np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], kind)
@@ -149,6 +155,7 @@ def _ground_through_the_camera(kind: Any) -> str:
     return "the lower half filled, points within 1e-6 pixels of their samples"
 
 
+@CHECKS.case("camera inside a box", "a face everywhere", NO_HALF)
 def _inside_a_box(kind: Any) -> str:
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], kind)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -160,6 +167,7 @@ def _inside_a_box(kind: Any) -> str:
     return "no gap in 3 directions"
 
 
+@CHECKS.case("face behind the camera", "not mirrored into view", NO_HALF)
 def _behind_the_camera(kind: Any) -> str:
     camera = Camera.look_at(np.zeros(3), np.array([1.0, 0, 0]), 60, 16, 16)
     behind = np.array([(-2, -1, -1), (-2, 1, -1), (-2, 0, 1)], kind)
@@ -167,6 +175,7 @@ def _behind_the_camera(kind: Any) -> str:
     return "nothing drawn"
 
 
+@CHECKS.case("nearer than the near plane", "cut off", NO_HALF)
 def _near_plane(kind: Any) -> str:
     camera = Camera.look_at(np.zeros(3), np.array([1.0, 0, 0]), 90, 16, 16)
     points = np.array([(0.01, -1, -1), (0.01, 1, -1), (0.01, 0, 2), (0.03, -1, -1), (0.03, 1, -1), (0.03, 0, 2)], kind)
@@ -176,6 +185,7 @@ def _near_plane(kind: Any) -> str:
     return "cut off at 2 cm"
 
 
+@CHECKS.case("coplanar duplicates", "the lowest face wins, however it is turned", NO_HALF)
 def _coplanar_duplicates(kind: Any) -> str:
     for turned in [(0, 1, 2), (1, 2, 0), (2, 1, 0)]:
         seen = _seen(np.array(SHEET, kind), [turned, (0, 1, 2), turned])
@@ -183,6 +193,7 @@ def _coplanar_duplicates(kind: Any) -> str:
     return "face 0 everywhere"
 
 
+@CHECKS.case("a micrometre apart at 10 m", "the nearer face wins", NO_HALF)
 def _micrometre(kind: Any) -> str:
     points = np.concatenate([SHEET, np.add(SHEET, (1e-6, 0, 0))]).astype(kind)
     for order in ([(0, 1, 2), (3, 4, 5)], [(3, 4, 5), (0, 1, 2)]):
@@ -191,6 +202,9 @@ def _micrometre(kind: Any) -> str:
     return "the nearer one everywhere, in either order"
 
 
+@CHECKS.case(
+    "ties in depth", "settled in the order of faces: sheet 4 of 6, or 0 where rounding makes them one", NO_HALF
+)
 def _ties(kind: Any) -> str:
     # Each sheet is nearer than the last by less than a tie: the first stays until one beats it by more than that.
     sheets = [at_depth_one([(0, 0), (8, 0), (0, 8)]) / (1 + 0.6e-9 * n) for n in range(6)]
@@ -211,30 +225,3 @@ def _seen(points: Points, faces: Sequence[Any]) -> set[int]:
     """The faces that are seen at all, from ten metres."""
     camera = Camera.look_at(np.array([10.0, 0.3, 0.2]), np.zeros(3), 30, 32, 32)
     return set(np.unique(rasterize(points, np.array(faces), camera).whole(32, 32)).tolist()) - {-1}
-
-
-def _checks() -> Iterator[Check]:
-    for name, expected, body in (
-        ("diagonal through sample centers", "every sample owned by one face", _diagonal),
-        ("vertices on sample centers", "every sample owned by one face, either winding", _vertices_on_centers),
-        ("faces without area", "nothing drawn, all finite", _without_area),
-        ("a needle in perspective", "all finite", _needle),
-        ("NaN and infinite vertices", "their faces left out, with a warning that counts", _nan_vertex),
-        ("faces smaller than a sample", "no gap", _tiny_faces),
-        ("coordinates up to 1e25", "the image covered, every sample owned by one face", _huge_coordinates),
-        ("ground through the camera", "the lower half filled, all finite", _ground_through_the_camera),
-        ("camera inside a box", "a face everywhere", _inside_a_box),
-        ("face behind the camera", "not mirrored into view", _behind_the_camera),
-        ("nearer than the near plane", "cut off", _near_plane),
-        ("coplanar duplicates", "the lowest face wins, however it is turned", _coplanar_duplicates),
-        ("a micrometre apart at 10 m", "the nearer face wins", _micrometre),
-        (
-            "ties in depth",
-            "settled in the order of faces: sheet 4 of 6, or 0 where rounding makes them one",
-            _ties,
-        ),
-    ):
-        yield Check("rasterizer", name, expected, attempt(body), POINTLESS)
-
-
-CHECKS = tuple(_checks())

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from rauca_core.contract import Camera, RaucaError, color
+from rauca_core.contract import Camera, RaucaError, Vehicle, color
 from rauca_core.render import MipmappedTexture, Pyramid, build_taps, linear_to_srgb, rasterize, srgb_to_linear
 from rauca_core.render.sampler import Sampler, look_up
 
-from .checks import Check, expect
+from . import Checks, expect
 from .drawn import painted_box
 
 MAP = 64
@@ -23,24 +22,31 @@ FAR = Camera.look_at(np.array([30.0, 20.0, 8.0]), np.zeros(3), 50, 64, 64)  # co
 GRAZING = Camera.look_at(np.array([6.0, 1.25, 0.8]), np.array([0.0, 1.0, 0.7]), 50, 48, 48)
 TOUCHING = Camera.look_at(np.array([1.9, 0.2, 0.7]), np.array([2.0, -1.0, 0.7]), 120, 40, 32)
 AWAY = Camera.look_at(np.array([5.0, 0.0, 1.0]), np.array([9.0, 0.0, 1.0]), 50, 32, 32)
+NO_TEXELS = dict.fromkeys((torch.bfloat16, torch.float64), "no texel is read")
 ROUNDING = {torch.float32: 1e-5, torch.bfloat16: 4e-3, torch.float64: 1e-6}  # of a color; weights are float32
+CHECKS = Checks("renderer")
+
+
+def _box() -> tuple[Vehicle, Pyramid]:
+    return painted_box(), Pyramid.of(painted_box(), MAP)
 
 
 def _random_texels(pyramid: Pyramid, dtype: torch.dtype) -> Tensor:
     return torch.rand(len(pyramid.texels), 3, generator=torch.Generator().manual_seed(0)).to(dtype)
 
 
+@CHECKS.case("no paint in view", "no taps, no gradient")
 def _nothing_in_view(dtype: torch.dtype) -> str:
     pyramid = Pyramid.of(painted_box(), MAP)
     taps = build_taps(painted_box(), AWAY, MAP, pyramid=pyramid)
     texels = _random_texels(pyramid, dtype).requires_grad_()
-    MipmappedTexture(pyramid, texels).sample([taps.rows]).sum().backward()
-    assert texels.grad is not None
+    (gradient,) = torch.autograd.grad(MipmappedTexture(pyramid, texels).sample([taps.rows]).sum(), texels)
     expect(len(taps) == 0, f"{len(taps)} pixels have taps")
-    expect(not texels.grad.any(), "texels have a gradient")
+    expect(not gradient.any(), "texels have a gradient")
     return "no taps, gradient exactly 0"
 
 
+@CHECKS.case("no paint in view, all samplers", "no fragments", NO_TEXELS)
 def _no_fragments(dtype: torch.dtype) -> str:
     box = painted_box()
     raster, pyramid = rasterize(box.positions, box.triangles, AWAY), Pyramid.of(box, MAP)
@@ -51,6 +57,7 @@ def _no_fragments(dtype: torch.dtype) -> str:
     return f"no fragment with any of {len(Sampler)} samplers"
 
 
+@CHECKS.case("empty paint mask", "refused by name", NO_TEXELS)
 def _empty_mask(dtype: torch.dtype) -> str:
     box = painted_box()
     try:
@@ -62,6 +69,7 @@ def _empty_mask(dtype: torch.dtype) -> str:
     return ""
 
 
+@CHECKS.case("UV outside the map", "reads the map's border")
 def _uv_outside_the_map(dtype: torch.dtype) -> str:
     box = painted_box()
     box.paint_mask[:] = 255
@@ -77,9 +85,9 @@ def _uv_outside_the_map(dtype: torch.dtype) -> str:
     return f"the border's color, off by {off:.0e}"
 
 
+@CHECKS.case("face without UV area", "reads one constant")
 def _no_uv_area(dtype: torch.dtype) -> str:
-    box = painted_box()
-    pyramid = Pyramid.of(box, MAP)
+    box, pyramid = _box()
     box.uvs[:2] = 0.25
     taps = build_taps(box, AHEAD, MAP, pyramid=pyramid)
     seen = taps.rows(pyramid(_random_texels(pyramid, dtype)))
@@ -89,6 +97,7 @@ def _no_uv_area(dtype: torch.dtype) -> str:
     return "one color all over"
 
 
+@CHECKS.case("hard UVs, camera at the paint", "finite, in [0, 1], with every sampler")
 def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
     box = painted_box()
     box.uvs[:2] += 3.0
@@ -108,9 +117,9 @@ def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
     return f"finite and in range with all {len(Sampler)} samplers"
 
 
+@CHECKS.case("seams at coarse levels", "no color of the gutters")
 def _gutters(dtype: torch.dtype) -> str:
-    box = painted_box()
-    pyramid = Pyramid.of(box, MAP)
+    box, pyramid = _box()
     uv_map = torch.ones(3, MAP, MAP, dtype=dtype)
     uv_map.view(3, -1)[:, torch.from_numpy(pyramid.texels)] = 0.25
     seen = build_taps(box, FAR, MAP, pyramid=pyramid).rows(pyramid(pyramid.from_map(uv_map)))
@@ -119,6 +128,7 @@ def _gutters(dtype: torch.dtype) -> str:
     return f"the paint's color, off by {off:.0e}"
 
 
+@CHECKS.case("grazing angle", "the error falls with the samples")
 def _grazing(dtype: torch.dtype) -> str:
     box = painted_box()
     pyramid = Pyramid.of(box, 2 * MAP)
@@ -135,9 +145,9 @@ def _grazing(dtype: torch.dtype) -> str:
     return "RMS error at 1, 2, 4 samples: " + ", ".join(f"{error**0.5:.3f}" for error in errors)
 
 
+@CHECKS.case("constant texture", "its color, to rounding")
 def _constant(dtype: torch.dtype) -> str:
-    box = painted_box()
-    pyramid = Pyramid.of(box, MAP)
+    box, pyramid = _box()
     taps = build_taps(box, ASIDE, MAP, pyramid=pyramid)
     hue = torch.tensor([0.25, 0.5, 0.875], dtype=dtype)
     seen = taps.rows(pyramid(hue.expand(len(pyramid.texels), 3).contiguous()))
@@ -146,39 +156,42 @@ def _constant(dtype: torch.dtype) -> str:
     return f"the color, off by {off:.0e}"
 
 
+@CHECKS.case("operator and gradient", "adjoint, to rounding")
 def _adjoint(dtype: torch.dtype) -> str:
     rows = build_taps(painted_box(), ASIDE, MAP).rows
     generator = torch.Generator().manual_seed(0)
     x = torch.randn(rows.shape[1], 3, generator=generator).to(dtype).requires_grad_()
     seen = rows(x)
     y = torch.randn(rows.shape[0], 3, generator=generator).to(seen)
-    (seen * y).sum().backward()
-    assert x.grad is not None
-    forward, backward = float((seen * y).double().sum().detach()), float((x.detach().double() * x.grad.double()).sum())
+    (gradient,) = torch.autograd.grad((seen * y).sum(), x)
+    forward, backward = (
+        float((seen * y).double().sum().detach()),
+        float((x.detach().double() * gradient.double()).sum()),
+    )
     scale = float(seen.detach().double().norm() * y.double().norm())
     off, bound = abs(forward - backward) / scale, {torch.float64: 1e-12, torch.float32: 1e-6}.get(dtype, 1e-3)
     expect(off <= bound, f"products with K and its gradient differ by {off:.1e} of |Kx||y|")
     return f"products with K and its gradient differ by {off:.0e}"
 
 
+@CHECKS.case("gradients of 1e-7", "summed without loss, in float32 at least")
 def _small_gradients(dtype: torch.dtype) -> str:
     rows = build_taps(painted_box(), ASIDE, MAP).rows
     x = torch.rand(rows.shape[1], 3).to(dtype).requires_grad_()
     asked = torch.full((rows.shape[0], 3), 1e-7)
-    (rows(x) * asked).sum().backward()
-    assert x.grad is not None
+    (gradient,) = torch.autograd.grad((rows(x) * asked).sum(), x)
     wanted = rows.transpose(asked.double())
     reached = wanted > 1e-12
-    off = float(((x.grad.double() - wanted).abs() / wanted)[reached].max())
+    off = float(((gradient.double() - wanted).abs() / wanted)[reached].max())
     bound = {torch.bfloat16: 4e-3}.get(dtype, 1e-5)
-    expect(x.grad.dtype == dtype, f"the gradient is {x.grad.dtype}")
+    expect(gradient.dtype == dtype, f"the gradient is {gradient.dtype}")
     expect(off <= bound, f"sums are off by {off:.1e}")
     return f"sums off by {off:.0e} from float64's"
 
 
+@CHECKS.case("NaN in a gradient", "shown, and not kept for the next step")
 def _nan_in_a_gradient(dtype: torch.dtype) -> str:
-    box = painted_box()
-    pyramid = Pyramid.of(box, MAP)
+    box, pyramid = _box()
     rows = build_taps(box, ASIDE, MAP, pyramid=pyramid).rows
     texels = _random_texels(pyramid, dtype).requires_grad_()
     seen = MipmappedTexture(pyramid, texels).sample([rows])
@@ -189,55 +202,29 @@ def _nan_in_a_gradient(dtype: torch.dtype) -> str:
     return "shown in its own step, gone in the next"
 
 
+@CHECKS.case("display: black, white, beyond, NaN", "the sRGB curve with finite slopes")
 def _linear_to_srgb_at_its_ends(dtype: torch.dtype) -> str:
     linear = torch.tensor([-1.0, 0.0, 1e-9, 0.003, 0.0032, 0.2, 1.0, 1.5, 1e6], dtype=dtype, requires_grad=True)
     shown = linear_to_srgb(linear)
-    shown.sum().backward()
-    assert linear.grad is not None
+    (gradient,) = torch.autograd.grad(shown.sum(), linear)
     off = np.abs(shown.detach().double().numpy() - color.linear_to_srgb(linear.detach().double().numpy())).max()
     bound = {torch.bfloat16: 8e-3}.get(dtype, 1e-6)
     expect(off <= bound, f"{off:.1e} from the curve")
-    expect(torch.isfinite(linear.grad).all(), "slopes are not finite")
-    beyond = linear.grad[torch.tensor([0, 7, 8])]
+    expect(torch.isfinite(gradient).all(), "slopes are not finite")
+    beyond = gradient[torch.tensor([0, 7, 8])]
     expect(not beyond.any(), "a slope beyond the range")
-    expect(abs(float(linear.grad[1]) - 12.92) < 0.05, f"slope {float(linear.grad[1]):.3g} at black")
+    expect(abs(float(gradient[1]) - 12.92) < 0.05, f"slope {float(gradient[1]):.3g} at black")
     expect(linear_to_srgb(torch.tensor(float("nan"), dtype=dtype)).isnan(), "NaN is hidden")
     return f"off by {off:.0e}, slope 12.9 at black, 0 beyond the range, NaN shown"
 
 
+@CHECKS.case("decoding: black, white, beyond", "clipped, with finite slopes")
 def _srgb_to_linear_at_its_ends(dtype: torch.dtype) -> str:
     srgb = torch.tensor([-0.2, 0.0, 0.03, 0.5, 1.0, 1.3], dtype=dtype, requires_grad=True)
     found = srgb_to_linear(srgb)
-    found.sum().backward()
-    assert srgb.grad is not None
+    (gradient,) = torch.autograd.grad(found.sum(), srgb)
     expect(found[0] == 0 and found[5] == 1, "not clipped")
-    expect(torch.isfinite(srgb.grad).all(), "slopes are not finite")
-    expect(srgb.grad[0] == 0 and srgb.grad[5] == 0, "a slope beyond the range")
-    expect((srgb.grad[1:5] > 0).all(), "no slope within the range")
+    expect(torch.isfinite(gradient).all(), "slopes are not finite")
+    expect(gradient[0] == 0 and gradient[5] == 0, "a slope beyond the range")
+    expect((gradient[1:5] > 0).all(), "no slope within the range")
     return "clipped, slopes finite, above 0 from black to white and 0 beyond"
-
-
-Attempt = Callable[[torch.dtype], str]
-_NO_TEXELS = dict.fromkeys((torch.bfloat16, torch.float64), "no texel is read")
-
-
-def _check(name: str, expected: str, attempt: Attempt, texels: bool = True) -> Check:
-    return Check("renderer", name, expected, attempt, {} if texels else _NO_TEXELS)
-
-
-CHECKS = (
-    _check("no paint in view", "no taps, no gradient", _nothing_in_view),
-    _check("no paint in view, all samplers", "no fragments", _no_fragments, texels=False),
-    _check("empty paint mask", "refused by name", _empty_mask, texels=False),
-    _check("UV outside the map", "reads the map's border", _uv_outside_the_map),
-    _check("face without UV area", "reads one constant", _no_uv_area),
-    _check("hard UVs, camera at the paint", "finite, in [0, 1], with every sampler", _hard_uvs_near_the_camera),
-    _check("seams at coarse levels", "no color of the gutters", _gutters),
-    _check("grazing angle", "the error falls with the samples", _grazing),
-    _check("constant texture", "its color, to rounding", _constant),
-    _check("operator and gradient", "adjoint, to rounding", _adjoint),
-    _check("gradients of 1e-7", "summed without loss, in float32 at least", _small_gradients),
-    _check("NaN in a gradient", "shown, and not kept for the next step", _nan_in_a_gradient),
-    _check("display: black, white, beyond, NaN", "the sRGB curve with finite slopes", _linear_to_srgb_at_its_ends),
-    _check("decoding: black, white, beyond", "clipped, with finite slopes", _srgb_to_linear_at_its_ends),
-)

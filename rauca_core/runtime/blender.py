@@ -57,10 +57,11 @@ def run_blender(job: Job, progress: Callable[[Progress], None], blender: Path | 
     with tempfile.TemporaryDirectory(prefix="rauca-job-") as folder:
         path = Path(folder) / "job.json"
         save_job(path, job)
-        _run(job.task, blender_command(path, blender), progress)
+        run_command(job.task, blender_command(path, blender), progress)
 
 
-def _run(task: str, command: Sequence[str], progress: Callable[[Progress], None]) -> None:
+def run_command(task: str, command: Sequence[str], progress: Callable[[Progress], None]) -> None:
+    """Run a command that does a task and tells its progress; raises :class:`RaucaError` as :func:`run_blender`."""
     lines: SimpleQueue[str | None] = SimpleQueue()
     child = ChildProcess(command)
     child.listen(lines.put, lambda: lines.put(None))

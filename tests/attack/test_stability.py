@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 import torch
 
-from benchmarks.stability.cases import CASES, SIZE
 from benchmarks.stability.detectors import Answering
 from benchmarks.stability.drawn import WEATHERS, draw_frame
-from benchmarks.stability.endure import AZIMUTHS, STEPS, endure, judge
+from benchmarks.stability.optimizer import AZIMUTHS, CASES, SIZE, endure, judge
 from rauca_core.attack import METHODS, settings_of
 from rauca_core.attack.losses import OBJECTIVES
 from rauca_core.contract import Vehicle
@@ -35,7 +34,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 @pytest.mark.parametrize("name", BY_NAME)
 def test_hard_case(name: str, steps: int | None, chosen: dict[str, Any], box_vehicle: Vehicle, folders: Path) -> None:
-    steps = steps or (STEPS if name in ASKED_FOR else 60)
+    steps = steps or (500 if name in ASKED_FOR else 60)
     judge(BY_NAME[name], endure(BY_NAME[name], box_vehicle, folders / name, steps, **chosen))
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.harness import END, Results, Settings, fill_page, mark
-from benchmarks.timing import Clock, race
+from benchmarks.harness import END, Clock, Results, Settings, fill_page, mark, race
 from rauca_core.contract import RaucaError
 
 
@@ -39,7 +38,7 @@ def test_a_page_keeps_its_words(tmp_path: Path) -> None:
     fill_page(page, "new", "render")
     assert page.read_text() == f"words\n{mark('render')}\n\nnew\n{END}\nmore\n"
     page.write_text("no marks")
-    with pytest.raises(RaucaError, match="marks for the figures are gone"):
+    with pytest.raises(RaucaError, match="marks for what is written here are gone"):
         fill_page(page, "new", "render")
 
 

@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks.harness import Results, Row
 from benchmarks.in_blender import open_vehicle
-from benchmarks.render import ALGORITHM_2, BILINEAR, FULL, bench
+from benchmarks.render import FULL, bench
+from benchmarks.render_contenders import ALGORITHM_2, BILINEAR
 from benchmarks.render_reference import RINGS, TEXTURES, RayCaster, ring, uv_map
 from rauca_core.contract import RaucaError, Vehicle
 from rauca_core.render import Pyramid

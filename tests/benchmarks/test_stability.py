@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from benchmarks.stability import bench
+from benchmarks.stability import DTYPES, Check, bench, expect, name_of, outcome
 from benchmarks.stability.bench import FAST, QUICK, catalogue
-from benchmarks.stability.cases import CASES
-from benchmarks.stability.checks import DTYPES, Check, expect, name_of, outcome
-from benchmarks.stability.endure import Endured, judge
+from benchmarks.stability.optimizer import CASES, Endured, judge
 
 torch.set_num_threads(1)
 

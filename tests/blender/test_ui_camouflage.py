@@ -74,11 +74,11 @@ def test_a_texture_below_stays_the_vehicles_own(rauca, tmp_path):
 
 
 def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
-    from benchmarks.bake_round_trip import daylight, look_around
     from blender_addon.scene.camera import place
     from blender_addon.scene.render import prepare, render_linear
     from blender_addon.steps.camouflage.painted_vehicle import painted_surface
     from rauca_core.contract import Quality
+    from tests.blender.round_trip import daylight, look_around
 
     a_box()
     a_camouflage(tmp_path, np.full((8, 8, 3), (0, 255, 0), np.uint8))
@@ -88,7 +88,7 @@ def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
     daylight(scene)
     prepare(scene)
     scene.render.film_transparent = True
-    place(scene, look_around(surface, 48, [30.0])[0])
+    place(scene, look_around(surface, 48, 30.0)[0])
     shots = {}
     for which in ("ORIGINAL", "CAMOUFLAGE"):
         assert bpy.ops.rauca.show_paint(which=which) == {"FINISHED"}

@@ -5,11 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
-from rauca_core.contract import RaucaError
 from rauca_core.detect import SOURCES
-from tools.licences import BEGIN, END, brought_along, declared, is_installed, licence_of, recognize, shipped, write_page
+from tools.licences import brought_along, declared, is_installed, licence_of, recognize, shipped
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "licences.md"
 MAY_BE_USED = r"(Apache-2\.0|BSD|MIT|ISC|MPL-2\.0|PSF-2\.0|CNRI-Python|Unlicense|CC0|Zlib|HPND|0BSD|BSL-1\.0)"
@@ -63,11 +60,3 @@ def test_spellings() -> None:
     assert recognize("License :: OSI Approved :: Apache Software License") == "Apache-2.0"
     assert recognize("FreeBSD") == "BSD-2-Clause"
     assert recognize("all rights reserved") == ""
-
-
-def test_a_page_without_marks_is_left_alone(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(f"{END} and {BEGIN}")
-    with pytest.raises(RaucaError, match="marks"):
-        write_page(page)
-    assert page.read_text() == f"{END} and {BEGIN}"
