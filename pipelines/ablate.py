@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from .console import command_line, console, progress_bars
-from .options import Blender, RenderDevice, Slurm, executor_of, split_names
-
-Data = Annotated[
-    Path | None,
-    typer.Option(
-        help="folder that ablations share: training sets, views, optimized camouflages; OUT/../data if left out"
-    ),
-]
+from .console import command_line, console
+from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, resized, split_names
 
 
 def ablate(
@@ -28,7 +20,10 @@ def ablate(
         ),
     ],
     out: Annotated[Path, typer.Option(help="folder for the table; run again to resume")],
-    data: Data = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(help="what ablations share: training sets, views, camouflages; OUT/../data if left out"),
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="few variants, frames and steps: minutes, not hours")] = False,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="camouflages per variant; as many as fit two hours if left out")
@@ -50,9 +45,9 @@ def ablate(
     detectors: Annotated[
         str | None, typer.Option(help="to measure with, comma separated; all that are ready and not this project's own")
     ] = None,
-    resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
-    threads: Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")] = None,
-    device: Annotated[str, typer.Option(help="of torch: of optimizations and detectors")] = "cpu",
+    resamples: Resamples = 1000,
+    threads: Threads = None,
+    device: Device = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
@@ -62,30 +57,15 @@ def ablate(
     from rauca_core.study.ablate import ablate as run
     from rauca_core.study.ablations import DEFAULT, QUICK
 
-    given: dict[str, Any] = {
-        "steps": steps, "batch": batch, "lr": lr, "frames": frames, "held_out": held_out, "pixels": size,
-        "samples": samples, "map_size": map_size, "seeds": seeds,
-        "weathers": None if weathers is None else tuple(split_names([weathers])),
-        "detectors": None if detectors is None else tuple(split_names([detectors])),
-    }  # fmt: skip
-    sizes = replace(QUICK if quick else DEFAULT, **{k: v for k, v in given.items() if v is not None})
-    with progress_bars() as on_progress:
+    sizes = resized(
+        QUICK if quick else DEFAULT, steps=steps, batch=batch, lr=lr, frames=frames, held_out=held_out, pixels=size,
+        samples=samples, map_size=map_size, seeds=seeds, weathers=weathers and tuple(split_names([weathers])),
+        detectors=detectors and tuple(split_names([detectors])),
+    )  # fmt: skip
+    with means_of(device, slurm, blender, render_device, threads) as means:
         found = run(
-            name,
-            out,
-            variants=split_names([variants or ""]),
-            quick=quick,
-            sizes=sizes,
-            vehicle=vehicle,
-            attacked=attack or ["yolov3-tiny"],
-            store=data or out.parent / "data",
-            resamples=resamples,
-            threads=threads,
-            device=device,
-            blender=blender,
-            render_device=render_device,
-            executor=executor_of(slurm),
-            on_progress=on_progress,
-            command=command_line(),
-        )
+            name, out, variants=split_names([variants or ""]), quick=quick, sizes=sizes, vehicle=vehicle,
+            attacked=attack or ["yolov3-tiny"], store=data or out.parent / "data", resamples=resamples,
+            command=command_line(), **means,
+        )  # fmt: skip
     console.print(f"ablation: {write_ablation(found, out / 'ablation.html')[0]}", highlight=False, soft_wrap=True)

@@ -10,10 +10,11 @@ import typer
 
 from rauca_core.contract import RaucaError
 
+from .options import PaintMask, PaintMaterial
+
 bench_app = typer.Typer(help="Measure speed against error.", no_args_is_help=True)
 
-PaintMask = Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")]
-PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to camouflage")]
+Docs = Annotated[Path | None, typer.Option(help="renew this benchmark's figures and pictures in these pages too")]
 Json = Annotated[Path, typer.Option(help="where to write the figures")]
 
 
@@ -52,9 +53,7 @@ def bench_render_command(
     paint_material: PaintMaterial = None,
     quick: Annotated[bool, typer.Option("--quick", help="fewer views and sizes: two minutes, not fifteen")] = False,
     blender: Annotated[bool, typer.Option(help="compare with Cycles too")] = True,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and pictures of renderer.md in this folder too")
-    ] = None,
+    docs: Docs = None,
     json: Json = Path("reports/render.json"),
 ) -> None:
     """The neural renderer's speed and error, beside other renderers, Embree and Cycles."""
@@ -68,9 +67,7 @@ def bench_environment_command(
     weights: Annotated[
         Path | None, typer.Option(help="pre-trained extractor to fine-tune; the shipped one by default")
     ] = None,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and pictures of environment.md in this folder too")
-    ] = None,
+    docs: Docs = None,
     json: Json = Path("reports/environment.json"),
 ) -> None:
     """Every way to light a vehicle against Cycles; training times; what pre-training saves."""
@@ -80,9 +77,7 @@ def bench_environment_command(
 @bench_app.command("dataset")
 def bench_dataset_command(
     quick: Annotated[bool, typer.Option("--quick", help="one view, fewer settings: three minutes, not twenty")] = False,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and plots of datasets.md in this folder too")
-    ] = None,
+    docs: Docs = None,
     json: Json = Path("reports/dataset.json"),
 ) -> None:
     """What a frame costs and how far it is from the converged one: samples, denoiser, bounces, fog, whole sets."""
@@ -92,7 +87,7 @@ def bench_dataset_command(
 @bench_app.command("optimize")
 def bench_optimize_command(
     quick: Annotated[bool, typer.Option("--quick", help="fewer frames and steps: one minute, not four")] = False,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of optimizer.md in this folder too")] = None,
+    docs: Docs = None,
     json: Json = Path("reports/optimize.json"),
 ) -> None:
     """Milliseconds of an optimization step by stage, and with Algorithm 2 in place of taps."""
@@ -105,7 +100,7 @@ def bench_detect_command(
     dataset: Annotated[
         Path | None, typer.Option(help="detect in its frames; the demo's or drawn pictures by default")
     ] = None,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of detectors.md in this folder too")] = None,
+    docs: Docs = None,
     json: Json = Path("reports/detect.json"),
 ) -> None:
     """Every detector adapter beside the runtime its network comes from: differences and speed."""
@@ -143,9 +138,7 @@ def bench_defences_command(
     ] = None,
     patch: Annotated[float, typer.Option(help="share of the vehicle's box under the optimized patch")] = 0.25,
     quick: Annotated[bool, typer.Option("--quick", help="fewer views and steps: half a minute, not three")] = False,
-    docs: Annotated[
-        Path | None, typer.Option(help="renew the figures and the picture of defences.md in this folder too")
-    ] = None,
+    docs: Docs = None,
     json: Json = Path("reports/defences.json"),
 ) -> None:
     """What LGS, PAD and cheap defences cost, do to clean views, and save from a camouflage and a patch."""
@@ -165,7 +158,7 @@ def bench_jobs_command(
 @bench_app.command("stability")
 def bench_stability_command(
     quick: Annotated[bool, typer.Option("--quick", help="25 steps a case of the optimizer, not 100")] = False,
-    docs: Annotated[Path | None, typer.Option(help="renew the figures of stability.md in this folder too")] = None,
+    docs: Docs = None,
     json: Json = Path("reports/stability.json"),
 ) -> None:
     """Every hard case in three precisions: what must come of it and what does. Exit code 1 if one fails."""

@@ -20,7 +20,7 @@ def show(context: typer.Context) -> None:
     """List the user's cache by kind and size."""
     if context.invoked_subcommand is not None:
         return
-    from rauca_core.study.kinds import KINDS
+    from rauca_core.study.makers import KINDS
     from rauca_core.study.store import kept_in, user_cache
 
     kept, what = (

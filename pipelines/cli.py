@@ -49,19 +49,14 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-app.add_typer(dataset_app, name="dataset")
-app.add_typer(efe_app, name="efe")
-app.add_typer(detectors_app, name="detectors")
-app.add_typer(weights_app, name="weights")
-app.add_typer(bench_app, name="bench")
-app.add_typer(cache_app, name="cache")
-app.command()(optimize)
-app.command()(evaluate)
-app.command()(tradeoff)
-app.command()(ablate)
-app.command()(harden)
-app.command()(demo)
-app.command()(report)
+GROUPS = {
+    "dataset": dataset_app, "efe": efe_app, "detectors": detectors_app, "weights": weights_app, "bench": bench_app,
+    "cache": cache_app,
+}  # fmt: skip
+for name, group in GROUPS.items():
+    app.add_typer(group, name=name)
+for command in (optimize, evaluate, tradeoff, ablate, harden, demo, report):
+    app.command()(command)
 
 
 def run(*command: str) -> None:

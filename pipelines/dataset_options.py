@@ -34,13 +34,6 @@ from rauca_core.contract.job import (
 )
 from rauca_core.contract.schema import read_json
 
-# What a plan says: with --plan, these are left out.
-OF_THE_PLAN = (
-    "weathers", "locations", "azimuths", "elevations", "distances", "jitter_azimuth", "jitter_elevation",
-    "jitter_distance", "jitter_aim", "jitter_roll", "fov", "size", "samples", "adaptive_threshold", "bounces",
-    "composed_fog", "light", "denoise", "finish", "recolor_share", "reference", "min_visible", "seed",
-)  # fmt: skip
-
 
 def dataset_job(options: argparse.Namespace) -> MakeDataset:
     """What :func:`dataset_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
@@ -97,43 +90,23 @@ def _vehicle(options: argparse.Namespace) -> VehicleSource:
 def _plan_of(options: argparse.Namespace, presets: Path) -> Plan:
     """The plan that the options spell out; the vehicle's part of it is known in Blender."""
     ring = Ring(
-        azimuths_deg=options.azimuths,
-        elevations_deg=options.elevations,
-        distances_m=options.distances,
-        jitter_azimuth_deg=options.jitter_azimuth,
-        jitter_elevation_deg=options.jitter_elevation,
-        jitter_distance=options.jitter_distance,
-        jitter_aim_m=options.jitter_aim,
-        jitter_roll_deg=options.jitter_roll,
-        fov_deg=options.fov,
-    )
+        options.azimuths, options.elevations, options.distances, options.jitter_azimuth, options.jitter_elevation,
+        options.jitter_distance, options.jitter_aim, options.jitter_roll, options.fov,
+    )  # fmt: skip
     quality = Quality(
         options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
     )
+    weathers = tuple(find_preset(options.weathers, presets))
     return Plan(
-        name="",
-        vehicle_name="",
-        atlas_id="",
-        size=options.size,
-        quality=quality,
-        light=options.light,
-        weathers=tuple(find_preset(options.weathers, presets)),
-        ring=ring,
-        locations=options.locations,
-        reference_srgb=options.reference,
-        min_visible=options.min_visible,
-        seed=options.seed,
-        blender="",
-        finish=options.finish,
-        recolor_share=options.recolor_share,
-    )
+        "", "", "", options.size, quality, options.light, weathers, ring, options.locations, options.reference,
+        options.min_visible, options.seed, "", finish=options.finish, recolor_share=options.recolor_share,
+    )  # fmt: skip
 
 
 def _plan_of_file(options: argparse.Namespace) -> Plan:
     """The plan that lies in a file, without what was noted of the Blender that rendered it."""
-    defaults = dataset_parser().parse_args(["--out", "x"])
-    for name in OF_THE_PLAN:
-        if getattr(options, name) != getattr(defaults, name):
+    for name, default in vars(plan_parser().parse_args([])).items():
+        if getattr(options, name) != default:
             raise RaucaError(f"--{name.replace('_', '-')}: {options.plan} says it; leave one of the two out")
     return Plan.from_json(read_json(options.plan))
 
@@ -162,12 +135,30 @@ def _named_frames(path: Path, plan: Plan) -> Collection[str]:
 def dataset_parser() -> argparse.ArgumentParser:
     """Arguments of ``make_dataset``."""
     parser = argparse.ArgumentParser(
-        prog="make_dataset.py", description="Render a multi-weather data set of a vehicle.", allow_abbrev=False
-    )
+        prog="make_dataset.py", description="Render a multi-weather data set of a vehicle.", allow_abbrev=False,
+        parents=[plan_parser()],
+    )  # fmt: skip
     add = parser.add_argument
     add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
     _add_vehicle(add)
     add("--plan", type=Path, help="dataset.json of another data set, which says all that is not about this machine")
+    _add_scene(add)
+    part = parser.add_mutually_exclusive_group().add_argument
+    _add_only(part)
+    part("--frames", type=_whole, help="a balanced part of so many frames; more of them later go on from it")
+    add("--workers", type=_whole, default=1, help="Blender processes at once; they share the cores")
+    add("--recycle", type=_whole, default=RECYCLE, help="frames after which a worker is replaced by a fresh one")
+    _add_device(add)
+    add("--shard", type=_shard, default=Shard(), help="i/n: only part i, counted from 1, of n that cover the data set")
+    add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
+    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
+    return parser
+
+
+def plan_parser() -> argparse.ArgumentParser:
+    """What a plan says: with ``--plan``, these are left out."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add = parser.add_argument_group("the plan").add_argument
     add("--weathers", default="demo", help="preset name or .json file")
     add("--locations", type=_whole, default=1, help="places in the town; each stands in another district")
     add("--azimuths", type=_azimuths, default=_azimuths("8"), help="a count, or degrees: 0,45,90")
@@ -186,17 +177,11 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--composed-fog", action=argparse.BooleanOptionalAction, default=True, help="compose fog where accurate")
     add("--light", action=argparse.BooleanOptionalAction, default=True, help="render light maps A and B")
     add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
-    _add_scene(add)
     add("--finish", default="own", help="of the paint: own, car_paint (clearcoat) or sticker (matte)")
     add("--recolor-share", type=float, default=0.0, help="share of frames also rendered for real in another color")
     add("--reference", type=_color, default=REFERENCE_SRGB, help="reference paint, sRGB like 8c8c8c")
     add("--min-visible", type=float, default=MIN_VISIBLE, help="keep out frames that see less of the paint than this")
     add("--seed", type=int, default=0)
-    part = parser.add_mutually_exclusive_group().add_argument
-    _add_only(part)
-    part("--frames", type=_whole, help="a balanced part of so many frames; more of them later go on from it")
-    _add_crew(add)
-    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
     return parser
 
 
@@ -237,14 +222,6 @@ def _add_vehicle(add: Callable[..., object]) -> None:
     )
     add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
     add("--paint-material", help="name of the material to camouflage")
-
-
-def _add_crew(add: Callable[..., object]) -> None:
-    add("--workers", type=_whole, default=1, help="Blender processes at once; they share the cores")
-    add("--recycle", type=_whole, default=RECYCLE, help="frames after which a worker is replaced by a fresh one")
-    _add_device(add)
-    add("--shard", type=_shard, default=Shard(), help="i/n: only part i, counted from 1, of n that cover the data set")
-    add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
 
 
 def _add_only(add: Callable[..., object]) -> None:

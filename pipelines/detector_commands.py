@@ -14,7 +14,6 @@ from rauca_core.contract import Progress, RaucaError
 from .console import command_line, console, output, progress_bar
 
 if TYPE_CHECKING:
-    from rauca_core.training.fit import Fit
     from rauca_core.training.loop import RoundReport
     from rauca_core.training.measure import Findings
 
@@ -22,7 +21,7 @@ detectors_app = typer.Typer(help="Detectors: what is ready, what the others need
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 
 Names = Annotated[list[str] | None, typer.Argument(help="names from `rauca weights list`")]
-All = Annotated[bool, typer.Option("--all", help="the seven of the standard evaluation")]
+Every = Annotated[bool, typer.Option("--all", help="the seven of the standard evaluation")]
 From = Annotated[
     Path | None,
     typer.Option("--from", help="look in this folder first; files are known by sha256", envvar="RAUCA_WEIGHTS"),
@@ -79,7 +78,8 @@ def detectors_train(
     """Train a detector of our own, two-stage or transformer, on plain cars in data sets."""
     from rauca_core.detect.synth.networks import find_recipe
     from rauca_core.study.harden_rounds import score
-    from rauca_core.training.fit import Fit
+    from rauca_core.training.fit import Fit, fit
+    from rauca_core.training.measure import ALL
     from rauca_core.training.settings import DetectorSettings
 
     chosen = {"steps": steps, "batch": batch, "lr": lr, "size": size, "round": every, "precision": precision}
@@ -91,7 +91,19 @@ def detectors_train(
         name=name, datasets=datasets, out=out, settings=settings, score=score, tests=test or [], start=start,
         classes=told, command=command_line(short=True), remarks=remarks, device=device,
     )  # fmt: skip
-    weights, found = _train(wanted, resume)
+    said = ""
+    with progress_bar("training") as move:
+
+        def show_step(done: int, steps: int, loss: float) -> None:
+            move(Progress(done, steps, f"loss {loss:.3f}  {said}"))
+
+        def show_round(report: RoundReport[Findings]) -> None:
+            nonlocal said
+            said = f"AP@0.5 {report.findings.ap50[ALL]:.3f}"
+            if not console.is_terminal:
+                console.print(f"step {report.step}/{report.steps}  loss {report.loss:.3f}  {said}")
+
+        weights, found = fit(wanted, resume, show_round, show_step)
     table = Table("on", "AP@0.5", "frames", title=f"{name} on frames held out, class car")
     for group, ap in {**found.ap50, **found.by_vehicle}.items():
         table.add_row(group, f"{ap:.3f}", str(found.frames[group]))
@@ -114,7 +126,7 @@ def weights_list() -> None:
 
 
 @weights_app.command("fetch")
-def weights_fetch(names: Names = None, everything: All = False, folder: From = None) -> None:
+def weights_fetch(names: Names = None, everything: Every = False, folder: From = None) -> None:
     """Get weights by name, verified by sha256; what cannot be had does not keep the others from coming."""
     from rauca_core.detect.catalogue import SOURCES
     from rauca_core.detect.weights import fetch_all
@@ -133,23 +145,3 @@ def weights_fetch(names: Names = None, everything: All = False, folder: From = N
         for error in errors.values():
             console.print(str(error), style="red", soft_wrap=True)
         raise RaucaError(f"{len(errors)} of {len(wanted)} could not be fetched: {', '.join(errors)}; see above")
-
-
-def _train(wanted: Fit, resume: bool) -> tuple[Path, Findings]:
-    """Train with a progress bar; returns the weights' path and the last test."""
-    from rauca_core.training.fit import fit
-    from rauca_core.training.measure import ALL
-
-    said = ""
-    with progress_bar("training") as move:
-
-        def show_step(done: int, steps: int, loss: float) -> None:
-            move(Progress(done, steps, f"loss {loss:.3f}  {said}"))
-
-        def show_round(report: RoundReport[Findings]) -> None:
-            nonlocal said
-            said = f"AP@0.5 {report.findings.ap50[ALL]:.3f}"
-            if not console.is_terminal:
-                console.print(f"step {report.step}/{report.steps}  loss {report.loss:.3f}  {said}")
-
-        return fit(wanted, resume, show_round, show_step)

@@ -17,7 +17,6 @@ from .console import command_line, console, output, progress_bar
 
 if TYPE_CHECKING:
     from rauca_core.training.extractor import EpochReport
-    from rauca_core.training.extractor_fit import Fit
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
@@ -32,7 +31,9 @@ Crop = Annotated[int, typer.Option(help="train on squares of this side around th
 Mixed = Annotated[
     bool, typer.Option(help="every other frame whole, averaged down to the side of --crop, which must divide its own")
 ]
-Early = Annotated[bool, typer.Option(help="stop by the paper's criterion of convergence")]
+Early = Annotated[
+    bool, typer.Option("--early-stop/--no-early-stop", help="stop by the paper's criterion of convergence")
+]
 Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
 Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
 Resume = Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")]
@@ -42,6 +43,7 @@ Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card
 
 @efe_app.command("train")
 def efe_train(
+    context: typer.Context,
     datasets: Annotated[
         list[Path], typer.Argument(help="data sets with light maps, of one image size unless --size is given")
     ],
@@ -54,7 +56,7 @@ def efe_train(
     size: Size = None,
     crop: Crop = 80,
     mixed: Mixed = False,
-    early_stop: Early = False,
+    stop_early: Early = False,
     eta: Eta = 0.003,
     seed: int = 0,
     device: Device = None,
@@ -64,21 +66,12 @@ def efe_train(
     resume: Resume = False,
 ) -> None:
     """Train our extractor on several vehicles."""
-    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "size": size, "crop": crop, "mixed": mixed}
-    _train(
-        datasets,
-        out,
-        test,
-        chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
-        start,
-        remarks,
-        resume,
-        device,
-    )
+    _train(context, datasets, start)
 
 
 @efe_app.command("finetune")
 def efe_finetune(
+    context: typer.Context,
     dataset: Annotated[Path, typer.Argument(help="data set of the new vehicle, with light maps")],
     out: Out,
     weights: Weights = None,
@@ -90,7 +83,7 @@ def efe_finetune(
     size: Size = None,
     crop: Crop = 80,
     mixed: Mixed = False,
-    early_stop: Early = False,
+    stop_early: Early = False,
     eta: Eta = 0.003,
     seed: int = 0,
     device: Device = None,
@@ -101,18 +94,7 @@ def efe_finetune(
     """Adapt pre-trained weights to another vehicle."""
     from rauca_core.environment.weights import shipped_weights
 
-    chosen = {"epochs": epochs, "batch": batch, "lr": lr, "split": split, "size": size, "crop": crop, "mixed": mixed}
-    start = weights or shipped_weights()
-    _train(
-        [dataset],
-        out,
-        test,
-        chosen | {"stop_early": early_stop, "eta": eta, "seed": seed, "threads": threads},
-        start,
-        remarks,
-        resume,
-        device,
-    )
+    _train(context, [dataset], weights or shipped_weights())
 
 
 @efe_app.command("evaluate")
@@ -162,31 +144,17 @@ def efe_preview(
     console.print(f"preview: {out}")
 
 
-def _train(
-    datasets: list[Path],
-    out: Path,
-    tests: list[Path] | None,
-    chosen: dict[str, object],
-    start: Path | None,
-    remarks: str,
-    resume: bool,
-    device: str | None,
-) -> None:
-    from rauca_core.training.extractor_fit import Fit
+def _train(context: typer.Context, datasets: list[Path], start: Path | None) -> None:
+    """Train as the command's options say, with a progress bar."""
+    from rauca_core.training.extractor_fit import Fit, fit
     from rauca_core.training.settings import ExtractorSettings
 
-    settings = ExtractorSettings.make(**chosen)
+    given = context.params
+    settings = ExtractorSettings.make(**{name: given[name] for name in ExtractorSettings.model_fields if name in given})
     wanted = Fit(
-        datasets=datasets, out=out, settings=settings, tests=tests or (), start=start,
-        command=command_line(short=True), remarks=remarks, device=device,
+        datasets=datasets, out=given["out"], settings=settings, tests=given["test"] or (), start=start,
+        command=command_line(short=True), remarks=given["remarks"], device=given["device"],
     )  # fmt: skip
-    console.print(f"weights: {_fit(wanted, resume)}")
-
-
-def _fit(wanted: Fit, resume: bool) -> Path:
-    """Train with a progress bar; returns the weights' path."""
-    from rauca_core.training.extractor_fit import fit
-
     said = ""
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     with progress_bar("training") as move:
@@ -200,7 +168,7 @@ def _fit(wanted: Fit, resume: bool) -> Path:
             if not console.is_terminal:
                 console.print(said)
 
-        weights, outcome = fit(wanted, resume, show_epoch, show_step)
+        weights, outcome = fit(wanted, given["resume"], show_epoch, show_step)
     ended = f"converged at epoch {outcome.converged}" if outcome.converged else f"{len(outcome.errors) - 1} epochs"
     console.print(f"{ended}; best at {outcome.best_epoch}, mean absolute error {min(outcome.errors):.4f}")
-    return weights
+    console.print(f"weights: {weights}")

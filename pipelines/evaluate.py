@@ -13,12 +13,11 @@ from rich.table import Table
 import rauca_core as rauca
 from rauca_core.contract import RaucaError
 
-from .console import command_line, console, output, progress_bars
-from .options import Blender, RenderDevice, Slurm, executor_of, split_names
+from .console import command_line, console, output
+from .options import Blender, Device, RenderDevice, Resamples, Slurm, means_of, numbers, split_names
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
-    from rauca_core.study.views import HeldOut
 
 Given = Annotated[
     list[Path] | None,
@@ -69,8 +68,8 @@ def evaluate(
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
     random_seed: Annotated[int, typer.Option(min=0)] = 1,
     random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
-    resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
-    device: Annotated[str, typer.Option(help="of the detectors")] = "cpu",
+    resamples: Resamples = 1000,
+    device: Device = "cpu",
     scene: Annotated[Path | None, typer.Option(help="the .blend that DATASET was made in, if it was")] = None,
     store: Annotated[
         Path | None,
@@ -82,32 +81,29 @@ def evaluate(
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.study.evaluate import RandomPaint
+    from rauca_core.study.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
 
     files = [path for path in given or () if path.suffix in (".json", ".png")]
     datasets = [path for path in given or () if path not in files]
     if datasets and weathers:
         raise RaucaError("--weathers: a data set brings its own weathers; drop one of the two")
-    with progress_bars() as on_progress:
+    chosen = find_ring(ring)
+    chosen = replace(
+        chosen,
+        elevations_deg=numbers("--elevations", elevations or "") or chosen.elevations_deg,
+        distances_m=numbers("--distances", distances or "") or chosen.distances_m,
+    )
+    town = TOWN_SEED if views_seed is None else views_seed
+    views = HeldOut(
+        frames or frames_of_scale(scale), chosen, size=size, samples=samples, seed=town, fit=distances is None
+    )
+    with means_of(device, slurm, blender, render_device) as means:
         study = rauca.evaluate(
-            [*split_names(camouflage), *files],
-            split_names(detectors),
-            out=out,
-            vehicle=split_names(vehicle),
-            weathers=split_names(weathers) or ["both"],
-            views=_held_out(frames, scale, ring, elevations, distances, size, samples, views_seed),
-            datasets=datasets,
-            defences=split_defences(defences) or ["none"],
-            random=RandomPaint(random_seed, random_cell) if random else None,
-            resamples=resamples,
-            device=device,
-            blender=blender,
-            render_device=render_device,
-            scene=scene,
-            store=store,
-            executor=executor_of(slurm),
-            on_progress=on_progress,
-            command=command_line(),
-        )
+            [*split_names(camouflage), *files], split_names(detectors), out=out, vehicle=split_names(vehicle),
+            weathers=split_names(weathers) or ["both"], views=views, datasets=datasets,
+            defences=split_defences(defences), random=RandomPaint(random_seed, random_cell) if random else None,
+            resamples=resamples, scene=scene, store=store, command=command_line(), **means,
+        )  # fmt: skip
     _print(study, out)
 
 
@@ -120,36 +116,6 @@ def split_defences(given: Sequence[str] | None) -> list[str]:
         else:
             names.append(part)
     return names
-
-
-def _held_out(
-    frames: int | None,
-    scale: str,
-    ring_name: str,
-    elevations: str | None,
-    distances: str | None,
-    size: int,
-    samples: int,
-    seed: int | None,
-) -> HeldOut:
-    from rauca_core.study.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
-
-    named = find_ring(ring_name)
-    ring = replace(
-        named,
-        elevations_deg=_numbers("--elevations", elevations) or named.elevations_deg,
-        distances_m=_numbers("--distances", distances) or named.distances_m,
-    )
-    count = frames_of_scale(scale) if frames is None else frames
-    town = TOWN_SEED if seed is None else seed
-    return HeldOut(count, ring, size=size, samples=samples, seed=town, fit=distances is None)
-
-
-def _numbers(option: str, text: str | None) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(",")) if text else ()
-    except ValueError:
-        raise RaucaError(f"{option} {text}: not a comma separated list of numbers") from None
 
 
 def _print(study: Study, out: Path) -> None:

@@ -10,8 +10,8 @@ from rich.table import Table
 
 import rauca_core as rauca
 
-from .console import command_line, console, output, progress_bars
-from .options import Blender, RenderDevice, Slurm, executor_of
+from .console import command_line, console, output
+from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of
 
 if TYPE_CHECKING:
     from rauca_core.study.hardening import Gains
@@ -55,10 +55,10 @@ def harden(
     views: Views = None,
     weathers: Annotated[str, typer.Option(help="of new views: seen, unseen, both, or a preset")] = "seen",
     frames: Annotated[int, typer.Option(min=1, help="new views per weather set")] = 48,
-    resamples: Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")] = 1000,
+    resamples: Resamples = 1000,
     seed: int = 0,
-    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
-    device: Annotated[str, typer.Option(help="that attacks, learns and measures: cpu, cuda, cuda:1 ...")] = "cpu",
+    threads: Threads = None,
+    device: Device = "cpu",
     slurm: Slurm = None,
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
@@ -72,29 +72,14 @@ def harden(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,
         map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip
-    with progress_bars() as on_progress:
+    command = command_line(short=True)
+    with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
-            detector,
-            data,
-            held_out,
-            out,
-            camouflages=camouflage or (),
-            settings=settings,
-            adaptive_steps=adaptive_steps,
-            views=views or (),
-            weathers=[weathers],
-            held_out_views=HeldOut(frames),
-            resamples=resamples,
-            device=device,
-            blender=blender,
-            render_device=render_device,
-            executor=executor_of(slurm),
-            on_progress=on_progress,
-            command=command_line(short=True),
-        )
-    notes = HardeningNotes(
-        found.before, found.after, found.made, found.facts, command_line(short=True), LIMITATIONS
-    )  # fmt: skip
+            detector, data, held_out, out, camouflages=camouflage or (), settings=settings,
+            adaptive_steps=adaptive_steps, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
+            resamples=resamples, command=command, **means,
+        )  # fmt: skip
+    notes = HardeningNotes(found.before, found.after, found.made, found.facts, command, LIMITATIONS)
     for path in write_hardening(found.gains, found.study.entries, out / "report.html", notes):
         console.print(f"report: {path}", highlight=False, soft_wrap=True)
     for one in found.gains:

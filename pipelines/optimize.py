@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rauca_core.contract import Dataset, OptimizeProgress, Progress
+from rauca_core.contract import Dataset, OptimizeProgress
 
 from .console import console, progress_bar
 from .naturalness import (
@@ -126,24 +126,21 @@ def run_optimization(
     from rauca_core.attack import run_optimization as run
     from rauca_core.detect import load_detector
     from rauca_core.runtime.distributed import joined_processes
+    from rauca_core.study.job import steps_told
 
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     tell = _lines(out) if json_progress else None
     with progress_bar("optimizing") as move:
-        views = ""
+        step, view = steps_told(move)
 
         def show(report: StepReport) -> None:
-            move(Progress(report.step, report.steps, f"loss {report.loss:.3f}  score {report.score:.2f}{views}"))
+            step(report)
             if tell is not None:
                 tell(report)
 
-        def show_views(done: int, total: int) -> None:
-            nonlocal views
-            views = f"  views {done}/{total}" if done < total else ""
-
         loaded = [load_detector(name, settings.detector_size) for name in detectors]
         with joined_processes(device) as processes:
-            return run(Dataset(dataset), loaded, settings, out, show, resume, show_views, processes)
+            return run(Dataset(dataset), loaded, settings, out, show, resume, view, processes)
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from rauca_core.contract import RaucaError
 
+from .console import progress_bars
+
 if TYPE_CHECKING:
+    from rauca_core.study.engine import Means
     from rauca_core.study.executors import OnCluster
+
+Sizes = TypeVar("Sizes", bound=Any)
 
 Blender = Annotated[Path | None, typer.Option(help="Blender program; without it the bpy wheel is used")]
 Device = Annotated[str, typer.Option(help="of torch, for all that runs on it: cpu, cuda, cuda:1, mps ...")]
@@ -22,6 +29,39 @@ Slurm = Annotated[
         help="do heavy work by tasks of a Slurm cluster: `default`, or partition=P,minutes=N,memory_gb=N,cpus=N"
     ),
 ]
+
+
+Threads = Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")]
+Resamples = Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")]
+PaintMask = Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")]
+PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to camouflage")]
+
+
+@contextlib.contextmanager
+def means_of(
+    device: str, slurm: str | None, blender: Path | None, render_device: str, threads: int | None = None
+) -> Iterator[Means]:
+    """With what a study is made, as the options say; within, its progress is shown."""
+    executor = executor_of(slurm)
+    with progress_bars() as on_progress:
+        yield {
+            "device": device, "threads": threads, "blender": blender, "render_device": render_device,
+            "executor": executor, "on_progress": on_progress,
+        }  # fmt: skip
+
+
+def resized(sizes: Sizes, **given: Any) -> Sizes:
+    """Sizes with what was given in the place of their own."""
+    chosen: Sizes = replace(sizes, **{name: value for name, value in given.items() if value is not None})
+    return chosen
+
+
+def numbers(option: str, text: str) -> tuple[float, ...]:
+    """A comma separated list of numbers; raises :class:`RaucaError` naming the option for what is none."""
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        raise RaucaError(f"{option} {text}: not a comma separated list of numbers") from None
 
 
 def split_names(given: Sequence[str] | None) -> list[str]:

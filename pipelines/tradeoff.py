@@ -9,9 +9,9 @@ import typer
 
 from rauca_core.contract import Dataset, RaucaError
 
-from .console import command_line, console, progress_bars
+from .console import command_line, console
 from .naturalness import PaletteColors, PaletteOption, Reference, ReferenceWidth, make_naturalness
-from .options import Blender, Device, RenderDevice, Slurm, executor_of
+from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of, numbers, resized, split_names
 
 BOUNDS, FEATURES = "0,5,10,20,40", "10,20,40,80"
 MOST = {"--max-delta-e": 1000, "--feature-size": 100_000}  # as `Naturalness` takes them
@@ -43,7 +43,7 @@ def tradeoff(
     weathers: Annotated[str, typer.Option(help="of the held-out views: seen, unseen, both or a preset")] = "seen",
     frames: Annotated[int | None, typer.Option(min=1, help="held-out views per weather set; 64 by default")] = None,
     seed: int = 0,
-    threads: Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")] = None,
+    threads: Threads = None,
     quick: Annotated[bool, typer.Option("--quick", help="three points and few views: minutes, not an hour")] = False,
     device: Device = "cpu",
     slurm: Slurm = None,
@@ -63,56 +63,25 @@ def tradeoff(
     given = features or (QUICK_FEATURES if quick else FEATURES)
     wanted_features = () if given == "none" else _numbers("--feature-size", given)
     attacked = list(dict.fromkeys(detector or ["yolov3-tiny"]))
-    sizes = (QUICK if quick else Sizes()).but(steps=steps, frames=frames, map_size=map_size, batch=batch)
-    with progress_bars() as on_progress:
+    judges = split_names([detectors or ("yolov4-tiny" if quick else "all")])
+    if set(judges) <= set(attacked):
+        raise RaucaError("--detectors: none but the attacked; name others, or get weights with `rauca weights fetch`")
+    sizes = resized(QUICK if quick else Sizes(), steps=steps, frames=frames, map_size=map_size, batch=batch)
+    with means_of(device, slurm, blender, render_device, threads) as means:
         found = run(
-            opened,
-            points(base, wanted_bounds, wanted_features),
-            out,
-            attacked=attacked,
-            detectors=_measured(detectors, attacked, quick),
-            weathers=[weathers],
-            sizes=sizes,
-            seed=seed,
-            threads=threads,
-            device=device,
-            blender=blender,
-            render_device=render_device,
-            executor=executor_of(slurm),
-            on_progress=on_progress,
-            command=command_line(),
-        )
+            opened, points(base, wanted_bounds, wanted_features), out, attacked=attacked, detectors=judges,
+            weathers=[weathers], sizes=sizes, seed=seed, command=command_line(), **means,
+        )  # fmt: skip
     measured = measure_points(found.camouflages, opened.vehicle_folder, found.reference)
     curve = Curve(command_line(), found.attacked, found.reference, measured, found.study.entries)
-    page = write_curve(curve, out / "tradeoff.html")[0]
-    console.print(f"curve: {page}", highlight=False, soft_wrap=True)
+    console.print(f"curve: {write_curve(curve, out / 'tradeoff.html')[0]}", highlight=False, soft_wrap=True)
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
-    try:
-        found = tuple(dict.fromkeys(float(part) for part in text.split(",") if part.strip()))
-    except ValueError:
-        found = ()
-    most = MOST[option]
+    """What may be asked of a paint, each once, the least first."""
+    found, most = sorted(set(numbers(option, text))), MOST[option]
     if not found or not all(0 <= value <= most for value in found):
         raise RaucaError(f"{option} {text}: not a comma separated list of numbers from 0 to {most:,}")
     if option == "--feature-size" and 0 in found:
         raise RaucaError(f"{option} {text}: a patch of 0 cm is none; the free camouflage is always among the points")
-    return tuple(sorted(found))
-
-
-def _measured(given: str | None, attacked: list[str], quick: bool) -> tuple[str, ...]:
-    """The detectors that judge beside the attacked ones."""
-    from rauca_core.detect.weights import ready_names
-    from rauca_core.study.families import is_own
-
-    if given is None and quick:
-        others = [name for name in ("yolov4-tiny",) if name in ready_names()]
-    elif given is None or given == "all":
-        others = [name for name in ready_names() if not is_own(name)]
-    else:
-        others = [name for name in given.split(",") if name]
-    names = tuple(name for name in dict.fromkeys(others) if name not in attacked)
-    if not names:
-        raise RaucaError("--detectors: none but the attacked; name others, or get weights with `rauca weights fetch`")
-    return names
+    return tuple(found)

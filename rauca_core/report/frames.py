@@ -12,8 +12,8 @@ from ..contract.files import file_digest
 from ..study.average_precision import IOU_THRESHOLD, Sample
 from ..study.bootstrap import box_overlaps
 from ..study.detection_cache import Found
-from ..study.recorded import Recorded
 from ..study.results import MEAN, Results
+from ..study.scores import Recorded
 from ..study.study import Entry
 from .page import Grid, Picture
 from .pictures import frame_picture

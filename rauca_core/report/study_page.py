@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..contract import RaucaError
 from ..contract.files import write_bytes
-from ..study.defended import NO_DEFENCE
+from ..study.defences import NO_DEFENCE
 from ..study.families import family_of, in_table_order
 from ..study.results import MEAN, Results
 from ..study.study import Entry, Study

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..contract import load_camouflage
-from ..study.defended import NO_DEFENCE
+from ..study.defences import NO_DEFENCE
 from ..study.families import family_of, in_table_order, is_own
-from ..study.recorded import Recorded
 from ..study.results import AXES, MEAN, Estimate
+from ..study.scores import Recorded
 from ..study.study import Entry, Study
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table
 

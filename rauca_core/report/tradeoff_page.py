@@ -13,8 +13,8 @@ from ..attack.naturalness.reference import Distance, distance_of_map
 from ..contract import load_camouflage, load_vehicle
 from ..runtime.images import read_image
 from ..study.candidates import NORMAL
-from ..study.recorded import Recorded
 from ..study.results import Estimate
+from ..study.scores import Recorded
 from ..study.study import Entry, Study
 from .figures import GREY, PALETTE, Style, curve_svg
 from .frames import FramePicker

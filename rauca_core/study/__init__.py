@@ -1,18 +1,7 @@
 """Evaluation: average precision, results on disk, and statistics."""
 
 from .average_precision import Sample, average_precision
-from .detecting import reference_images, rendered_in
 from .detection_cache import DetectionSettings
-from .measuring import measure
 from .results import Results, load_results
 
-__all__ = [
-    "DetectionSettings",
-    "Results",
-    "Sample",
-    "average_precision",
-    "load_results",
-    "measure",
-    "reference_images",
-    "rendered_in",
-]
+__all__ = ["DetectionSettings", "Results", "Sample", "average_precision", "load_results"]

@@ -9,29 +9,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ..attack import OptimizerSettings, make_settings, settings_of
-from ..contract import load_camouflage, load_vehicle
+from ..contract import Plan, Quality, balanced_frames, load_vehicle
+from ..contract.plan import MIN_VISIBLE, REFERENCE_SRGB
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from . import recipes
 from .ablations import DEFAULT, Experiment, Findings, Sizes, Variant, experiment_named
-from .ablations.training_sets import chosen_frames, training_set
 from .artifact import Artifact
-from .candidates import NORMAL, RANDOM, Candidate, VehicleChoice, find_vehicles
-from .engine import Engine
-from .evaluate import Judges, RandomPaint, held_out_places, judge, keep_paints
-from .executors import Executor
-from .job import Machine, OnProgress, quiet
+from .candidates import NORMAL, RANDOM, VehicleChoice, find_vehicles
+from .detectors import Chosen, detectors_for
+from .engine import Means, open_engine
+from .evaluate import RandomPaint, held_out_places, keep_paints
+from .judging import Judges, judge
 from .makers import CAMOUFLAGE
-from .measuring import Chosen, detectors_for
-from .store import Store, user_cache
-from .views import weather_sets
+from .views import RING, HeldOut, weather_sets, weathers_named
 
-RANDOM_PAINT = RandomPaint(seed=1, cell=8)  # as in `rauca evaluate`
 CHECKPOINT_EVERY = 100
+# Data sets that variants are optimized on, as many frames of each, so that only what they show differs: all stand in
+# one town, which is not the held-out one, and see the vehicle from where it is measured. As in the paper, `single` and
+# `base` see it from fixed points in clearcoat paint, and `enhanced` from points that move, in its own paint.
+TOWN_SEED = 1
+LOCATIONS = 8
+_STILL = replace(RING, jitter_azimuth_deg=0.0, jitter_elevation_deg=0.0, jitter_distance=0.0, jitter_aim_m=0.0)
+TRAINING_SETS = {"single": (_STILL, "car_paint"), "base": (_STILL, "car_paint"), "enhanced": (RING, "own")}
+"""By the name of their weathers' preset: cameras, and finish of the paint."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,7 @@ class Ablation:
 
     def training(self, variant: Variant) -> Artifact:
         """The data set that a variant is optimized on."""
-        wanted, vehicle, body = training_set(variant.training), self.vehicle, recipes.vehicle_in(self.vehicle.folder)
-        positions = load_vehicle(vehicle.folder, read_image).positions
-        plan = wanted.plan(vehicle.name, vehicle.atlas_id, positions, self.sizes)
+        plan, body = training_plan(variant.training, self.vehicle, self.sizes), recipes.vehicle_in(self.vehicle.folder)
         ids, part = chosen_frames(plan, self.sizes), chosen_frames(plan, self.sizes, variant.share)
         whole = recipes.data_set(variant.training, plan, body, ids, exact=True)
         return whole if len(part) == len(ids) else recipes.part_of(whole, f"{variant.training}-{len(part)}", part)
@@ -93,8 +96,7 @@ class Ablation:
         training, settings = self.training(variant), self.settings(variant, seed, label)
         published = settings.light == "published"
         extractor = recipes.extractor(training, self.sizes.extractor_epochs) if published else None
-        names = [typed for typed, _ in attacked]
-        return recipes.paint(training, settings, [detector for _, detector in attacked], names, extractor)
+        return recipes.paint(training, settings, attacked, extractor)
 
     def _size(self) -> dict[str, Any]:
         """Settings that all optimizations share unless a variant says otherwise; the learning rate is a method's."""
@@ -130,13 +132,8 @@ def ablate(
     attacked: Sequence[Detector | str] = ("yolov3-tiny",),
     store: Path | None = None,
     resamples: int = 1000,
-    threads: int | None = None,
-    device: str = "cpu",
-    blender: Path | None = None,
-    render_device: str = "cpu",
-    executor: Executor | None = None,
-    on_progress: OnProgress = quiet,
     command: str = "",
+    **means: Unpack[Means],
 ) -> Findings:
     """Run or resume an ablation.
 
@@ -156,17 +153,13 @@ def ablate(
     asked = Ablation(experiment, some, sizes.seeds or experiment.seeds, sizes, body, place / "taps")
     for repeat in asked.repeats():
         asked.settings(*repeat)
-    white_boxes = detectors_for(attacked, [body.category], device)[body.category]
-    chosen = detectors_for(sizes.detectors or (), [body.category], device, published=True)
-    loaded = [detector for _, detector in (*white_boxes, *chosen[body.category])]
-    machine = Machine(device, threads, blender, render_device).with_detectors(loaded)
-    engine = Engine(Store(place, [user_cache()]), machine, on_progress, executor)
+    engine = open_engine(place, **means)
+    white_boxes = detectors_for(attacked, [body.category], engine.machine)[body.category]
+    chosen = detectors_for(sizes.detectors or (), [body.category], engine.machine, published=True)
     with alone_in(out):
         wanted = {label: asked.paint(variant, seed, label, white_boxes) for variant, seed, label in asked.repeats()}
-        made = dict(zip(wanted, engine.make(*wanted.values()), strict=True))
-        candidates = [_candidate(label, folder / CAMOUFLAGE) for label, folder in made.items()]
-        random = replace(RANDOM_PAINT, size=sizes.map_size)
-        paints = {body: keep_paints(engine, out, body, candidates, random)}
+        made = {label: folder / CAMOUFLAGE for label, folder in engine.make_named(wanted).items()}
+        paints = {body: keep_paints(engine, out, body, made, RandomPaint(size=sizes.map_size))}
         places = held_out_places([body], sets, sizes.views)
         study = judge(engine, out, places, paints, Judges(chosen, resamples=resamples), command)
     rows = {v.key: [label for variant, _, label in asked.repeats() if variant is v] for v in some}
@@ -176,5 +169,16 @@ def ablate(
     return Findings(experiment, tuple(some), study, of_rows, names, settings, asked.common(white_boxes), engine.seconds)
 
 
-def _candidate(label: str, path: Path) -> Candidate:
-    return Candidate(label, path, load_camouflage(path)[0])
+def training_plan(name: str, vehicle: VehicleChoice, sizes: Sizes) -> Plan:
+    """All of a training set, of which :func:`chosen_frames` takes a part; large vehicles are seen from farther away."""
+    cameras, finish = TRAINING_SETS[name]
+    ring = HeldOut(ring=cameras).fitted(load_vehicle(vehicle.folder, read_image).positions).ring
+    return Plan(
+        name, vehicle.name, vehicle.atlas_id, sizes.pixels, Quality(sizes.samples), True, weathers_named(name), ring,
+        LOCATIONS, REFERENCE_SRGB, MIN_VISIBLE, TOWN_SEED, "", finish=finish,
+    )  # fmt: skip
+
+
+def chosen_frames(plan: Plan, sizes: Sizes, share: float = 1.0) -> list[str]:
+    """Ids of a balanced part of a plan, in its order; a smaller ``share`` is a part of a larger one."""
+    return balanced_frames(plan, max(1, round(share * sizes.frames)))

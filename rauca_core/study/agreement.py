@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean, median
 
@@ -14,14 +13,13 @@ import torch
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, RaucaError, load_camouflage, load_vehicle
-from ..contract.files import write_json
-from ..environment import Light, load_exact
+from ..environment import load_exact
 from ..render import Pyramid, Taps, TapSettings, build_taps, composite, linear_to_srgb, srgb_to_linear
 from ..render.cache import tap_key
 from ..runtime.images import read_image
 
 FILE_NAME = "agreement.json"
-FORMAT = ("rauca-agreement", 1)
+DB = ("inside_db", "edge_db")
 SOLID = 250 / 255  # paint coverage above which a pixel counts as inside; below, as edge
 
 
@@ -42,7 +40,7 @@ class FrameAgreement:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Means over the frames, and the frames."""
+    """Over the frames: means of overlap and PSNR, the worst overlap, the usual times; and the frames."""
 
     mean_iou: float
     worst_iou: float
@@ -53,16 +51,13 @@ class Agreement:
     frames: list[FrameAgreement]
 
 
-def measure_agreement(
-    dataset: Dataset, camouflage: Path, renders: Path, size: int | None = None, samples: int = 12
-) -> Agreement:
+def measure_agreement(dataset: Dataset, camouflage: Path, renders: Path, samples: int = 12) -> Agreement:
     """Compare the neural renderer with Cycles on a data set with light maps.
 
     Args:
         camouflage: JSON of the texture to compare in.
         renders: folder of ``<frame id>.png``, the same camouflage rendered by Cycles; frames without one are compared
             by coverage alone.
-        size: side of the UV map given to the taps, texels; the camouflage's own by default.
         samples: subsamples per pixel along each axis.
 
     Raises:
@@ -71,42 +66,33 @@ def measure_agreement(
     vehicle = load_vehicle(dataset.vehicle_folder, read_image)
     record, image = load_camouflage(camouflage)
     record.check_fits(vehicle.atlas_id, str(camouflage))
-    pyramid = Pyramid.of(vehicle, size or record.size)
+    pyramid = Pyramid.of(vehicle, record.size)
     uv_map = torch.from_numpy(read_image(image).astype(np.float32) / 255).permute(2, 0, 1)
     texels = pyramid(srgb_to_linear(pyramid.from_map(uv_map)))
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if not frames:
         raise RaucaError(f"{dataset.folder}: no finished frame shows the vehicle; make the data set first")
+    views: defaultdict[str, list[Frame]] = defaultdict(list)
+    for frame in frames:  # the taps of one camera serve all weathers, and building them takes the time
+        settings = TapSettings(pyramid.size, samples)
+        views[tap_key(vehicle.geometry_id, frame.camera_in_vehicle, settings)].append(frame)
     by_id: dict[str, FrameAgreement] = {}
-    for view in _views(frames, vehicle.geometry_id, TapSettings(pyramid.size, samples)):
+    for view in views.values():
         started = time.perf_counter()
         taps = build_taps(vehicle, view[0].camera_in_vehicle, pyramid.size, samples, pyramid=pyramid)
         build_ms = 1e3 * (time.perf_counter() - started)
         by_id |= {frame.id: _compare(dataset, frame, taps, texels, renders, build_ms) for frame in view}
     rows = [by_id[frame.id] for frame in frames]
+    inside, edge = ([value for row in rows if (value := getattr(row, name)) is not None] for name in DB)
     return Agreement(
         mean_iou=mean(row.iou for row in rows),
         worst_iou=min(row.iou for row in rows),
-        inside_db=_mean([row.inside_db for row in rows]),
-        edge_db=_mean([row.edge_db for row in rows]),
+        inside_db=mean(inside) if inside else None,
+        edge_db=mean(edge) if edge else None,
         build_ms=median(row.build_ms for row in rows),
         apply_ms=median(row.apply_ms for row in rows),
         frames=rows,
     )
-
-
-def save_agreement(path: Path, agreement: Agreement) -> None:
-    """Write the figures as JSON."""
-    name, version = FORMAT
-    write_json(path, {"format": name, "version": version, **asdict(agreement)})
-
-
-def _views(frames: Sequence[Frame], geometry_id: str, settings: TapSettings) -> Iterable[list[Frame]]:
-    """The frames of one camera together: its taps serve all weathers, and building them takes the time."""
-    views: defaultdict[str, list[Frame]] = defaultdict(list)
-    for frame in frames:
-        views[tap_key(geometry_id, frame.camera_in_vehicle, settings)].append(frame)
-    return views.values()
 
 
 def _compare(
@@ -114,7 +100,10 @@ def _compare(
 ) -> FrameAgreement:
     folder, light = dataset.frame_folder(frame.id), load_exact(dataset, frame.id)
     started = time.perf_counter()
-    predicted = _predict(light, taps, texels)
+    A, B = (torch.from_numpy(m.reshape(-1, 3)) for m in (light.A, light.B))
+    pixels = torch.from_numpy(taps.pixels.astype(np.int64))
+    paint = linear_to_srgb(composite(taps.rows(texels), A[pixels], B[pixels]))
+    predicted = linear_to_srgb(B).index_copy(0, pixels, paint).reshape(taps.height, taps.width, 3).numpy()
     apply_ms = 1e3 * (time.perf_counter() - started)
     coverage = read_image(folder / "paint.png") / np.float32(255)
     ours, theirs = taps.coverage() >= 0.5, coverage >= 0.5
@@ -127,20 +116,5 @@ def _compare(
     return FrameAgreement(frame.id, iou, inside, edge, build_ms, apply_ms)
 
 
-def _predict(light: Light, taps: Taps, texels: torch.Tensor) -> NDArray[np.float32]:
-    """The frame in the texture, (H, W, 3) sRGB."""
-    A, B = (torch.from_numpy(m.reshape(-1, 3)) for m in (light.A, light.B))
-    flat = linear_to_srgb(B)
-    pixels = torch.from_numpy(taps.pixels.astype(np.int64))
-    albedo = taps.rows(texels)
-    paint = linear_to_srgb(composite(albedo, A[pixels], B[pixels]))
-    return flat.index_copy(0, pixels, paint).reshape(taps.height, taps.width, 3).numpy()
-
-
 def _psnr(squared_error: NDArray[np.float32]) -> float | None:
     return float(-10 * np.log10(max(squared_error.mean(), 1e-10))) if squared_error.size else None
-
-
-def _mean(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return mean(known) if known else None

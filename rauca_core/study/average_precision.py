@@ -45,8 +45,23 @@ def average_precision(samples: Sequence[Sample]) -> float:
     """
     if not samples:
         raise RaucaError("average precision: no frames to average over")
-    truth = COCO(_truth_in_coco_terms(samples))
-    found = truth.loadRes(_detections_in_coco_terms(samples))
+    truth = COCO(
+        {
+            "info": {},
+            "images": [{"id": i} for i in range(1, len(samples) + 1)],
+            "categories": [{"id": 1, "name": "target"}],
+            "annotations": [
+                _box(i, sample.truth) | {"id": i, "iscrowd": 0} for i, sample in enumerate(samples, start=1)
+            ],
+        }
+    )
+    found = truth.loadRes(
+        [
+            _box(i, box) | {"score": float(score)}
+            for i, sample in enumerate(samples, start=1)
+            for box, score in zip(sample.boxes, sample.scores, strict=True)
+        ]
+    )
     evaluation = COCOeval_faster(truth, found, iouType="bbox")
     evaluation.params.imgIds = list(range(1, len(samples) + 1))
     evaluation.params.iouThrs = np.array([IOU_THRESHOLD])
@@ -57,27 +72,7 @@ def average_precision(samples: Sequence[Sample]) -> float:
     return float(np.maximum(evaluation.eval["precision"], 0.0).mean())
 
 
-def _coco_box(box: NDArray[np.float64]) -> list[float]:
+def _box(image: int, box: NDArray[np.float64]) -> dict[str, Any]:
     left, top, right, bottom = box.tolist()
-    return [left, top, right - left, bottom - top]
-
-
-def _truth_in_coco_terms(samples: Sequence[Sample]) -> dict[str, Any]:
-    boxes = [_coco_box(sample.truth) for sample in samples]
-    return {
-        "info": {},
-        "images": [{"id": i} for i in range(1, len(samples) + 1)],
-        "categories": [{"id": 1, "name": "target"}],
-        "annotations": [
-            {"id": i, "image_id": i, "category_id": 1, "bbox": box, "area": box[2] * box[3], "iscrowd": 0}
-            for i, box in enumerate(boxes, start=1)
-        ],
-    }
-
-
-def _detections_in_coco_terms(samples: Sequence[Sample]) -> list[dict[str, Any]]:
-    return [
-        {"image_id": i, "category_id": 1, "bbox": _coco_box(box), "score": float(score)}
-        for i, sample in enumerate(samples, start=1)
-        for box, score in zip(sample.boxes, sample.scores, strict=True)
-    ]
+    width, height = right - left, bottom - top
+    return {"image_id": image, "category_id": 1, "bbox": [left, top, width, height], "area": width * height}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from ..runtime.images import read_image
 
 NORMAL = "normal"  # the vehicle in its reference paint
 RANDOM = "random"  # random paint made for the study
+REMEDY = "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimized on"
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+ -]*")  # it names folders and table rows
 
 
@@ -100,12 +102,13 @@ def read_vehicle_choice(folder: Path) -> VehicleChoice:
 
 
 def match(
-    candidates: Sequence[Candidate], vehicles: Sequence[VehicleChoice], everyone: bool
+    candidates: Sequence[Candidate], vehicles: Sequence[VehicleChoice], everyone: bool, remedy: str = REMEDY
 ) -> Mapping[VehicleChoice, list[Candidate]]:
     """Which camouflages each vehicle is evaluated in.
 
     Args:
         everyone: evaluate vehicles that no camouflage fits, too (in their other paints).
+        remedy: for a camouflage that fits none.
 
     Raises:
         RaucaError: a camouflage that fits none of the vehicles, two vehicles of one name.
@@ -118,7 +121,7 @@ def match(
             known = ", ".join(f"{v.name} ({v.atlas_id})" for v in vehicles)
             raise RaucaError(
                 f"{candidate.path}: made for UV atlas {record.atlas_id} of {record.vehicle_name}, there are {known}; "
-                "give its vehicle folder as --vehicle, such as `vehicle` in the data set it was optimized on"
+                f"{remedy}"
             )
         matched[by_atlas[record.atlas_id]].append(candidate)
     result = {vehicle: some for vehicle, some in matched.items() if some or everyone}
@@ -128,19 +131,14 @@ def match(
     return result
 
 
-def keep_copy(candidate: Candidate, folder: Path) -> Path:
-    """Copy a camouflage to ``folder/<label>.json`` under its label, so that a study holds what it judged."""
-    target = folder / f"{candidate.label}.json"
-    record, image = load_camouflage(candidate.path)
-    record, png = replace(record, name=candidate.label), image.read_bytes()
-    if not _is_copy(target, record, png):
-        save_camouflage(target, record, png)
+def keep_copy(label: str, path: Path, folder: Path) -> Path:
+    """Copy a camouflage to ``folder/<label>.json`` under a label, so that a study holds what it judged."""
+    target = folder / f"{label}.json"
+    record, image = load_camouflage(path)
+    record, png = replace(record, name=label), image.read_bytes()
+    with contextlib.suppress(RaucaError):
+        found, kept = load_camouflage(target)
+        if found == record and kept.read_bytes() == png:
+            return target
+    save_camouflage(target, record, png)
     return target
-
-
-def _is_copy(target: Path, record: Camouflage, png: bytes) -> bool:
-    try:
-        found, image = load_camouflage(target)
-    except RaucaError:
-        return False
-    return found == record and image.read_bytes() == png

@@ -9,23 +9,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ..attack import make_settings, read_history, settings_of
 from ..contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, load_camouflage
 from ..contract.schema import read_json
-from ..detect import fetch, load_detector
+from ..detect import fetch
 from ..runtime.folder_lock import alone_in
 from . import recipes
 from .agreement import FILE_NAME as AGREEMENT
 from .artifact import Artifact, plain_label
 from .candidates import RANDOM, find_vehicles, read_vehicle_choice
-from .engine import Engine
-from .evaluate import Judges, Place, judge
-from .executors import Executor
-from .job import Machine, OnProgress, quiet
+from .detectors import detectors_for
+from .engine import Engine, Means, open_engine
+from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
-from .store import Store, link, user_cache
+from .store import link
 from .study import FILE_NAME, Study, save_study
 from .views import weathers_named
 
@@ -69,12 +68,8 @@ def demo(
     paint_mask: Path | None = None,
     paint_material: str | None = None,
     scale: DemoScale | None = None,
-    device: str = "cpu",
-    blender: Path | None = None,
-    render_device: str = "cpu",
-    executor: Executor | None = None,
-    on_progress: OnProgress = quiet,
     command: str = "",
+    **means: Unpack[Means],
 ) -> Study:
     """Run or resume the demo.
 
@@ -83,34 +78,33 @@ def demo(
         paint_mask, paint_material: where the paint of such a file is.
     """
     out, size = Path(out), scale or DemoScale()
-    engine = Engine(
-        Store(out / "store", [user_cache()]), Machine(device, None, blender, render_device), on_progress, executor
-    )
+    engine, names = open_engine(out / "store", **means), (WHITE_BOX, *BLACK_BOX)
     with alone_in(out):
-        for number, name in enumerate((WHITE_BOX, *BLACK_BOX)):
-            on_progress("fetching weights", Progress(number, 3, name))
+        for number, name in enumerate(names):
+            engine.on_progress("fetching weights", Progress(number, len(names), name))
             fetch(name)
-        detectors = [(name, load_detector(name, device=device)) for name in (WHITE_BOX, *BLACK_BOX)]
-        engine.machine.with_detectors(detector for _, detector in detectors)
         body = engine_vehicle(engine, vehicle, paint_mask, paint_material)
         assert body.place is not None
         choice = read_vehicle_choice(body.place)
         choice = replace(choice, category=choice.target)
-        train = _views(body, size, "train", size.train, size.train_locations)
-        held_out = _views(body, size, "held-out", size.held_out, 1)
+        detectors = detectors_for(names, [choice.category], engine.machine)
         wanted = {"steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
         settings = make_settings(**settings_of(size.method, **wanted, target=choice.target, name=OURS))
-        paint = recipes.paint(train, settings, [detectors[0][1]], [WHITE_BOX])
-        random = recipes.random_paint(body, 1024, SEED, RANDOM_CELL)
-        folders = dict(
-            zip(("train", "held-out", RANDOM, OURS), engine.make(train, held_out, random, paint), strict=True)
+        train = _views(body, size, "train", size.train, size.train_locations)
+        held_out = _views(body, size, "held-out", size.held_out, 1)
+        folders = engine.make_named(
+            {
+                "train": train,
+                "held-out": held_out,
+                RANDOM: recipes.random_paint(body, 1024, SEED, RANDOM_CELL),
+                OURS: recipes.paint(train, settings, detectors[choice.category][:1]),
+            }
         )
         for name, folder in folders.items():
             link(out / name, folder)
         paints = {name: folders[name] / CAMOUFLAGE for name in (RANDOM, OURS)}
-        judges = Judges({choice.category: detectors})
         place = Place("held-out views", choice, held_out)
-        study = judge(engine, out, [place], {choice: paints}, judges, command)
+        study = judge(engine, out, [place], {choice: paints}, Judges(detectors), command)
         link(out / "renders", out / choice.name / plain_label(place.name) / "renders")
         agreement = _agreement(engine, train, folders["train"], paints[OURS])
         link(out / AGREEMENT, agreement)

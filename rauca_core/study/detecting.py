@@ -1,11 +1,8 @@
-"""Detecting in many images with many detectors: each image is decoded once, for those that do not know it yet.
-
-Where the image of a frame under some paint lies is told by a folder, or by a function of the frame.
-"""
+"""Detecting in many images with many detectors: each image is decoded once, for those that do not know it yet."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,12 +12,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Dataset, Frame, RaucaError
+from ..contract.files import file_digest
 from ..detect import Detector
 from ..runtime.images import read_image
-from .detection_cache import DetectionCache
+from .artifact import Artifact, read_recipe
+from .detection_cache import DetectionCache, DetectionSettings
 
-ImageOf = Callable[[Frame], Path]
-Progress = Callable[[str, int, int], None]
+BATCH = 8  # images that are in memory at once
+Seer = tuple[Detector, DetectionCache]
+"""A detector, and what it has detected so far."""
 
 
 @dataclass(frozen=True)
@@ -31,32 +31,65 @@ class Pictures:
     paths: Sequence[Path]
     hashes: Sequence[str]
 
+    @staticmethod
+    def of(frames: Sequence[Frame], paths: Sequence[Path]) -> Pictures:
+        return Pictures(frames, paths, [file_digest(path) for path in paths])
 
-def detect_everywhere(
-    detectors: Sequence[Detector],
-    caches: Mapping[str, DetectionCache],
-    paints: Mapping[str, Pictures],
-    batch_size: int,
+
+def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
+    """Frames of a data set with their images: the data set's own, or those of renders or defended images of it."""
+    views = folder
+    while not (views / "dataset.json").is_file():
+        views = source_of(views)
+    known = {frame.id: frame for frame in Dataset(views).frames()}
+    return Pictures.of([known[frame] for frame in ids], [image_of(folder, frame) for frame in ids])
+
+
+def image_of(folder: Path, frame: str) -> Path:
+    """A frame's image in a data set, or in a folder of renders or defended images."""
+    own = (folder / "dataset.json").is_file()
+    return folder / "frames" / frame / "image.png" if own else folder / f"{frame}.png"
+
+
+def source_of(folder: Path) -> Path:
+    """The folder of an artifact's first input."""
+    place = read_recipe(folder)[0].inputs[0].place
+    assert place is not None
+    return place
+
+
+def detections_in(artifact: Artifact, folder: Path) -> DetectionCache:
+    """What was detected in images so far."""
+    settings = artifact.settings
+    return DetectionCache(folder, settings["name"], settings["fingerprint"], DetectionSettings(**settings["kept"]))
+
+
+def detect_in(
+    pictures: Pictures,
+    seers: Sequence[Seer],
     device: torch.device | str,
-    on_progress: Progress,
+    report: Callable[[int, int, str], None] = lambda done, total, what: None,
 ) -> None:
-    """Detect in every image that a detector's cache does not know.
+    """Detect in every image that a detector has not seen.
 
     Args:
-        caches: one per detector's name.
         device: where the detectors are.
-        on_progress: called with what is being done, and how many of all pairs of image and detector are done.
+        report: told how many of all pairs of image and detector are done, of how many, and the detector's name.
     """
-    total = sum(len(pictures.hashes) for pictures in paints.values()) * len(detectors)
-    left = sum(len(_unknown(caches[d.name], p)) for d in detectors for p in paints.values())
-    on_progress("detecting", total - left, total)
-    for paint, pictures in paints.items():
-        wanted = sorted({index for d in detectors for index in _unknown(caches[d.name], pictures)})
-        for batch in (wanted[start : start + batch_size] for start in range(0, len(wanted), batch_size)):
-            images = torch.stack([_tensor(pictures.paths[i], pictures.frames[i]) for i in batch]).to(device)
-            for detector in detectors:
-                left -= _detect(detector, caches[detector.name], images, [pictures.hashes[i] for i in batch])
-                on_progress(f"{detector.name} on {paint}", total - left, total)
+    unknown = [_unknown(cache, pictures) for _, cache in seers]
+    total = len(pictures.hashes) * len(seers)
+    done = total - sum(map(len, unknown))
+    report(done, total, "")
+    wanted = sorted({index for some in unknown for index in some})
+    for batch in (wanted[start : start + BATCH] for start in range(0, len(wanted), BATCH)):
+        images = torch.stack([image_tensor(pictures.paths[i], pictures.frames[i]) for i in batch]).to(device)
+        for detector, cache in seers:
+            new = [place for place, index in enumerate(batch) if pictures.hashes[index] not in cache]
+            if new:
+                found = detector.detect(images[new], cache.settings.score_threshold, cache.settings.iou_threshold)
+                cache.add(detector, [pictures.hashes[batch[place]] for place in new], found)
+            done += len(new)
+            report(done, total, detector.name)
 
 
 def _unknown(cache: DetectionCache, pictures: Pictures) -> list[int]:
@@ -65,45 +98,10 @@ def _unknown(cache: DetectionCache, pictures: Pictures) -> list[int]:
     return sorted(index for image, index in first.items() if image not in cache)
 
 
-def _detect(detector: Detector, cache: DetectionCache, images: Tensor, hashes: Sequence[str]) -> int:
-    """Detect in the images of a batch that are new to this detector; returns how many those were."""
-    new = [index for index, image in enumerate(hashes) if image not in cache]
-    if new:
-        settings = cache.settings
-        found = detector.detect(images[new], settings.score_threshold, settings.iou_threshold)
-        cache.add(detector, [hashes[index] for index in new], found)
-    return len(new)
-
-
-def _tensor(path: Path, frame: Frame) -> Tensor:
+def image_tensor(path: Path, frame: Frame) -> Tensor:
+    """(3, H, W) sRGB in [0, 1]; raises as :func:`read_frame_image`."""
     pixels = read_frame_image(path, frame)
     return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1))).float() / 255
-
-
-def reference_images(dataset: Dataset) -> ImageOf:
-    """The data set's own images: the vehicle in its reference paint."""
-    return lambda frame: dataset.frame_folder(frame.id) / "image.png"
-
-
-def rendered_in(folder: Path) -> ImageOf:
-    """Images rendered into one folder, ``<frame id>.png``."""
-    return lambda frame: Path(folder) / f"{frame.id}.png"
-
-
-def locate(renders: Mapping[str, Path | ImageOf], frames: list[Frame]) -> dict[str, list[Path]]:
-    """The images of every paint in the order of ``frames``; raises :class:`RaucaError` when some are missing."""
-    located = {}
-    for paint, source in renders.items():
-        image_of = rendered_in(source) if isinstance(source, Path) else source
-        paths = [image_of(frame) for frame in frames]
-        missing = [path for path in paths if not path.is_file()]
-        if missing:
-            raise RaucaError(
-                f"{missing[0]}: not found; {len(missing)} of {len(paths)} images of paint {paint!r} are missing, "
-                "render them first"
-            )
-        located[paint] = paths
-    return located
 
 
 def read_frame_image(path: Path, frame: Frame) -> NDArray[np.uint8]:

@@ -66,7 +66,9 @@ class DetectionCache:
         key = hashlib.sha256(f"{fingerprint} {sorted(settings.__dict__.items())}".encode()).hexdigest()[:12]
         self.path = Path(folder) / f"{detector_name}-{key}.jsonl"
         self.settings, self.fingerprint = settings, fingerprint
-        self._found = self._read()
+        self._found: dict[str, Found] = {}
+        if self.path.is_file():
+            self._found |= whole_lines(self.path, MAX_CACHE_BYTES, "a cache of detections", _found, mend=True)
 
     def __contains__(self, image_sha256: str) -> bool:
         return image_sha256 in self._found
@@ -91,11 +93,6 @@ class DetectionCache:
             "scores": [round(score, 7) for score in detections.scores[keep].double().tolist()],
             "names": [canonical(detector.class_names[label]) for label in detections.labels[keep].tolist()],
         }
-
-    def _read(self) -> dict[str, Found]:
-        if not self.path.is_file():
-            return {}
-        return dict(whole_lines(self.path, MAX_CACHE_BYTES, "a cache of detections", _found, mend=True))
 
 
 def _found(line: Fields) -> tuple[str, Found]:

@@ -3,15 +3,36 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from ..contract import RaucaError
 from .artifact import Artifact, seconds_spent
 from .executors import Executor, Here, Task
 from .job import Machine, OnProgress, quiet
-from .kinds import KINDS
-from .store import Store
+from .makers import KINDS
+from .store import Store, store_around, user_cache
+
+
+class Means(TypedDict, total=False):
+    """With what a study is made, which changes none of its numbers; every study takes these by keyword.
+
+    Attributes:
+        device: of torch, for all that runs on it: cpu (the default), cuda, cuda:1, mps ...
+        threads: of torch; its own choice if left out.
+        blender: program; the bpy wheel if left out.
+        render_device: of Cycles: cpu (the default), gpu, or auto, which is a GPU where there is one.
+        executor: who makes artifacts; this process if left out.
+        on_progress: called with what is being done, and how far it is.
+    """
+
+    device: str
+    threads: int | None
+    blender: Path | None
+    render_device: str
+    executor: Executor | None
+    on_progress: OnProgress
 
 
 class Engine:
@@ -47,6 +68,10 @@ class Engine:
                 self.made.update(job.kind for job in task.artifacts)
             self._executor.run(tasks, self.machine, self.on_progress)
         return tuple(map(self._folder, wanted))
+
+    def make_named(self, wanted: Mapping[str, Artifact]) -> dict[str, Path]:
+        """The same, by name."""
+        return dict(zip(wanted, self.make(*wanted.values()), strict=True))
 
     def _levels(self, wanted: Sequence[Artifact]) -> Iterator[list[Artifact]]:
         """What is to be made, each level from nothing but earlier ones; a finished artifact needs no inputs."""
@@ -93,6 +118,14 @@ class Engine:
                 f"{self.store.place(artifact)}: its maker ended and it is not whole; run the command again"
             )
         return found
+
+
+def open_engine(store: Path, around: Iterable[Path] = (), **means: Unpack[Means]) -> Engine:
+    """An engine that makes artifacts in a store, and looks into those around some paths and into the user's cache."""
+    devices = means.get("device", "cpu"), means.get("threads"), means.get("blender"), means.get("render_device", "cpu")
+    executor, on_progress = means.get("executor"), means.get("on_progress", quiet)
+    parents = [place for path in around for place in store_around(path)]
+    return Engine(Store(store, [*parents, user_cache()]), Machine(*devices), on_progress, executor)
 
 
 def _groups(artifacts: Sequence[Artifact]) -> list[list[Artifact]]:

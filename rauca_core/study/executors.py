@@ -1,24 +1,30 @@
-"""Executors: who makes artifacts. This process, or the tasks of a cluster, each by `worker.py`."""
+"""Executors: who makes artifacts. This process, or the tasks of a cluster.
+
+Such a task is ``python -m rauca_core.study.executors MACHINE FOLDER...``: it makes what the recipes in the folders
+describe, tells progress as lines on standard output, and a mistake as one line on standard error with exit code 2.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from types import FrameType
+from typing import NoReturn, Protocol
 
 from ..contract import Progress, RaucaError
 from ..contract.files import sweep_partials
 from ..runtime.cluster import Cluster
 from ..runtime.folder_lock import alone_in
-from .artifact import Artifact, seconds_spent
+from .artifact import Artifact, read_recipe, seconds_spent
 from .job import Job, Machine, OnProgress
-from .kinds import KINDS
+from .makers import KINDS
 
 LOCK = ".making"
 
@@ -40,6 +46,15 @@ class Task:
         """What is said while it is done."""
         several = len(self.artifacts)
         return f"{KINDS[self.kind].doing}, {self.artifacts[0].label if several == 1 else f'{several} together'}"
+
+    def seconds(self) -> list[float]:
+        """Spent on each artifact before."""
+        return [seconds_spent(folder) for folder in self.folders]
+
+    def write_recipes(self, seconds: Sequence[float]) -> None:
+        """Note what each folder is to hold, and the time that was spent on it."""
+        for artifact, folder, inputs, spent in zip(self.artifacts, self.folders, self.inputs, seconds, strict=True):
+            artifact.write_recipe(folder, inputs, spent)
 
 
 class Executor(Protocol):
@@ -73,8 +88,8 @@ class OnCluster:
         if not heavy:
             return
         for task in heavy:
-            _write_recipes(task, _seconds(task))
-        command = [sys.executable, "-m", "rauca_core.study.worker", "--machine", json.dumps(machine.to_json())]
+            task.write_recipes(task.seconds())
+        command = [sys.executable, "-m", "rauca_core.study.executors", json.dumps(machine.to_json())]
         commands = [[*command, *(str(folder.absolute()) for folder in task.folders)] for task in heavy]
         titles = sorted({KINDS[task.kind].doing for task in heavy})
         logs = heavy[0].folders[0].parent.parent / "cluster"
@@ -91,27 +106,50 @@ def do_task(task: Task, machine: Machine, report: Callable[[Progress], None]) ->
     with contextlib.ExitStack() as held:
         for folder in task.folders:
             held.enter_context(alone_in(folder, LOCK, lambda who: report(Progress(0, 1, f"{who} makes it, waiting"))))
-        left = [i for i, one in enumerate(task.artifacts) if not kind.complete(one, task.folders[i])]
+        left = [i for i, one in enumerate(task.artifacts) if not kind.has(one, task.folders[i])]
         if not left:
             return
-        spent = _seconds(task)
-        _write_recipes(task, spent)
+        spent = task.seconds()
+        task.write_recipes(spent)
         began = time.perf_counter()
         try:
             for folder in task.folders:
                 sweep_partials(folder)
-            kind.make([Job(task.artifacts[i], task.folders[i], task.inputs[i], machine, report) for i in left])
+            kind.make(*(Job(task.artifacts[i], task.folders[i], task.inputs[i], machine, report) for i in left))
         finally:
             more = (time.perf_counter() - began) / len(left)
-            _write_recipes(task, [s + more * (i in left) for i, s in enumerate(spent)])
+            task.write_recipes([s + more * (i in left) for i, s in enumerate(spent)])
 
 
-def _write_recipes(task: Task, seconds: Sequence[float]) -> None:
-    """Note what each folder is to hold, and the time that was spent on it."""
-    for artifact, folder, inputs, spent in zip(task.artifacts, task.folders, task.inputs, seconds, strict=True):
-        artifact.write_recipe(folder, inputs, spent)
+def work(folders: Sequence[Path], machine: Machine) -> None:
+    """Make the artifacts of folders whose inputs are finished."""
+    artifacts = tuple(read_recipe(folder)[0] for folder in folders)
+    inputs = tuple(tuple(one.place for one in artifact.inputs if one.place) for artifact in artifacts)
+    do_task(Task(artifacts, tuple(folders), inputs), machine, tell)
 
 
-def _seconds(task: Task) -> list[float]:
-    """Spent on each artifact before."""
-    return [seconds_spent(folder) for folder in task.folders]
+def tell(progress: Progress) -> None:
+    """For the process that waits."""
+    print(progress.line(), flush=True)
+
+
+def main(machine: str, *folders: str) -> int:
+    """Returns the exit code."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        work(list(map(Path, folders)), Machine.from_json(json.loads(machine)))
+    except RaucaError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: what was finished is kept", file=sys.stderr, flush=True)
+        return 2
+    return 0
+
+
+def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -14,32 +14,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Unpack
 
+from ..attack import OptimizerSettings
 from ..contract import Dataset, RaucaError, load_camouflage, read_plan
 from ..contract.files import file_digest
-from ..detect import load_detector
+from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
 from ..training.settings import HardenSettings
 from . import recipes
-from .candidates import (
-    NORMAL,
-    RANDOM,
-    Candidate,
-    VehicleChoice,
-    match,
-    read_candidates,
-    read_vehicle_choice,
-)
-from .engine import Engine
-from .evaluate import Judges, RandomPaint, given_places, held_out_places, judge, keep_paints
-from .executors import Executor
+from .candidates import NORMAL, RANDOM, Candidate, VehicleChoice, match, read_candidates, read_vehicle_choice
+from .detectors import detectors_for
+from .engine import Engine, Means, open_engine
+from .evaluate import RandomPaint, given_places, held_out_places, keep_paints, open_views
 from .harden_rounds import attack_settings, hardening
 from .hardening import Gains, gains_of
-from .job import Machine, OnProgress, quiet
+from .judging import Judges, judge
 from .makers import CAMOUFLAGE
-from .measuring import Chosen, check_detectors
-from .store import Store, link, store_around, user_cache
+from .store import link
 from .study import Study
 from .views import HeldOut, weather_sets
 
@@ -82,12 +75,8 @@ def harden(
     weathers: Sequence[str] = ("seen",),
     held_out_views: HeldOut | None = None,
     resamples: int = 1000,
-    device: str = "cpu",
-    blender: Path | None = None,
-    render_device: str = "cpu",
-    executor: Executor | None = None,
-    on_progress: OnProgress = quiet,
     command: str = "",
+    **means: Unpack[Means],
 ) -> Hardened:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones.
 
@@ -103,23 +92,23 @@ def harden(
         RaucaError: a mistake, before any work; a loss that is not finite; a stop.
     """
     out, chosen = Path(out), settings or HardenSettings.make()
-    data, opened, sets = [Path(one) for one in datasets], [Dataset(Path(one)) for one in views], weather_sets(weathers)
-    if len({one.folder.absolute().name for one in opened}) != len(opened):
-        raise RaucaError("--views: two folders of one name; results are told apart by it, rename one")
-    candidates = _candidates(held_out)
+    data, trained = [Path(one) for one in datasets], [Path(one) for one in camouflages]
+    opened, sets = open_views(views), weather_sets(weathers)
+    candidates = read_candidates(list(map(str, held_out)), RESERVED)
+    if not candidates:
+        raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
     matched = _vehicles(candidates, data, opened)
     atlases = {vehicle.atlas_id for vehicle in matched}
     options = {
         "detector": detector, "datasets": [str(one.absolute()) for one in data],
         "attacked": [str(one.absolute()) for one in data if read_plan(one).atlas_id in atlases],
-        "camouflages": [str(Path(one).absolute()) for one in camouflages],
+        "camouflages": [str(one.absolute()) for one in trained],
         "settings": chosen.model_dump(mode="json"), "command": command,
     }  # fmt: skip
-    machine = Machine(device, chosen.threads, blender, render_device)
-    _refuse_trained(candidates, [Path(one) for one in camouflages])
-    recipe = recipes.hardened(detector, data, identity_of(hardening(options, out, machine)), options)
-    around = [place for one in (*data, *(d.folder for d in opened)) for place in store_around(one)]
-    engine = Engine(Store(out / "store", [*around, user_cache()]), machine, on_progress, executor)
+    means.setdefault("threads", chosen.threads)
+    engine = open_engine(out / "store", [*data, *(one.folder for one in opened)], **means)
+    _refuse_trained(candidates, trained)
+    recipe = recipes.hardened(detector, data, identity_of(hardening(options, out, engine.machine)), options)
     with alone_in(out):
         _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/camouflage.json"))
         (folder,) = engine.make(recipe)
@@ -127,33 +116,29 @@ def harden(
         weights = next(folder.glob("hardened-*.safetensors"))
         for made in (weights, weights.with_suffix(".json")):
             link(out / made.name, made)
-        both = [(name, load_detector(name, device=device)) for name in (detector, str(weights))]
-        machine.with_detectors(one for _, one in both)
-        adaptive = _adaptive(engine, out, matched, data, chosen, adaptive_steps, both[1]) if adaptive_steps else {}
-        paints = {
-            vehicle: keep_paints(engine, out / "study", vehicle, [*some, *adaptive.get(vehicle, ())], RandomPaint())
-            for vehicle, some in matched.items()
-        }
-        for vehicle in matched:
-            check_detectors([one for _, one in both], vehicle.category)
-        places = given_places(opened, matched, None) if opened else held_out_places(
-            matched, sets, held_out_views or HeldOut(48)
-        )  # fmt: skip
-        judges = Judges({vehicle.category: both for vehicle in matched}, resamples=resamples)
-        study = judge(engine, out / "study", places, paints, judges, command)
-    before, after = both[0][1].name, both[1][1].name
+        both = detectors_for([detector, str(weights)], [one.category for one in matched], engine.machine)
+        (_, before), (typed, after) = next(iter(both.values()))
+        asked = attack_settings(chosen, ADAPTIVE, adaptive_steps or 1, ADAPTIVE, engine.store.folder / "taps")
+        adaptive = _adaptive(engine, out, matched, data, asked, (typed, after)) if adaptive_steps else {}
+        paints = {}
+        for vehicle, some in matched.items():
+            worn = {one.label: one.path for one in some}
+            worn |= {ADAPTIVE: adaptive[vehicle]} if adaptive else {}
+            paints[vehicle] = keep_paints(engine, out / "study", vehicle, worn, RandomPaint())
+        new = held_out_views or HeldOut(48)
+        places = given_places(opened, matched, None) if opened else held_out_places(matched, sets, new)
+        study = judge(engine, out / "study", places, paints, Judges(both, resamples=resamples), command)
     labels = {vehicle.name: [one.label for one in some] for vehicle, some in matched.items()}
-    gains = [gains_of(entry, before, after, labels[entry.vehicle]) for entry in study.entries]
-    others = [one.path for some in adaptive.values() for one in some]
-    facts = _facts(detector, data, [Path(one) for one in camouflages], chosen, adaptive_steps)
-    return Hardened(out / weights.name, before, after, study, gains, _made(candidates, others), facts)
-
-
-def _candidates(held_out: Sequence[Path | str]) -> list[Candidate]:
-    candidates = read_candidates(list(map(str, held_out)), RESERVED)
-    if not candidates:
-        raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
-    return candidates
+    gains = [gains_of(entry, before.name, after.name, labels[entry.vehicle]) for entry in study.entries]
+    facts = {
+        "detector": Path(detector).name,
+        "data sets": ", ".join(folder.name for folder in data),
+        "camouflages trained on": ", ".join(load_camouflage(path)[0].name for path in trained) or "none given",
+        **chosen.model_dump(mode="json", exclude={"threads", "memory_mb"}),
+        "adaptive attack, steps": adaptive_steps,
+    }
+    origins = _origins(candidates, next(iter(adaptive.values()), None))
+    return Hardened(out / weights.name, before.name, after.name, study, gains, origins, facts)
 
 
 def _refuse_trained(candidates: Sequence[Candidate], trained: Iterable[Path]) -> None:
@@ -169,20 +154,11 @@ def _vehicles(
 ) -> Mapping[VehicleChoice, list[Candidate]]:
     """The vehicles of the held-out camouflages, each with a data set to train on."""
     first = {read_plan(folder).atlas_id: Dataset(folder).vehicle_folder for folder in reversed(data)}
-    for candidate in candidates:
-        record = candidate.record
-        if record.atlas_id not in first:
-            raise RaucaError(
-                f"{candidate.path}: made for {record.vehicle_name} (UV atlas {record.atlas_id}), which no data set "
-                "shows; add one of that vehicle with --data"
-            )
-    chosen = match(candidates, [read_vehicle_choice(folder) for folder in first.values()], everyone=False)
+    known, remedy = list(map(read_vehicle_choice, first.values())), "add a data set of that vehicle with --data"
+    chosen = match(candidates, known, everyone=False, remedy=remedy)
     atlases = {vehicle.atlas_id for vehicle in chosen}
-    for dataset in views:
-        if dataset.plan.atlas_id not in atlases:
-            raise RaucaError(
-                f"{dataset.folder}: views of a vehicle that no held-out camouflage fits; give views of that one"
-            )
+    for folder in (dataset.folder for dataset in views if dataset.plan.atlas_id not in atlases):
+        raise RaucaError(f"{folder}: views of a vehicle that no held-out camouflage fits; give views of that one")
     return chosen
 
 
@@ -191,43 +167,26 @@ def _adaptive(
     out: Path,
     vehicles: Iterable[VehicleChoice],
     data: Sequence[Path],
-    settings: HardenSettings,
-    steps: int,
-    hardened: Chosen,
-) -> dict[VehicleChoice, list[Candidate]]:
+    asked: OptimizerSettings,
+    hardened: tuple[str, Detector],
+) -> dict[VehicleChoice, Path]:
     """A camouflage against the result for each vehicle."""
-    asked = attack_settings(settings, ADAPTIVE, steps, ADAPTIVE, engine.store.folder / "taps")
-    firsts = {one: next(d for d in data if read_plan(d).atlas_id == one.atlas_id) for one in vehicles}
-    paints = [recipes.paint(recipes.views_in(d), asked, [hardened[1]], [hardened[0]]) for d in firsts.values()]
-    made = {}
-    for vehicle, folder in zip(firsts, engine.make(*paints), strict=True):
+    firsts = {one: next(folder for folder in data if read_plan(folder).atlas_id == one.atlas_id) for one in vehicles}
+    paints = [recipes.paint(recipes.views_in(folder), asked, [hardened]) for folder in firsts.values()]
+    made = dict(zip(firsts, engine.make(*paints), strict=True))
+    for vehicle, folder in made.items():
         link(out / ADAPTIVE / vehicle.name, folder)
-        made[vehicle] = [Candidate(ADAPTIVE, folder / CAMOUFLAGE, load_camouflage(folder / CAMOUFLAGE)[0])]
-    return made
+    return {vehicle: folder / CAMOUFLAGE for vehicle, folder in made.items()}
 
 
-def _made(candidates: Sequence[Candidate], adaptive: Sequence[Path]) -> dict[str, str]:
+def _origins(candidates: Sequence[Candidate], adaptive: Path | None) -> dict[str, str]:
     """How each paint was made, for the report."""
+
+    def told(path: Path) -> str:
+        record, _ = load_camouflage(path)
+        steps, against, seed = (record.made.get(name, "?") for name in ("steps", "detector", "seed"))
+        return f"{record.method}, {steps} steps against {against}, seed {seed}"
+
     made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimized against nothing"}
-    made |= {one.label: f"held out; {_origin(one.path)}" for one in candidates}
-    if adaptive:
-        made[ADAPTIVE] = f"made after hardening; {_origin(adaptive[0])}"
-    return made
-
-
-def _origin(path: Path) -> str:
-    record, _ = load_camouflage(path)
-    steps, against, seed = (record.made.get(name, "?") for name in ("steps", "detector", "seed"))
-    return f"{record.method}, {steps} steps against {against}, seed {seed}"
-
-
-def _facts(
-    detector: str, data: Sequence[Path], camouflages: Sequence[Path], settings: HardenSettings, adaptive_steps: int
-) -> dict[str, object]:
-    return {
-        "detector": Path(detector).name,
-        "data sets": ", ".join(folder.name for folder in data),
-        "camouflages trained on": ", ".join(load_camouflage(path)[0].name for path in camouflages) or "none given",
-        **settings.model_dump(mode="json", exclude={"threads", "memory_mb"}),
-        "adaptive attack, steps": adaptive_steps,
-    }
+    made |= {one.label: f"held out; {told(one.path)}" for one in candidates}
+    return made | ({ADAPTIVE: f"made after hardening; {told(adaptive)}"} if adaptive else {})

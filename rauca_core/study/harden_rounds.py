@@ -20,10 +20,6 @@ from .job import Machine
 Report = Callable[[Progress], None]
 
 
-def _quiet(progress: Progress) -> None:
-    pass
-
-
 def score(judged: Sequence[Judged]) -> float:
     """AP@0.5 as the evaluation computes it."""
     return average_precision([Sample(one.truth, one.boxes, one.scores) for one in judged])

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .candidates import NORMAL
-from .recorded import Recorded
 from .results import Estimate
-from .scores import Curve, estimate
+from .scores import Curve, Recorded, estimate
 from .study import Entry
 
 LEAST_LOSS = 0.02  # AP: where a paint took less than that, there is nothing to recover

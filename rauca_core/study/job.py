@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..attack import StepReport
 from ..contract import Progress, RaucaError
 from ..detect import Detector, load_detector
 from ..runtime.devices import find_device
@@ -57,22 +58,14 @@ class Machine:
             self.loaded[fingerprint] = found
         return self.loaded[fingerprint].to(self.device)
 
-    def with_detectors(self, detectors: Iterable[Detector]) -> Machine:
-        """This machine with some more detectors at hand."""
-        self.loaded.update({detector.fingerprint: detector for detector in detectors})
-        return self
-
     def to_json(self) -> dict[str, Any]:
         """For another process, which loads its own detectors."""
-        blender = None if self.blender is None else str(self.blender)
-        devices = {"device": self.device, "render_device": self.render_device}
-        return {**devices, "threads": self.threads, "blender": blender}
+        own = {"device": self.device, "threads": self.threads, "render_device": self.render_device}
+        return own | {"blender": None if self.blender is None else str(self.blender)}
 
     @staticmethod
     def from_json(fields: dict[str, Any]) -> Machine:
-        blender = fields["blender"]
-        program = None if blender is None else Path(blender)
-        return Machine(fields["device"], fields["threads"], program, fields["render_device"])
+        return Machine(**{**fields, "blender": Path(fields["blender"]) if fields["blender"] else None})
 
 
 @dataclass(frozen=True)
@@ -90,3 +83,17 @@ class Job:
     inputs: tuple[Path, ...]
     machine: Machine
     report: Callable[[Progress], None]
+
+
+def steps_told(report: Callable[[Progress], None]) -> tuple[Callable[[StepReport], None], Callable[[int, int], None]]:
+    """What an optimization calls after every step, and while it makes views ready, so that its progress is told."""
+    views = ""
+
+    def step(one: StepReport) -> None:
+        report(Progress(one.step, one.steps, f"loss {one.loss:.3f}  score {one.score:.2f}{views}"))
+
+    def view(done: int, total: int) -> None:
+        nonlocal views
+        views = f"  views {done}/{total}" if done < total else ""
+
+    return step, view

@@ -1,19 +1,20 @@
-"""The makers of artifacts, one for each of `kinds`, and how each knows that its work is done."""
+"""The kinds of artifacts: what each holds, who makes it, and how that one knows that its work is done."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..attack import StepReport, make_settings, random_camouflage, run_optimization
+import torch
+
+from ..attack import make_settings, random_camouflage, run_optimization
 from ..contract import (
     Dataset,
-    Frame,
     ImportVehicle,
     MakeDataset,
     Plan,
@@ -26,7 +27,7 @@ from ..contract import (
     load_vehicle,
     save_camouflage,
 )
-from ..contract.files import file_digest
+from ..contract.files import file_digest, png_bytes, write_bytes, write_json
 from ..contract.schema import Fields
 from ..runtime.blender import run_blender
 from ..runtime.checkpoint_files import started
@@ -34,20 +35,15 @@ from ..runtime.cpu import threads
 from ..runtime.images import is_whole, read_image
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
 from .agreement import FILE_NAME as AGREEMENT
-from .agreement import measure_agreement, save_agreement
-from .artifact import Artifact, read_recipe
+from .agreement import measure_agreement
+from .artifact import Artifact
 from .defences import make_defence
-from .defended import defended_images
-from .detecting import Pictures, detect_everywhere
-from .detection_cache import DetectionCache, DetectionSettings
+from .defences.interface import to_pixels
+from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, source_of
 from .harden_rounds import run_hardening
-from .job import Job
+from .job import Job, steps_told
 
 CAMOUFLAGE = "camouflage.json"
-
-
-def has_vehicle(artifact: Artifact, folder: Path) -> bool:
-    return (folder / "vehicle.json").is_file()
 
 
 def make_vehicle(job: Job) -> None:
@@ -56,13 +52,9 @@ def make_vehicle(job: Job) -> None:
     run_blender(ImportVehicle(job.folder, VehicleSource.from_json(given)), job.report, job.machine.blender)
 
 
-def has_plan(artifact: Artifact, folder: Path) -> bool:
-    return (folder / "dataset.json").is_file()
-
-
 def has_views(artifact: Artifact, folder: Path) -> bool:
     """Whether none of the wanted frames is left to be rendered."""
-    if not has_plan(artifact, folder):
+    if not (folder / "dataset.json").is_file():
         return False
     states = frame_states(folder)
     return all(states.get(frame) in ("done", "occluded") for frame in artifact.options["frames"])
@@ -88,10 +80,6 @@ def make_part(job: Job) -> None:
             source, target = whole / "frames" / frame, folder / "frames" / frame
             shutil.copytree(source, target, copy_function=_link, dirs_exist_ok=True)
     shutil.copy2(whole / "dataset.json", folder)  # last: with it, all are there
-
-
-def has_extractor(artifact: Artifact, folder: Path) -> bool:
-    return (folder / FINISHED).is_file()
 
 
 def make_extractor(job: Job) -> None:
@@ -121,17 +109,9 @@ def make_paint(job: Job) -> None:
         settings = settings.model_copy(update={"extractor": job.inputs[1] / PUBLISHED_WEIGHTS})
     named = zip(job.artifact.settings["detectors"], options["detectors"], strict=True)
     detectors = [job.machine.detector(fingerprint, typed) for fingerprint, typed in named]
-    views = ""
-
-    def show(step: StepReport) -> None:
-        job.report(Progress(step.step, step.steps, f"loss {step.loss:.3f}  score {step.score:.2f}{views}"))
-
-    def show_views(done: int, total: int) -> None:
-        nonlocal views
-        views = f"  views {done}/{total}" if done < total else ""
-
     data, folder = Dataset(job.inputs[0]), job.folder
-    run_optimization(data, detectors, settings, folder, show, started(folder), show_views, job.machine.processes)
+    step, view = steps_told(job.report)
+    run_optimization(data, detectors, settings, folder, step, started(folder), view, job.machine.processes)
 
 
 def make_random(job: Job) -> None:
@@ -149,7 +129,7 @@ def rendered_together(artifact: Artifact) -> object:
     return artifact.inputs[0].digest, tuple(artifact.options["frames"]), str(artifact.settings)
 
 
-def make_renders(jobs: Sequence[Job]) -> None:
+def make_renders(*jobs: Job) -> None:
     """Render views in camouflages, in Blender, by Cycles and never by the neural renderer."""
     first, frames = jobs[0], jobs[0].artifact.options["frames"]
     with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
@@ -169,30 +149,26 @@ def make_renders(jobs: Sequence[Job]) -> None:
 
 
 def make_defended(job: Job) -> None:
-    """Pass images through a defence."""
+    """Pass images through a defence; results are 8-bit sRGB, what a detector behind it is handed as a picture."""
     defence = make_defence(job.artifact.options["defence"])
     pictures = pictures_in(job.inputs[0], job.artifact.options["frames"])
-    targets = [job.folder / f"{frame.id}.png" for frame in pictures.frames]
-
-    def tell(done: int, total: int) -> None:
-        job.report(Progress(done, total, job.artifact.label))
-
-    defended_images(defence, pictures.frames, pictures.paths, targets, tell)
+    for done, (frame, path) in enumerate(zip(pictures.frames, pictures.paths, strict=True)):
+        job.report(Progress(done, len(pictures.paths), job.artifact.label))
+        target = job.folder / f"{frame.id}.png"
+        if not is_whole(target):
+            with torch.no_grad():
+                (image,) = defence(image_tensor(path, frame)[None])
+            write_bytes(target, png_bytes(to_pixels(image)))
+    job.report(Progress(len(pictures.paths), len(pictures.paths), job.artifact.label))
 
 
 def has_detections(artifact: Artifact, folder: Path) -> bool:
     """Whether the detector has seen every wanted image, as it is now."""
     try:
-        seen = detections_in(artifact, folder)
-        return all(image in seen for image in _images_behind(folder, artifact.options["frames"]).hashes)
+        seen, images = detections_in(artifact, folder), source_of(folder)
+        return all(file_digest(image_of(images, frame)) in seen for frame in artifact.options["frames"])
     except (RaucaError, OSError):
         return False
-
-
-def detections_in(artifact: Artifact, folder: Path) -> DetectionCache:
-    """What was detected in images so far."""
-    settings = artifact.settings
-    return DetectionCache(folder, settings["name"], settings["fingerprint"], DetectionSettings(**settings["kept"]))
 
 
 def detected_together(artifact: Artifact) -> object:
@@ -200,57 +176,30 @@ def detected_together(artifact: Artifact) -> object:
     return artifact.inputs[0].digest, tuple(artifact.options["frames"]), str(artifact.settings["kept"])
 
 
-def make_detections(jobs: Sequence[Job]) -> None:
+def make_detections(*jobs: Job) -> None:
     """Detect in the images that a detector has not seen yet."""
     machine, first = jobs[0].machine, jobs[0].artifact
-    detectors = [
-        machine.detector(job.artifact.settings["fingerprint"], job.artifact.options["detector"]) for job in jobs
+    seers = [
+        (
+            machine.detector(job.artifact.settings["fingerprint"], job.artifact.options["detector"]),
+            detections_in(job.artifact, job.folder),
+        )
+        for job in jobs
     ]
-    caches = {job.artifact.settings["name"]: detections_in(job.artifact, job.folder) for job in jobs}
-    pictures = pictures_in(jobs[0].inputs[0], first.options["frames"])
+    pictures, paint = pictures_in(jobs[0].inputs[0], first.options["frames"]), first.inputs[0].label
 
-    def tell(what: str, done: int, total: int) -> None:
-        jobs[0].report(Progress(done, total, what))
+    def tell(done: int, total: int, detector: str) -> None:
+        jobs[0].report(Progress(done, total, f"{detector} on {paint}" if detector else "detecting"))
 
-    paint = first.inputs[0].label
     with threads(machine.threads):
-        detect_everywhere(detectors, caches, {paint: pictures}, first.options["batch"], machine.device, tell)
-
-
-def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
-    """Frames of a data set with their images: the data set's own, or those of renders or defended images of it."""
-    views = views_behind(folder)
-    known = {frame.id: frame for frame in Dataset(views).frames()}
-    frames: list[Frame] = [known[frame] for frame in ids]
-    paths = [image_of(folder, frame.id) for frame in frames]
-    return Pictures(frames, paths, [file_digest(path) for path in paths])
-
-
-def image_of(folder: Path, frame: str) -> Path:
-    """A frame's image in a data set, or in a folder of renders or defended images."""
-    if (folder / "dataset.json").is_file():
-        return folder / "frames" / frame / "image.png"
-    return folder / f"{frame}.png"
-
-
-def views_behind(folder: Path) -> Path:
-    """The data set that renders, or defended images, are of."""
-    while not (folder / "dataset.json").is_file():
-        place = read_recipe(folder)[0].inputs[0].place
-        assert place is not None
-        folder = place
-    return folder
-
-
-def has_agreement(artifact: Artifact, folder: Path) -> bool:
-    return (folder / AGREEMENT).is_file()
+        detect_in(pictures, seers, machine.device, tell)
 
 
 def make_agreement(job: Job) -> None:
     """Compare the neural renderer with Cycles: by coverage on all frames, by color on those that were rendered."""
     dataset, camouflage, rendered = job.inputs
     job.report(Progress(0, 1, job.artifact.label))
-    save_agreement(job.folder / AGREEMENT, measure_agreement(Dataset(dataset), camouflage, rendered))
+    write_json(job.folder / AGREEMENT, asdict(measure_agreement(Dataset(dataset), camouflage, rendered)))
 
 
 def has_hardened(artifact: Artifact, folder: Path) -> bool:
@@ -261,13 +210,6 @@ def make_hardened(job: Job) -> None:
     """Harden a detector, or go on where an earlier process stopped."""
     with threads(job.machine.threads):
         run_hardening(dict(job.artifact.options), job.folder, job.machine, job.report)
-
-
-def _images_behind(folder: Path, ids: Sequence[str]) -> Pictures:
-    place = read_recipe(folder)[0].inputs[0].place
-    assert place is not None
-    paths = [image_of(place, frame) for frame in ids]
-    return Pictures((), paths, [file_digest(path) for path in paths])
 
 
 def _scene(artifact: Artifact) -> Path | None:
@@ -281,3 +223,57 @@ def _link(source: str, target: str) -> None:
         os.link(source, target)
     except OSError:
         shutil.copy2(source, target)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of artifact.
+
+    Attributes:
+        what: it holds, for people.
+        doing: what is said while it is made.
+        make: of one job, or of all that are of one ``group``; goes on by itself where an earlier process stopped.
+        complete: whether a folder holds all that is wanted of an artifact; or the file that is written last.
+        heavy: worth a process, or a machine, of its own.
+        group: artifacts of which it says the same are made together.
+    """
+
+    what: str
+    doing: str
+    make: Callable[..., None]
+    complete: Callable[[Artifact, Path], bool] | str
+    heavy: bool = True
+    group: Callable[[Artifact], object] = lambda artifact: artifact.digest
+
+    def has(self, artifact: Artifact, folder: Path) -> bool:
+        """Whether the folder holds all that is wanted of an artifact."""
+        return (folder / self.complete).is_file() if isinstance(self.complete, str) else self.complete(artifact, folder)
+
+
+KINDS = {
+    "vehicle": Kind(
+        "vehicles from other formats", "reading the vehicle", make_vehicle, "vehicle.json", heavy=False
+    ),
+    "views": Kind("data sets", "rendering views", make_views, has_views),
+    "part": Kind("parts of data sets, linked", "linking frames", make_part, "dataset.json", heavy=False),
+    "extractor": Kind(
+        "published extractors of light", "training the extractor", make_extractor, FINISHED
+    ),
+    "paint": Kind("optimized camouflages", "optimizing", make_paint, has_camouflage),
+    "random": Kind(
+        "random camouflages", "drawing random paint", make_random, has_camouflage, heavy=False
+    ),
+    "renders": Kind(
+        "views in camouflage", "re-rendering in camouflage", make_renders, has_renders,
+        group=rendered_together,
+    ),
+    "defended": Kind("images after a defence", "defending", make_defended, has_renders),
+    "detections": Kind(
+        "what detectors found", "detecting", make_detections, has_detections,
+        group=detected_together,
+    ),
+    "agreement": Kind(
+        "neural renders against Cycles", "comparing renderers", make_agreement, AGREEMENT, heavy=False
+    ),
+    "hardened": Kind("hardened detectors", "hardening", make_hardened, has_hardened),
+}  # fmt: skip

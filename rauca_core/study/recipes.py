@@ -73,24 +73,24 @@ def extractor(training: Artifact, epochs: int) -> Artifact:
 def paint(
     training: Artifact,
     settings: OptimizerSettings,
-    detectors: Sequence[Detector],
-    typed: Sequence[str],
+    attacked: Sequence[tuple[str, Detector]],
     extractor: Artifact | None = None,
 ) -> Artifact:
     """A camouflage to be optimized on a data set against detectors.
 
     Args:
         settings: ``name`` is the label.
-        typed: what each detector was named by, for another process.
+        attacked: detectors, each with what it was named by, for another process.
     """
     depends: dict[str, Any] = {
         "optimizer": {k: v for k, v in settings.identity().items() if k not in ("steps", "extractor")},
         "steps": settings.steps,
-        "detectors": [detector.fingerprint for detector in detectors],
+        "detectors": [detector.fingerprint for _, detector in attacked],
     }
     if training.place is not None:  # nobody knows which frames it holds but itself
         depends["frames"] = digest_of([frame.id for frame in Dataset(training.place).frames()])
-    options = {"settings": settings.model_dump(mode="json", exclude={"threads"}), "detectors": list(typed)}
+    names = [typed for typed, _ in attacked]
+    options = {"settings": settings.model_dump(mode="json", exclude={"threads"}), "detectors": names}
     inputs = (training,) if extractor is None else (training, extractor)
     return Artifact("paint", settings.name, depends, inputs, options)
 
@@ -132,11 +132,11 @@ def defended(images: Artifact, defence: Defence, frames: Sequence[str]) -> Artif
 
 
 def detections(
-    images: Artifact, detector: Detector, typed: str, kept: DetectionSettings, frames: Sequence[str], batch: int = 8
+    images: Artifact, detector: Detector, typed: str, kept: DetectionSettings, frames: Sequence[str]
 ) -> Artifact:
     """What a detector finds in images of views, renders or defended images."""
     settings = {"name": detector.name, "fingerprint": detector.fingerprint, "kept": dict(kept.__dict__)}
-    options = {"detector": typed, "frames": list(frames), "batch": batch}
+    options = {"detector": typed, "frames": list(frames)}
     return Artifact("detections", f"{detector.name}-{images.label}", settings, (images,), options)
 
 

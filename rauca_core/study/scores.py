@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contract import Dataset, Frame, RaucaError
+from ..detect import canonical
 from .average_precision import Sample, average_precision
 from .bootstrap import Clusters, Ranking, interval
-from .results import AXES, MEAN, Estimate, FrameRow, Group
+from .defences import NO_DEFENCE
+from .detecting import Pictures
+from .detection_cache import DetectionCache, Found
+from .results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from .study import Entry
+
+SEED = 0  # of the resamples behind every interval: the same ones for every table
 
 Samples = Mapping[str, Mapping[str, Sequence[Sample]]]  # [paint][detector][frame]
 Curve = NDArray[np.float64]  # (1 + R,) AP@0.5 of the frames as they are, then of each resample
-
-
-@dataclass(frozen=True)
-class Bootstrap:
-    """Resamples behind every interval; the same ``seed`` draws the same ones."""
-
-    resamples: int
-    seed: int
 
 
 def clusters_of(rows: Sequence[FrameRow]) -> Clusters:
@@ -41,9 +44,9 @@ class Draws:
     counts: NDArray[np.int64]
 
     @staticmethod
-    def of(rows: Sequence[FrameRow], bootstrap: Bootstrap) -> Draws:
+    def of(rows: Sequence[FrameRow], resamples: int, seed: int = SEED) -> Draws:
         clusters = clusters_of(rows)
-        drawn = clusters.resample(bootstrap.resamples, bootstrap.seed)
+        drawn = clusters.resample(resamples, seed)
         return Draws(clusters, np.concatenate([np.ones_like(drawn[:1]), drawn]))
 
     def curve(self, ranking: Ranking, ap: float | None = None) -> Curve:
@@ -62,9 +65,9 @@ def estimate(curve: Curve) -> Estimate:
     return Estimate(float(curve[0]), *interval(curve[1:]))
 
 
-def score_table(samples: Samples, rows: Sequence[FrameRow], bootstrap: Bootstrap) -> dict[str, dict[str, Estimate]]:
+def score_table(samples: Samples, rows: Sequence[FrameRow], resamples: int) -> dict[str, dict[str, Estimate]]:
     """AP of every paint and detector, and the mean over detectors, each with its interval."""
-    draws, table = Draws.of(rows, bootstrap), {}
+    draws, table = Draws.of(rows, resamples), {}
     for paint, by_detector in samples.items():
         curves = {n: draws.curve(Ranking.of(some), average_precision(some)) for n, some in by_detector.items()}
         curves[MEAN] = np.mean(list(curves.values()), axis=0)
@@ -72,14 +75,14 @@ def score_table(samples: Samples, rows: Sequence[FrameRow], bootstrap: Bootstrap
     return table
 
 
-def score_groups(samples: Samples, rows: Sequence[FrameRow], bootstrap: Bootstrap) -> dict[str, tuple[Group, ...]]:
+def score_groups(samples: Samples, rows: Sequence[FrameRow], resamples: int) -> dict[str, tuple[Group, ...]]:
     """AP over the frames that share a value, for every axis and value."""
     rankings = {
         paint: {name: Ranking.of(some) for name, some in by_detector.items()} for paint, by_detector in samples.items()
     }
 
     def group(value: float, chosen: NDArray[np.int64]) -> Group:
-        draws, ap, mean = Draws.of([rows[index] for index in chosen], bootstrap), {}, {}
+        draws, ap, mean = Draws.of([rows[index] for index in chosen], resamples), {}, {}
         for paint, by_detector in rankings.items():
             curves = {name: draws.curve(ranking.part(chosen)) for name, ranking in by_detector.items()}
             ap[paint] = {name: float(curve[0]) for name, curve in curves.items()}
@@ -91,3 +94,130 @@ def score_groups(samples: Samples, rows: Sequence[FrameRow], bootstrap: Bootstra
         axis: tuple(group(float(value), np.flatnonzero(found == value)) for value in np.unique(found))
         for axis, found in values.items()
     }
+
+
+def tabulate(
+    dataset: Dataset,
+    paints: Mapping[str, Pictures],
+    caches: Mapping[str, Mapping[str, DetectionCache]],
+    out: Path,
+    resamples: int,
+    defence: str = NO_DEFENCE,
+    dropped: tuple[str, ...] = (),
+) -> Results:
+    """Compute results from detections and write ``out/results.json``.
+
+    Args:
+        paints: the images of each, all of the same frames.
+        caches: what was detected in them, by paint and detector.
+        defence: that the images went through.
+        dropped: ids of frames without a box.
+    """
+    first = next(iter(caches.values()))
+    settings = next(iter(first.values())).settings
+    rows = tuple(_frame_row(dataset, frame) for frame in next(iter(paints.values())).frames)
+    samples = {
+        paint: {name: _samples(cache, rows, pictures.hashes) for name, cache in caches[paint].items()}
+        for paint, pictures in paints.items()
+    }
+    clusters = clusters_of(rows)
+    results = Results(
+        dataset=dataset.plan.name,
+        settings=settings,
+        resamples=resamples,
+        seed=SEED,
+        detectors={name: cache.fingerprint for name, cache in first.items()},
+        frames=rows,
+        dropped=dropped,
+        table=score_table(samples, rows, resamples),
+        groups=score_groups(samples, rows, resamples),
+        images={
+            paint: tuple(map(ImageRow, (_relative(path, out) for path in pictures.paths), pictures.hashes))
+            for paint, pictures in paints.items()
+        },
+        detections={
+            paint: {name: _relative(cache.path.parent, out) for name, cache in caches[paint].items()}
+            for paint in paints
+        },
+        vehicle=dataset.plan.vehicle_name,
+        defence=defence,
+        clusters=clusters.kind,
+        cluster_count=clusters.count,
+    )
+    save_results(out / "results.json", results)
+    return results
+
+
+def _samples(cache: DetectionCache, rows: Sequence[FrameRow], hashes: Sequence[str]) -> list[Sample]:
+    target = canonical(cache.settings.category)
+    found = [cache[image].only(target) for image in hashes]
+    return [
+        Sample(np.array(row.box_xyxy, np.float64), one.boxes, one.scores) for row, one in zip(rows, found, strict=True)
+    ]
+
+
+def _frame_row(dataset: Dataset, frame: Frame) -> FrameRow:
+    camera, weather = dataset.plan.ring.nominal(frame.view), frame.weather
+    assert frame.box_xyxy is not None
+    shown = (weather.sun_altitude_angle, weather.fog_density, frame.box_xyxy)
+    return FrameRow(frame.id, weather.name, *camera, *shown, frame.location, frame.view)
+
+
+def _relative(path: Path, out: Path) -> str:
+    return Path(os.path.relpath(path, out)).as_posix()
+
+
+class Recorded:
+    """The detections of an entry of a study, by detector, paint and frame."""
+
+    def __init__(self, entry: Entry) -> None:
+        self._entry = entry
+        self._caches: dict[Path, DetectionCache] = {}
+
+    def found(self, detector: str, paint: str, index: int) -> Found:
+        """Detections in the frame at ``index``.
+
+        Raises:
+            RaucaError: they are not kept any more.
+        """
+        image = self._entry.results.images[paint][index]
+        cache = self._cache(detector, paint)
+        if image.sha256 not in cache:
+            raise RaucaError(f"{cache.path}: lacks the detections in {image.path}; evaluate again")
+        return cache[image.sha256]
+
+    def sample(self, detector: str, paint: str, index: int) -> Sample:
+        """The frame's target with the detections of its class."""
+        results = self._entry.results
+        cars = self.found(detector, paint, index).only(canonical(results.settings.category))
+        return Sample(np.array(results.frames[index].box_xyxy, np.float64), cars.boxes, cars.scores)
+
+    def mean_over(self, detectors: Sequence[str], paint: str) -> Estimate:
+        """AP averaged over some of the detectors, with its interval by the results' own bootstrap.
+
+        Raises:
+            RaucaError: as :meth:`found`.
+        """
+        return estimate(np.mean([self.curve(name, paint) for name in detectors], axis=0))
+
+    def curve(self, detector: str, paint: str) -> Curve:
+        """The results' own AP@0.5, to the bit, then that of each resample of the results' own bootstrap.
+
+        Raises:
+            RaucaError: as :meth:`found`.
+        """
+        results = self._entry.results
+        samples = [self.sample(detector, paint, index) for index in range(len(results.frames))]
+        return self._draws.curve(Ranking.of(samples), results.table[paint][detector].ap)
+
+    @cached_property
+    def _draws(self) -> Draws:
+        results = self._entry.results
+        return Draws.of(results.frames, results.resamples, results.seed)
+
+    def _cache(self, detector: str, paint: str) -> DetectionCache:
+        results = self._entry.results
+        folder = self._entry.folder / results.detections.get(paint, {}).get(detector, "detections")
+        if (known := folder / detector) not in self._caches:
+            self._caches[known] = DetectionCache(folder, detector, results.detectors[detector], results.settings)
+        return self._caches[known]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..detect.weights import weights_folder
 from .artifact import RECIPE, VERSIONS, Artifact
-from .kinds import KINDS
+from .makers import KINDS
 
 
 class Store:
@@ -37,7 +37,7 @@ class Store:
             return artifact.place
         for folder in (self.folder, *self.parents):
             found = _named(folder, artifact)
-            if found is not None and KINDS[artifact.kind].complete(artifact, found):
+            if found is not None and KINDS[artifact.kind].has(artifact, found):
                 with contextlib.suppress(OSError):
                     os.utime(found / RECIPE)  # `rauca cache prune` goes by the last use
                 return found

@@ -19,10 +19,9 @@ from typing import Any
 
 from ..contract import RaucaError
 from ..contract.files import write_json
-from ..contract.schema import Fields, read_json
+from ..contract.schema import Record, read_json
 from .results import Results, load_results
 
-FORMAT = ("rauca-study", 1)
 FILE_NAME = "study.json"
 
 
@@ -48,11 +47,6 @@ class Entry:
     folder: Path
     views: Path | None = None
     camouflages: dict[str, Path] = field(default_factory=dict)
-
-    @property
-    def key(self) -> tuple[str, str, str]:
-        """What no two entries of a study share."""
-        return self.vehicle, self.weathers, self.defence
 
 
 @dataclass(frozen=True)
@@ -98,13 +92,51 @@ class Study:
         return tuple(e for e in self.entries if all(getattr(e, name) == value for name, value in wanted.items()))
 
 
+@dataclass(frozen=True, eq=False)
+class _Row(Record):
+    """An entry on disk; paths are relative to the file."""
+
+    weathers: str
+    defence: str
+    vehicle: str
+    category: str
+    results: str
+    views: str | None = None
+    camouflages: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _File(Record):
+    """``study.json``."""
+
+    FORMAT = ("rauca-study", 1)
+
+    command: str
+    entries: tuple[_Row, ...]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def _check_whole(self, where: str) -> None:
+        keys = {(row.vehicle, row.weathers, row.defence) for row in self.entries}
+        if not self.entries or len(keys) != len(self.entries):
+            raise RaucaError(f"{where}: entries must be at least one, each of its own vehicle, weathers and defence")
+
+
 def save_study(path: Path, command: str, entries: Sequence[Entry], notes: Mapping[str, Any] | None = None) -> None:
     """Write ``study.json`` atomically; the results that it names were written before."""
-    name, version = FORMAT
-    path = Path(path)
-    rows = [_row(entry, path.parent) for entry in entries]
-    opening = {"format": name, "version": version, "command": command, "entries": rows}
-    write_json(path, {**opening, "notes": notes} if notes else opening)
+
+    def relative(target: Path) -> str:
+        return Path(os.path.relpath(target, Path(path).parent)).as_posix()
+
+    rows = [
+        _Row(
+            *(entry.weathers, entry.defence, entry.vehicle, entry.category),
+            results=relative(entry.folder / "results.json"),
+            views=None if entry.views is None else relative(entry.views),
+            camouflages={paint: relative(camouflage) for paint, camouflage in entry.camouflages.items()},
+        )
+        for entry in entries
+    ]
+    write_json(path, _File(command, tuple(rows), dict(notes or {})).to_json())
 
 
 def load_study(path: Path) -> Study:
@@ -114,47 +146,15 @@ def load_study(path: Path) -> Study:
         RaucaError: it, or results that it names, are missing, damaged or from a newer rauca; two entries are the same.
     """
     path = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
-    fields = read_json(path)
-    fields.format(*FORMAT)
-    rows = [Fields(row, f"{path}: entries[{i}]") for i, row in enumerate(fields.items("entries"))]
-    notes = fields.nested("notes").without("") if fields.has("notes") else {}
-    study = Study(fields.text("command"), tuple(_entry(row, path.parent) for row in rows), notes)
-    fields.done()
-    if not study.entries or len({entry.key for entry in study.entries}) != len(study.entries):
-        raise RaucaError(f"{path}: entries must be at least one, each of its own vehicle, weathers and defence")
-    return study
-
-
-def _row(entry: Entry, base: Path) -> dict[str, Any]:
-    views = {} if entry.views is None else {"views": _relative(entry.views, base)}
-    return {
-        "weathers": entry.weathers,
-        "defence": entry.defence,
-        "vehicle": entry.vehicle,
-        "category": entry.category,
-        "results": _relative(entry.folder / "results.json", base),
-        **views,
-        "camouflages": {paint: _relative(path, base) for paint, path in entry.camouflages.items()},
-    }
-
-
-def _entry(fields: Fields, base: Path) -> Entry:
-    results = base / fields.text("results")
-    named = fields.raw("camouflages") if fields.has("camouflages") else {}
-    camouflages = Fields(named, f"{fields.where}: camouflages")
-    entry = Entry(
-        weathers=fields.text("weathers"),
-        defence=fields.text("defence"),
-        vehicle=fields.text("vehicle"),
-        category=fields.text("category"),
-        results=load_results(results),
-        folder=results.parent,
-        views=base / fields.text("views") if fields.has("views") else None,
-        camouflages={paint: base / camouflages.text(paint) for paint in named},
-    )
-    fields.done()
-    return entry
-
-
-def _relative(path: Path, base: Path) -> str:
-    return Path(os.path.relpath(path, base)).as_posix()
+    base, file = path.parent, _File.from_json(read_json(path))
+    entries = [
+        Entry(
+            *(row.weathers, row.defence, row.vehicle, row.category),
+            results=load_results(base / row.results),
+            folder=(base / row.results).parent,
+            views=None if row.views is None else base / row.views,
+            camouflages={paint: base / camouflage for paint, camouflage in row.camouflages.items()},
+        )
+        for row in file.entries
+    ]
+    return Study(file.command, tuple(entries), file.notes)

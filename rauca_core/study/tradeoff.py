@@ -9,9 +9,10 @@ Folder, run again to resume::
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Unpack
 
 from ..attack import make_settings
 from ..attack.naturalness import Naturalness
@@ -19,14 +20,13 @@ from ..contract import Dataset
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from . import recipes
-from .candidates import read_candidates, read_vehicle_choice
-from .engine import Engine
-from .evaluate import Judges, held_out_places, judge, keep_paints
-from .executors import Executor
-from .job import Machine, OnProgress, quiet
+from .candidates import read_vehicle_choice
+from .detectors import detectors_for
+from .engine import Means, open_engine
+from .evaluate import held_out_places, keep_paints
+from .judging import Judges, judge
 from .makers import CAMOUFLAGE
-from .measuring import detectors_for
-from .store import Store, link, store_around, user_cache
+from .store import link
 from .study import Study
 from .views import HeldOut, weather_sets
 
@@ -49,20 +49,8 @@ class Sizes:
     size: int = 320
     samples: int = 8
 
-    def but(self, **chosen: int | None) -> Sizes:
-        """The same, with what was chosen."""
-        return replace(self, **{name: value for name, value in chosen.items() if value is not None})
-
 
 QUICK = Sizes(steps=24, batch=2, map_size=256, subsamples=4, frames=8, size=160, samples=2)
-
-
-@dataclass(frozen=True)
-class Point:
-    """One camouflage of the curve; ``natural`` is None where the paint is free."""
-
-    label: str
-    natural: Naturalness | None
 
 
 @dataclass(frozen=True)
@@ -82,8 +70,10 @@ class TradeOff:
     reference: Naturalness | None
 
 
-def points(base: Naturalness | None, bounds: Sequence[float], features: Sequence[float]) -> tuple[Point, ...]:
-    """The free camouflage, then one per bound and one per size of patch, cm.
+def points(
+    base: Naturalness | None, bounds: Sequence[float], features: Sequence[float]
+) -> dict[str, Naturalness | None]:
+    """By label what is asked of a camouflage: a free one, then one per bound and one per size of patch, cm.
 
     Args:
         base: what is asked of every point, such as a palette; its reference is what bounds are about.
@@ -94,16 +84,16 @@ def points(base: Naturalness | None, bounds: Sequence[float], features: Sequence
     def asked(wanted: Naturalness, **more: float) -> Naturalness:
         return Naturalness(**{**wanted.model_dump(), **more})
 
-    return (
-        Point(FREE, None if nowhere.empty else nowhere),
-        *(Point(f"dE-{bound:g}", asked(shared, max_delta_e=bound)) for bound in bounds),
-        *(Point(f"patch-{size:g}cm", asked(nowhere, feature_cm=size)) for size in features),
-    )
+    return {
+        FREE: None if nowhere.empty else nowhere,
+        **{f"dE-{bound:g}": asked(shared, max_delta_e=bound) for bound in bounds},
+        **{f"patch-{size:g}cm": asked(nowhere, feature_cm=size) for size in features},
+    }
 
 
 def tradeoff(
     dataset: Dataset | Path | str,
-    wanted: Sequence[Point],
+    wanted: Mapping[str, Naturalness | None],
     out: Path | str,
     *,
     attacked: Sequence[Detector | str] = ("yolov3-tiny",),
@@ -111,18 +101,14 @@ def tradeoff(
     weathers: Sequence[str] = ("seen",),
     sizes: Sizes | None = None,
     seed: int = 0,
-    threads: int | None = None,
-    device: str = "cpu",
-    blender: Path | None = None,
-    render_device: str = "cpu",
-    executor: Executor | None = None,
-    on_progress: OnProgress = quiet,
     command: str = "",
+    **means: Unpack[Means],
 ) -> TradeOff:
     """Optimize a camouflage for each point and judge all; points differ in what is asked of the paint alone.
 
     Args:
         dataset: with light maps, to optimize on.
+        wanted: as of :func:`points`.
         detectors: to measure with, beside the attacked ones; every one that is ready if there are none.
 
     Raises:
@@ -130,36 +116,26 @@ def tradeoff(
     """
     data, size, out = dataset if isinstance(dataset, Dataset) else Dataset(Path(dataset)), sizes or Sizes(), Path(out)
     vehicle, sets = read_vehicle_choice(data.vehicle_folder), weather_sets(weathers)
+    engine = open_engine(out / "store", [data.folder], **means)
     every = [*attacked, *(detectors or ["all"])]
-    chosen = detectors_for(every, [vehicle.category], device, published=True)
+    chosen = detectors_for(every, [vehicle.category], engine.machine, published=True)
     white_boxes = chosen[vehicle.category][: len(attacked)]
-    machine = Machine(device, threads, blender, render_device).with_detectors(
-        one for _, one in chosen[vehicle.category]
-    )
-    store = Store(out / "store", [*store_around(data.folder), user_cache()])
-    engine = Engine(store, machine, on_progress, executor)
     training = recipes.views_in(data.folder)
-    paints = {
-        point.label: recipes.paint(
-            training,
-            make_settings(
-                steps=size.steps, batch=size.batch, map_size=size.map_size, seed=seed, samples=size.subsamples,
-                checkpoint_every=50, name=point.label, natural=point.natural, target=vehicle.target,
-            ),
-            [detector for _, detector in white_boxes],
-            [typed for typed, _ in white_boxes],
-        )
-        for point in wanted
-    }  # fmt: skip
+    paints = {}
+    for label, natural in wanted.items():
+        settings = make_settings(
+            steps=size.steps, batch=size.batch, map_size=size.map_size, seed=seed, samples=size.subsamples,
+            checkpoint_every=50, name=label, natural=natural, target=vehicle.target,
+        )  # fmt: skip
+        paints[label] = recipes.paint(training, settings, white_boxes)
     with alone_in(out):
-        folders = dict(zip(paints, engine.make(*paints.values()), strict=True))
+        folders = engine.make_named(paints)
         for label, folder in folders.items():
             link(out / "points" / label, folder)
         made = {label: folder / CAMOUFLAGE for label, folder in folders.items()}
+        worn = {vehicle: keep_paints(engine, out / "study", vehicle, made, None)}
         held_out = HeldOut(size.frames, size=size.size, samples=size.samples)
-        candidates = read_candidates([f"{label}={path}" for label, path in made.items()])
-        worn = {vehicle: keep_paints(engine, out / "study", vehicle, candidates, None)}
         places = held_out_places([vehicle], sets, held_out)
         study = judge(engine, out / "study", places, worn, Judges(chosen), command)
-    reference = next((p.natural for p in wanted if p.natural is not None and p.natural.reference), None)
+    reference = next((one for one in wanted.values() if one is not None and one.reference), None)
     return TradeOff(study, made, tuple(detector.name for _, detector in white_boxes), reference)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from typer.testing import CliRunner
 from pipelines.cli import app
 from pipelines.console import progress_bars
 from rauca_core.contract import Dataset, RaucaError, StoppedError
-from rauca_core.contract.assets import assets_folder
 from rauca_core.detect.load import resolve
 from rauca_core.study.artifact import read_recipe
 from rauca_core.study.study import load_study
@@ -67,17 +65,13 @@ def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_weights")
-def test_mistakes_are_told_before_anything_is_made(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    double = shutil.copy(assets_folder() / "weathers" / "unseen.json", tmp_path_factory.mktemp("own") / "seen.json")
+def test_mistakes_are_told_before_anything_is_made(tmp_path: Path) -> None:
     for asked, told in (
         (("nothing",), "ablation: no 'nothing'; choose one of baselines"),
         (("beta", "--variants", "beta-0,x"), "beta: no variant 'x'; choose of beta-100"),
         (("beta", "--weathers", "hail"), "weather preset 'hail' is unknown"),
-        (("beta", "--weathers", f"seen,{double}"), "seen.json: has the name of seen"),
-        (("beta", "--vehicle", "tank"), "--vehicle tank: no vehicle folder"),
         (("beta", "--attack", "nobody"), "nobody"),
         (("beta", "--detectors", "yolov3-tiny", "--lr", 5), "lr: input should be less than or equal to 1, not 5.0"),
-        (("beta", "--detectors", "yolov3-tiny", "--map-size", 100_000), "map_size: .*not 100000"),
         (("beta", "--slurm", "nodes=2"), "--slurm nodes=2: 'nodes=2' is none of kind, partition"),
     ):
         with pytest.raises(RaucaError, match=told):

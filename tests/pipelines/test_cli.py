@@ -89,7 +89,6 @@ def test_doctor_looks_at_everything():
         (["optimize", "nowhere", "--out", "x"], "nowhere: not a data set"),
         (["optimize", "nowhere", "--out", "x", "--batch", "0"], "batch: input should be greater than"),
         (["weights", "fetch", "yolov9"], "yolov9"),
-        (["evaluate", "nowhere", "--camouflage", "c.json", "--out", "x"], "nowhere: not a data set"),
         (["apply", "c.json", "--out", "car.png"], "--out must end in .blend"),
         (["dataset", "make", "--out", "x", "--vehicle", "no.obj"], "no.obj: no such vehicle"),
         (["demo", "--blender", "/no/blender", "--out", "x"], "/no/blender: no such program"),

@@ -118,14 +118,3 @@ def test_two_spellings_of_a_defence_are_one(tmp_path: Path, monkeypatch: pytest.
     asked = ["--vehicle", "sedan", "--detectors", "yolov4-tiny", "--defences", spelled, "--out", tmp_path]
     evaluate(*asked)
     assert [defence.name for defence in seen[0].defences] == ["none", "jpeg", "lgs:block=9,overlap=3"]
-
-
-def test_commas_of_a_defence_stay_with_it() -> None:
-    from pipelines.evaluate import split_defences
-
-    assert split_defences(["none,lgs:block=9,overlap=3,pad", "jpeg:quality=50"]) == [
-        "none",
-        "lgs:block=9,overlap=3",
-        "pad",
-        "jpeg:quality=50",
-    ]

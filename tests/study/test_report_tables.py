@@ -20,46 +20,16 @@ from rauca_core.report.study_page import headline
 from rauca_core.report.study_tables import curves_of, tables_of
 from rauca_core.report.table import BEST, SECOND, Block, Cell, Column, Row, Table, printed
 from rauca_core.report.writers import escape_latex, tables_csv, tables_json, tables_latex
-from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.study.detection_cache import DetectionCache
 from rauca_core.study.families import family_of, in_table_order
-from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
+from rauca_core.study.results import MEAN, Estimate, save_results
 from rauca_core.study.study import Entry, Study, load_study, save_study
+from tests.study.measured import made_up
 
 HOSTILE = "<script>alert(1)</script> & 50%_{x}\\end"
 PAINTS = ("normal", "random", "ours")
 DETECTORS = ("yolov3-tiny", "frcnn-synth", "detr", "faster-rcnn", "yolox-nano")
 SHARED = Path(os.environ.get("RAUCA_SHARED", Path(__file__).parents[3] / "shared"))
-
-
-def results(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> Results:
-    """Numbers of no meaning, all different."""
-    rng = np.random.default_rng(seed)
-
-    def estimate(ap: float) -> Estimate:
-        return Estimate(ap, ap * 0.9, min(1.0, ap * 1.1))
-
-    table = {}
-    for paint in paints:
-        values = {name: float(rng.random()) for name in detectors}
-        table[paint] = {
-            name: estimate(v) for name, v in {**values, MEAN: float(np.mean(list(values.values())))}.items()
-        }
-    frames = tuple(FrameRow(f"f{i}", "clear", 90.0 * i, 10, 6, 45, 0, (0, 0, 9, 9), i, i) for i in range(4))
-    mean = {paint: row[MEAN] for paint, row in table.items()}
-    ap = {paint: {name: row[name].ap for name in detectors} for paint, row in table.items()}
-    azimuths = tuple(Group(90.0 * i, 1, ap, mean) for i in range(4))
-    return Results(
-        dataset="made up",
-        settings=DetectionSettings(),
-        resamples=10,
-        seed=0,
-        detectors=dict.fromkeys(detectors, "0" * 64),
-        frames=frames,
-        dropped=(),
-        table=table,
-        groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap, mean),) for axis in AXES},
-        images={paint: tuple(ImageRow(f"{i}.png", "0") for i in range(4)) for paint in paints},
-    )
 
 
 def study_at(
@@ -75,7 +45,7 @@ def study_at(
     entries = []
     for number, (vehicle, weathers, defence) in enumerate(conditions):
         out = folder / str(number)
-        found = results(number, paints, detectors)
+        found = made_up(number, paints, detectors)
         save_results(out / "results.json", found)
         for name in detectors:
             cache = DetectionCache(out / "detections", name, found.detectors[name], found.settings)

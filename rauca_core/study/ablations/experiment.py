@@ -21,7 +21,7 @@ class Variant:
         title: in tables.
         settings: of `OptimizerSettings`, where they differ from the common ones or from those of ``method``.
         method: of the literature, whose settings it starts from; None for this project's own.
-        training: name of the data set that it is optimized on, see `training_sets`.
+        training: name of the data set that it is optimized on, see `ablate.TRAINING_SETS`.
         share: of that data set's frames.
         paper_row: its row in the paper's table; None where the paper has none.
         quick: take part in the quick size, too.
@@ -71,12 +71,6 @@ class Experiment:
     paper: str = ""
     seeds: int = 1
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        keys = [variant.key for variant in self.variants]
-        named = {key for claim in self.claims for key in (*claim.better, *claim.worse)}
-        if len(set(keys)) < len(keys) or named - {*keys, "normal", "random"}:
-            raise ValueError(f"{self.name}: variants {keys} do not fit the claims about {sorted(named)}")
 
     def variant(self, key: str) -> Variant:
         """The variant of that key; raises :class:`RaucaError` naming all when there is none."""

@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...contract.seeding import named_rng
 from ..candidates import NORMAL, RANDOM
 from ..families import is_own
-from ..recorded import Recorded
 from ..results import Estimate
-from ..scores import Curve, estimate
+from ..scores import Curve, Recorded, estimate
 from ..study import Entry, Study
 from .experiment import Claim, Experiment, Variant
 
@@ -93,8 +91,8 @@ class Scores:
 
     @property
     def detectors(self) -> tuple[str, ...]:
-        first = next(iter(self.curves.values()))
-        return tuple(next(iter(first.values())))
+        rows = self.curves[self.weathers[0]]
+        return tuple(next(iter(rows.values())))
 
     def ap(self, row: str, detectors: Sequence[str], weathers: Sequence[str]) -> Estimate:
         """AP of a row, averaged over detectors and sets of weathers."""
@@ -119,27 +117,19 @@ def score_rows(entries: Sequence[Entry], rows: Mapping[str, Sequence[str]]) -> S
     Raises:
         RaucaError: detections that the results count are not kept any more.
     """
-    return Scores({entry.weathers: _of_entry(entry, rows) for entry in entries})
-
-
-def _of_entry(entry: Entry, rows: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Curve]]:
-    results, recorded = entry.results, Recorded(entry)
-
-    def mean(detector: str, paints: Sequence[str], share: NDArray[np.float64]) -> Curve:
-        curves = np.stack([recorded.curve(detector, paint) for paint in paints], 1)
-        return np.asarray((share * curves).sum(1))
-
-    found = {}
-    for row, paints in rows.items():
-        share = _seed_shares(row, len(paints), results.resamples, results.seed)
-        found[row] = {detector: mean(detector, paints, share) for detector in results.detectors}
-    return found
-
-
-def _seed_shares(row: str, seeds: int, resamples: int, seed: int) -> NDArray[np.float64]:
-    """(1 + R, S): how much each seed counts; equally at first, then as often as it is drawn, for each row by itself."""
-    drawn = named_rng("seeds", row, seed).multinomial(seeds, np.full(seeds, 1 / seeds), size=resamples)
-    return np.concatenate([np.ones((1, seeds)), drawn]) / seeds
+    curves: dict[str, dict[str, dict[str, Curve]]] = {}
+    for entry in entries:
+        results, recorded = entry.results, Recorded(entry)
+        for row, paints in rows.items():
+            # (1 + R, S): how much each seed counts; equally at first, then as often as this row draws it.
+            seeds, rng = len(paints), named_rng("seeds", row, results.seed)
+            drawn = rng.multinomial(seeds, np.full(seeds, 1 / seeds), size=results.resamples)
+            share = np.concatenate([np.ones((1, seeds)), drawn]) / seeds
+            curves.setdefault(entry.weathers, {})[row] = {
+                name: (share * np.stack([recorded.curve(name, paint) for paint in paints], 1)).sum(1)
+                for name in results.detectors
+            }
+    return Scores(curves)
 
 
 def judge(claims: Sequence[Claim], scores: Scores, detectors: Sequence[str], attacked: Sequence[str]) -> list[Verdict]:
@@ -149,26 +139,20 @@ def judge(claims: Sequence[Claim], scores: Scores, detectors: Sequence[str], att
         detectors: whose mean AP decides, over all sets of weathers.
         attacked: white boxes among the measured detectors.
     """
-    rows = set(scores.curves[scores.weathers[0]])
-    return [
-        Verdict(
-            claim, tuple(_compare(better, worse, scores, detectors, attacked) for better, worse in _pairs(claim, rows))
-        )
-        for claim in claims
-        if all(any(key in rows for key in keys) for keys in (claim.better, claim.worse))
-    ]
-
-
-def _pairs(claim: Claim, rows: set[str]) -> list[tuple[str, str]]:
-    return [(b, w) for b in claim.better for w in claim.worse if b in rows and w in rows]
-
-
-def _compare(better: str, worse: str, scores: Scores, detectors: Sequence[str], attacked: Sequence[str]) -> Comparison:
     every = scores.weathers
-    scopes = {name: scores.difference(worse, better, detectors, [name]) for name in every if len(every) > 1}
-    if attacked:
-        scopes["white box"] = scores.difference(worse, better, attacked, every)
-    return Comparison(better, worse, scores.difference(worse, better, detectors, every), scopes)
+    known, verdicts = set(scores.curves[every[0]]), []
+
+    def compare(better: str, worse: str) -> Comparison:
+        scopes = {name: scores.difference(worse, better, detectors, [name]) for name in every if len(every) > 1}
+        if attacked:
+            scopes["white box"] = scores.difference(worse, better, attacked, every)
+        return Comparison(better, worse, scores.difference(worse, better, detectors, every), scopes)
+
+    for claim in claims:
+        pairs = [(b, w) for b in claim.better for w in claim.worse if b in known and w in known]
+        if pairs:
+            verdicts.append(Verdict(claim, tuple(compare(*pair) for pair in pairs)))
+    return verdicts
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, dataclass, fields
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 from torch import Tensor
 
-from ...contract import RaucaError
 from ...detect.interface import check_images
+from ...runtime.settings import Settings
+
+NO_DEFENCE = "none"
 
 
-class Defence(Protocol):
-    """Image pre-processing in front of any detector.
+class Defence(Settings):
+    """Image pre-processing in front of any detector; parameters are fields, name and fingerprint follow from them.
 
     Attributes:
-        name: what :func:`make_defence` makes this defence from: ``jpeg``, ``jpeg:quality=50``.
-        fingerprint: changes with every parameter and with the implementation; part of a cache's key.
+        kind: the name without parameters.
+        version: raised whenever the output changes for the same parameters.
     """
 
-    @property
-    def name(self) -> str: ...
+    model_config = ConfigDict(validate_default=True, arbitrary_types_allowed=True)
+    kind: ClassVar[str]
+    version: ClassVar[int] = 1
+
+    @classmethod
+    def parameters(cls) -> dict[str, int | float]:
+        """Default of each field that can be written in a name: the numbers."""
+        return {
+            name: field.default for name, field in cls.model_fields.items() if isinstance(field.default, int | float)
+        }
 
     @property
-    def fingerprint(self) -> str: ...
+    def name(self) -> str:
+        """What :func:`make_defence` makes it from: ``jpeg``, ``jpeg:quality=50``; defaults are left out."""
+        values = {name: getattr(self, name) for name in self.parameters()}
+        changed = [f"{name}={value}" for name, value in values.items() if value != self.parameters()[name]]
+        return self.kind + (":" + ",".join(changed) if changed else "")
+
+    @property
+    def fingerprint(self) -> str:
+        """Changes with every parameter and with the implementation; part of a cache's key."""
+        values = [f"{name}={getattr(self, name)!r}" for name in self.parameters()]
+        return " ".join([f"{self.kind}/{self.version}", *values])
 
     def __call__(self, images: Tensor) -> Tensor:
         """Defend images (B, 3, H, W), sRGB in [0, 1] -> the same shape and range; each image by itself.
@@ -34,51 +54,12 @@ class Defence(Protocol):
         Raises:
             RaucaError: another shape or type, NaN, values out of range.
         """
-        ...
-
-
-@dataclass(frozen=True)
-class Configured:
-    """A defence whose parameters are its dataclass fields; name and fingerprint follow from them.
-
-    Attributes:
-        kind: the name without parameters.
-        version: raised whenever the output changes for the same parameters.
-    """
-
-    kind: ClassVar[str]
-    version: ClassVar[int]
-
-    @classmethod
-    def parameters(cls) -> tuple[Field[Any], ...]:
-        """The fields that can be written in a name: the numbers."""
-        return tuple(field for field in fields(cls) if isinstance(field.default, int | float))
-
-    @property
-    def name(self) -> str:
-        """The kind, and the parameters that are not at their defaults."""
-        changed = [
-            f"{field.name}={getattr(self, field.name)}"
-            for field in self.parameters()
-            if getattr(self, field.name) != field.default
-        ]
-        return self.kind + (":" + ",".join(changed) if changed else "")
-
-    def check(self, images: Tensor) -> None:
-        """Raise :class:`RaucaError` unless the images are (B, 3, H, W) sRGB in [0, 1]."""
         check_images(f"defence {self.kind}", images, waits=True)
+        return self._defend(images)
 
-    @property
-    def fingerprint(self) -> str:
-        """Kind, version and every parameter."""
-        values = [f"{field.name}={getattr(self, field.name)!r}" for field in self.parameters()]
-        return " ".join([f"{self.kind}/{self.version}", *values])
-
-
-def require(holds: bool, kind: str, wrong: str, remedy: str) -> None:
-    """Refuse a parameter in one line; raises :class:`RaucaError` unless it ``holds``."""
-    if not holds:
-        raise RaucaError(f"defence {kind}: {wrong}; {remedy}")
+    def _defend(self, images: Tensor) -> Tensor:
+        """The same, of images that were checked."""
+        raise NotImplementedError
 
 
 def to_pixels(image: Tensor) -> NDArray[np.uint8]:

@@ -6,19 +6,17 @@ averaged over overlapping blocks; in blocks above a threshold every pixel is dar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf
 from typing import ClassVar
 
 import torch
+from pydantic import Field, ValidationInfo, field_validator
 from torch import Tensor
 from torch.nn import functional
 
-from .interface import Configured, require
+from .interface import Defence
 
 
-@dataclass(frozen=True)
-class LocalGradientsSmoothing(Configured):
+class LocalGradientsSmoothing(Defence):
     """LGS with the paper's parameters. Differentiable; the choice of blocks counts as constant.
 
     The paper leaves three things open. Color: squared differences are summed over the channels. Overlaps: a pixel is
@@ -32,22 +30,20 @@ class LocalGradientsSmoothing(Configured):
     """
 
     kind: ClassVar[str] = "lgs"
-    version: ClassVar[int] = 1
-    block: int = 15
-    overlap: int = 5
-    threshold: float = 0.1
-    smoothing: float = 2.3
+    block: int = Field(15, ge=1)
+    overlap: int = Field(5, ge=0)
+    threshold: float = Field(0.1, ge=0, le=1)
+    smoothing: float = Field(2.3, ge=0)
 
-    def __post_init__(self) -> None:
-        require(self.block >= 1, self.kind, f"block={self.block}", "give a number of pixels above 0")
-        fits = 0 <= self.overlap < self.block
-        require(fits, self.kind, f"overlap={self.overlap}", f"give 0 to block - 1 = {self.block - 1}")
-        require(0 <= self.threshold <= 1, self.kind, f"threshold={self.threshold}", "give 0 to 1")
-        require(0 <= self.smoothing < inf, self.kind, f"smoothing={self.smoothing}", "give 0 or more")
+    @field_validator("overlap")
+    @classmethod
+    def _less_than_a_block(cls, overlap: int, others: ValidationInfo) -> int:
+        if overlap >= others.data.get("block", overlap + 1):
+            raise ValueError("must be less than block")
+        return overlap
 
-    def __call__(self, images: Tensor) -> Tensor:
-        """(B, 3, H, W) sRGB -> darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
-        self.check(images)
+    def _defend(self, images: Tensor) -> Tensor:
+        """Darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
         gradient = normalized_gradient(images)
         crowded = self._crowded_blocks(gradient.detach())
         return images * (1 - (self.smoothing * gradient * crowded).clamp(0, 1))

@@ -7,19 +7,23 @@ that; where their mean is high, whole segments of the image are masked out. No t
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field
 from torch import Tensor
 
 from .heat_maps import mutual_information_map, recompression_map, scaled
-from .interface import Configured, require, to_pixels
+from .interface import Defence, to_pixels
+
+MOST_SHARED = 0.1  # of a segment that is masked already
 
 
+@runtime_checkable
 class Segmenter(Protocol):
     """What PAD snaps its heat map to; Segment Anything's automatic masks fit in here.
 
@@ -71,8 +75,7 @@ class GraphSegments:
         return np.asarray(graph.processImage(cv2.cvtColor(pixels, cv2.COLOR_RGB2LAB)), np.int32)
 
 
-@dataclass(frozen=True)
-class Pad(Configured):
+class Pad(Defence):
     """PAD with the published parameters, and superpixels where the authors use Segment Anything.
 
     That step is a deviation: :class:`GraphSegments` needs no weights, but knows colors, not objects. Its segments are
@@ -90,27 +93,19 @@ class Pad(Configured):
     """
 
     kind: ClassVar[str] = "pad"
-    version: ClassVar[int] = 1
-    weight: float = 0.5
-    percentile: float = 80.0
-    kernel: int = 80
-    covered: float = 0.5
-    segmenter: Segmenter = field(default_factory=GraphSegments)
-
-    def __post_init__(self) -> None:
-        require(0 <= self.weight <= 1, self.kind, f"weight={self.weight}", "give 0 to 1")
-        require(0 <= self.percentile <= 100, self.kind, f"percentile={self.percentile}", "give 0 to 100")
-        require(self.kernel >= 1, self.kind, f"kernel={self.kernel}", "give 1 or more")
-        require(0 <= self.covered < 1, self.kind, f"covered={self.covered}", "give 0 up to below 1")
+    weight: float = Field(0.5, ge=0, le=1)
+    percentile: float = Field(80.0, ge=0, le=100)
+    kernel: int = Field(80, ge=1)
+    covered: float = Field(0.5, ge=0, lt=1)
+    segmenter: Segmenter = Field(default_factory=GraphSegments)
 
     @property
     def fingerprint(self) -> str:
         """As of every defence, and the segmenter's and the version of the library that holds the codec."""
         return f"{super().fingerprint} {self.segmenter.fingerprint} opencv={cv2.__version__}"
 
-    def __call__(self, images: Tensor) -> Tensor:
-        """(B, 3, H, W) sRGB -> black where a patch is suspected."""
-        self.check(images)
+    def _defend(self, images: Tensor) -> Tensor:
+        """Black where a patch is suspected."""
         masks = np.array([self.mask(to_pixels(image)) for image in images], bool)
         masks = masks.reshape(len(images), 1, *images.shape[2:])
         return images.masked_fill(torch.from_numpy(masks).to(images.device), 0)
@@ -148,6 +143,3 @@ class Pad(Configured):
             square = np.ones((side, side), np.uint8)
             hot = np.asarray(cv2.morphologyEx(hot, operation, square, iterations=times), np.uint8)
         return hot > 0
-
-
-MOST_SHARED = 0.1  # of a segment that is masked already

@@ -1,0 +1,65 @@
+"""The detectors of a study: loaded once, checked before anything is rendered."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+from ..contract import RaucaError
+from ..detect import Detector, class_index, find_class, load_detector
+from ..detect.weights import ready_names
+from ..runtime.devices import find_device
+from .families import is_own
+from .job import Machine
+from .results import MEAN
+
+ALL = "all"
+LOG = logging.getLogger(__name__)
+Chosen = tuple[str, Detector]
+"""A detector, and what it was named by."""
+
+
+def detectors_for(
+    given: Sequence[Detector | str], categories: Sequence[str], machine: Machine, published: bool = False
+) -> dict[str, list[Chosen]]:
+    """The detectors that each category of vehicle is shown to, each loaded once and with what it was named by.
+
+    Args:
+        given: loaded ones, or names and files, which must know every category; ``all``, or nothing, for every one that
+            is ready, but for those that do not know a category.
+        machine: has them at hand from then on.
+        published: of the ready ones only those that were not trained on this project's images.
+
+    Raises:
+        RaucaError: none is ready, or a detector that was given does not know a category.
+    """
+    find_device(machine.device)
+    named = list(dict.fromkeys(one for one in given if one != ALL))
+    ready = [name for name in ready_names() if name not in named] if ALL in given or not given else []
+    ready = [name for name in ready if not (published and is_own(name))]
+    if not named and not ready:
+        raise RaucaError("--detectors: none is ready; get weights with `rauca weights fetch --all`")
+    loaded: list[Chosen] = [
+        (one, load_detector(one, device=machine.device)) if isinstance(one, str) else (one.name, one.to(machine.device))
+        for one in [*named, *ready]
+    ]
+    machine.loaded.update({detector.fingerprint: detector for _, detector in loaded})
+    result = {}
+    for category in dict.fromkeys(categories):
+        blind = {n for n, d in loaded if n in ready and find_class(d.class_names, category) is None}
+        for name in sorted(blind):
+            LOG.warning("%s: knows no class %r, left out there", name, category)
+        result[category] = [(name, detector) for name, detector in loaded if name not in blind]
+        check_detectors([detector for _, detector in result[category]], category)
+    return result
+
+
+def check_detectors(detectors: Sequence[Detector], category: str) -> None:
+    """Raise :class:`RaucaError` unless there are detectors, each with a name of its own and the class ``category``."""
+    names = [detector.name for detector in detectors]
+    if not names:
+        raise RaucaError("evaluate: no detectors given; name at least one")
+    if len(set(names)) != len(names) or MEAN in names:
+        raise RaucaError(f"evaluate: detectors {', '.join(names)} must have names of their own, none called {MEAN!r}")
+    for detector in detectors:
+        class_index(detector, category)

@@ -1,0 +1,69 @@
+"""Results of images that were drawn and not rendered: what a study does with its detections, on a folder of PNGs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rauca_core.contract import Dataset
+from rauca_core.detect import Detector
+from rauca_core.study.detecting import Pictures, detect_in, image_of
+from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
+from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results
+from rauca_core.study.scores import tabulate
+
+
+def measure(
+    dataset: Dataset,
+    renders: Mapping[str, Path],
+    detectors: Sequence[Detector],
+    out: Path,
+    resamples: int = 20,
+    only: Collection[str] | None = None,
+    defence: str = "none",
+    settings: DetectionSettings | None = None,
+) -> Results:
+    """Results of paints whose images lie in a data set's folder or in one of ``<frame id>.png``."""
+    every = [frame for frame in dataset.frames() if only is None or frame.id in only]
+    frames = [frame for frame in every if frame.box_xyxy is not None]
+    kept = settings or DetectionSettings()
+    caches = {one.name: DetectionCache(out / "detections", one.name, one.fingerprint, kept) for one in detectors}
+    paints = {}
+    for paint, folder in renders.items():
+        paints[paint] = Pictures.of(frames, [image_of(folder, frame.id) for frame in frames])
+        detect_in(paints[paint], [(one, caches[one.name]) for one in detectors], "cpu")
+    dropped = tuple(frame.id for frame in every if frame.box_xyxy is None)
+    return tabulate(dataset, paints, dict.fromkeys(paints, caches), out, resamples, defence, dropped)
+
+
+def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> Results:
+    """Numbers of no meaning, all different."""
+    rng = np.random.default_rng(seed)
+
+    def estimate(ap: float) -> Estimate:
+        return Estimate(ap, ap * 0.9, min(1.0, ap * 1.1))
+
+    table = {}
+    for paint in paints:
+        values = {name: float(rng.random()) for name in detectors}
+        table[paint] = {
+            name: estimate(v) for name, v in {**values, MEAN: float(np.mean(list(values.values())))}.items()
+        }
+    frames = tuple(FrameRow(f"f{i}", "clear", 90.0 * i, 10, 6, 45, 0, (0, 0, 9, 9), i, i) for i in range(4))
+    mean = {paint: row[MEAN] for paint, row in table.items()}
+    ap = {paint: {name: row[name].ap for name in detectors} for paint, row in table.items()}
+    azimuths = tuple(Group(90.0 * i, 1, ap, mean) for i in range(4))
+    return Results(
+        dataset="made up",
+        settings=DetectionSettings(),
+        resamples=10,
+        seed=0,
+        detectors=dict.fromkeys(detectors, "0" * 64),
+        frames=frames,
+        dropped=(),
+        table=table,
+        groups={axis: azimuths if axis == "azimuth_deg" else (Group(1.0, 4, ap, mean),) for axis in AXES},
+        images={paint: tuple(ImageRow(f"{i}.png", "0") for i in range(4)) for paint in paints},
+    )
