@@ -73,7 +73,7 @@ def curve(values: Sequence[float]) -> NDArray[np.float32]:
         # A flat curve runs through the middle.
         level = (points - low) / (high - low) if high > low else np.full(len(points), 0.5)
         heights = np.interp(np.arange(inner) / (inner - 1), np.linspace(0, 1, len(points)), level)
-        _draw(picture[:, MARGIN:-MARGIN], MARGIN + (1 - heights) * (inner - 1))
+        _draw(picture[:, MARGIN:-MARGIN], np.asarray(MARGIN + (1 - heights) * (inner - 1), np.float64))
     picture[:, :, :3] *= picture[:, :, 3:]
     return picture
 
