@@ -122,6 +122,22 @@ def test_districts_take_turns_in_an_order_of_the_seed(bpy_module):
     assert len(shapes) == 3  # straight, bend, crossing
 
 
+def test_tables_name_what_there_is(bpy_module):
+    from blender_addon.scene.town.sides import ROWS
+    from blender_addon.scene.town.tables import DISTRICTS, FURNITURE, GLAZINGS, PARKED, SURFACES, TREES
+
+    materials = {*SURFACES, *GLAZINGS}
+    for district in DISTRICTS:
+        assert {district.road, district.pavement, district.apron, *district.walls} <= materials, district.name
+        assert set(district.furniture) <= set(FURNITURE), district.name
+        assert set(district.trees) <= set(TREES), district.name
+        assert set(district.sides) <= set(ROWS), district.name
+    for name, thing in {**FURNITURE, **PARKED}.items():
+        used = {material for _, material, *_ in thing.solids} | {one for some in thing.colors.values() for one in some}
+        assert used <= materials | set(thing.colors), name
+    assert {leaf for tree in TREES.values() for leaf in tree.leaves} <= materials
+
+
 def test_most_views_see_the_vehicle(findings):
     assert np.mean([np.mean(f.occluded) for f in findings]) < 0.10
     assert max(np.mean(f.occluded) for f in findings) < 0.35
