@@ -1,6 +1,5 @@
 """The town: districts that differ, the same bits whichever way one comes, and room for the vehicle and the cameras."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,6 +47,8 @@ def findings(bpy_module):
 
 
 def _inspect(scene, town, location):
+    from blender_addon.scene.ring import eye_at
+
     result = Findings(town.layout(location).district.name, lamps=len(town.lamps))
     pose, depsgraph = town.pose(location), scene.view_layers[0].depsgraph
 
@@ -62,9 +63,7 @@ def _inspect(scene, town, location):
     aims = placed([(x, y, z) for x in (-2.0, 2.0) for y in (-0.8, 0.8) for z in (0.4, 1.3)])
     for azimuth in range(0, 360, 45):
         for elevation, distance in ((2, 5), (2, 8), (2, 11.5), (15, 8), (15, 11.5), (40, 6), (40, 11.5)):
-            flat, up = distance * math.cos(math.radians(elevation)), distance * math.sin(math.radians(elevation))
-            a = math.radians(azimuth + 10)
-            eye = placed([(flat * math.cos(a), flat * math.sin(a), max(0.7 + up, 0.3))])[0]
+            eye = placed(eye_at(azimuth + 10, elevation, distance, np.array([0.0, 0.0, 0.7])))
             result.occluded.append(np.mean([look(eye, aim)[0] for aim in aims]) > 0.5)
     for wheel in placed([(x, y, 0.5) for x in (-1.4, 1.4) for y in (-0.75, 0.75)]):
         hit, where, _, face, thing, _ = look(wheel, wheel - [0, 0, 2.0])
@@ -102,11 +101,10 @@ def _box_tree(corners):
 def _tree_of(thing):
     from mathutils.bvhtree import BVHTree
 
-    count = len(thing.data.vertices)
-    points = np.empty(3 * count)
-    thing.data.vertices.foreach_get("co", points)
+    from blender_addon.scene.blocks import values_of
+
     frame = np.array(thing.matrix_world)
-    placed = points.reshape(-1, 3) @ frame[:3, :3].T + frame[:3, 3]
+    placed = values_of(thing.data.vertices, "co", np.float32, 3) @ frame[:3, :3].T + frame[:3, 3]
     return BVHTree.FromPolygons(placed.tolist(), [tuple(p.vertices) for p in thing.data.polygons])
 
 

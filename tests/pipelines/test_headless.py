@@ -185,14 +185,6 @@ def test_mistakes_are_one_line_and_leave_nothing(tmp_path, arguments, message):
     assert not (tmp_path / "set").exists()
 
 
-def test_a_camouflage_of_another_vehicle_is_refused(dataset, tmp_path):
-    other = Camouflage("c", "truck", "f" * 16, 8, "plain")
-    save_camouflage(tmp_path / "c.json", other, png_bytes(np.zeros((8, 8, 3), np.uint8)))
-    told = refused(RENDER, "--dataset", dataset.folder, "--out", tmp_path / "renders", tmp_path / "c.json")
-    assert "made for the UV atlas ffffffffffffffff of truck" in told
-    assert not (tmp_path / "renders").exists()
-
-
 def test_a_disk_too_small_is_told_before_anything_is_written(tmp_path):
     enormous = ["--size", "8192", "--azimuths", "360", "--elevations", ",".join(map(str, range(60)))]
     assert "MiB free" in refused(MAKE, "--out", tmp_path / "set", *enormous)
