@@ -116,12 +116,12 @@ def detectors_train(
 @weights_app.command("list")
 def weights_list() -> None:
     """Show the weights that can be fetched, their licences and whether they are here."""
-    from rauca_core.detect.weights import status
+    from rauca_core.detect import SOURCES, status
 
     table = Table("name", "licence", "MiB", "state")
-    for entry in status():
-        size = f"{entry.source.size_bytes / 2**20:.0f}" if entry.source.size_bytes else "?"
-        table.add_row(entry.source.name, entry.source.licence, size, entry.state)
+    for name, state in status().items():
+        size = f"{SOURCES[name].size_bytes / 2**20:.0f}" if SOURCES[name].size_bytes else "?"
+        table.add_row(name, SOURCES[name].licence, size, state)
     output().print(table)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rauca_core.detect.weights import status
+from rauca_core.detect import SOURCES, status
 from rauca_core.runtime.blender import libraries_for
 from rauca_core.version import __version__
 
@@ -47,10 +47,9 @@ def findings() -> Iterator[Finding]:
     yield _torch()
     yield from (_package(name) for name in PACKAGES)
     yield from _blender()
-    for entry in status():
-        remedy = f"rauca weights fetch {entry.source.name}"
-        optional = not entry.source.standard and entry.state == "not fetched"
-        yield Finding(f"weights {entry.source.name}", entry.state, entry.ready or optional, remedy)
+    for name, state in status().items():
+        optional = not SOURCES[name].standard and state == "not fetched"
+        yield Finding(f"weights {name}", state, state == "ready" or optional, f"rauca weights fetch {name}")
 
 
 def _torch() -> Finding:

@@ -6,7 +6,7 @@ from .darknet import DarknetDetector
 from .interface import DensePredictions, Detections, Detector, check_images
 from .load import load_detector, resolve
 from .nms import box_iou
-from .weights import WeightsStatus, fetch, status, weights_folder
+from .weights import fetch, status, weights_folder
 
 __all__ = [
     "SOURCES",
@@ -15,7 +15,6 @@ __all__ = [
     "Detections",
     "Detector",
     "Source",
-    "WeightsStatus",
     "box_iou",
     "canonical",
     "car_score",

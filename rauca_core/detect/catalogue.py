@@ -13,14 +13,7 @@ from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Record, read_json
 from .classes import class_list
-
-FAMILIES = ("darknet", "tf-ssd", "caffe-ssd", "onnx", "torchvision", "transformers", "mmdet", "synth")
-# MMDetection 3 as it installs: from source where no compiled operators fit torch, and without what would replace ours.
-MMDET_INSTALL = (
-    "pip install 'setuptools<81' wheel ninja psutil addict yapf termcolor terminaltables pyyaml matplotlib pycocotools "
-    "scipy shapely tqdm six && MMCV_WITH_OPS=1 FORCE_CUDA=0 pip install --no-deps --no-build-isolation "
-    "--no-binary mmcv mmcv==2.1.0 && pip install --no-deps mmengine==0.10.7 mmdet==3.3.0"
-)
+from .families import FAMILIES
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +60,7 @@ class Source(Record):
     """
 
     name: str
-    family: Annotated[str, FAMILIES]
+    family: Annotated[str, tuple(FAMILIES)]
     categories: str
     licence: str
     files: tuple[WeightsFile, ...] = ()

@@ -20,6 +20,7 @@ from ..contract.reading import require_file
 from .classes import unusual_names
 from .darknet_network import Convolution, DarknetNetwork
 from .dry_run import dry_run
+from .families import Resolved
 from .interface import DensePredictions
 from .letterbox import Letterbox
 from .nms import SinglePassDetector
@@ -129,3 +130,9 @@ class DarknetDetector(SinglePassDetector):
         found: DensePredictions = self.network(box.fit(images))
         found.boxes = box.boxes_to_image(found.boxes)
         return found
+
+
+def load(found: Resolved, size: int | None) -> DarknetDetector:
+    """Of weights and a cfg."""
+    weights, cfg = found.files
+    return DarknetDetector(found.name, cfg, weights, found.names, size)

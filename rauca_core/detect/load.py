@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -13,33 +13,11 @@ from ..contract import RaucaError
 from ..runtime.devices import find_device
 from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
+from .families import FAMILIES, Resolved
 from .interface import Detector
 from .weights import shipped_path, stored_paths, verify
 
-_FAMILY_OF: dict[str, str] = {
-    ".weights": "darknet",
-    ".pb": "tf-ssd",
-    ".caffemodel": "caffe-ssd",
-    ".onnx": "onnx",
-    ".safetensors": "synth",
-}
-
-
-@dataclass(frozen=True)
-class Resolved:
-    """Everything a detector is built from.
-
-    Attributes:
-        files: the weights first, in the order of the source's files.
-        class_names: None when the weights say so themselves, as many ONNX and transformers files do.
-        network: see :class:`rauca_core.detect.Source`.
-    """
-
-    name: str
-    family: str
-    files: tuple[Path, ...]
-    class_names: tuple[str, ...] | None
-    network: str = ""
+_FAMILY_OF = {family.suffix: name for name, family in FAMILIES.items() if family.suffix}
 
 
 def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved:
@@ -59,7 +37,7 @@ def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved
     found = _find(name_or_path, named=classes is not None)
     if classes is None:
         return found
-    if found.family in ("transformers", "synth"):
+    if FAMILIES[found.family].named:
         raise RaucaError(f"{found.name}: a {found.family} detector's files name its classes; leave classes out")
     return replace(found, class_names=tuple(classes))
 
@@ -68,17 +46,51 @@ def _find(name_or_path: str, named: bool) -> Resolved:
     name, equals, path = name_or_path.partition("=")
     if equals and "/" not in name and not Path(name_or_path).is_file():  # a path may hold an equals sign
         source = find_source(name)
-        return _resolved(source, _own_files(source, Path(path)))
-    name = name_or_path
-    if name in SOURCES or Path(name).suffix not in _FAMILY_OF:
-        source = find_source(name)
-        if source.family == "synth":
-            return _resolved(source, (shipped_path(source),))
-        if not source.files:
-            raise RaucaError(f"{name}: its weights must be given as {name}=PATH; get them with: {source.how}")
-        verify(source)
-        return _resolved(source, stored_paths(source))
-    return _by_path(Path(name), named)
+        return _of_source(source, _own_files(source, Path(path).expanduser()))
+    if name_or_path not in SOURCES and Path(name_or_path).suffix in _FAMILY_OF:
+        return _by_path(_existing(Path(name_or_path).expanduser()), named)
+    source = find_source(name_or_path)
+    if source.family == "synth":
+        return _of_source(source, (shipped_path(source),))
+    if not source.files:
+        raise RaucaError(f"{source.name}: its weights must be given as {source.name}=PATH; get them with: {source.how}")
+    verify(source)
+    return _of_source(source, stored_paths(source))
+
+
+def _of_source(source: Source, files: tuple[Path, ...]) -> Resolved:
+    names = source.class_names if source.categories else None
+    files += (source.cfg,) if source.family == "darknet" else ()
+    return Resolved(source.name, source.family, files, names, source.network)
+
+
+def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
+    """The user's own weights for a named network."""
+    family = FAMILIES[source.family]
+    if family.folder:
+        if not path.is_dir():
+            raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
+        return (path,)
+    beside = (_existing(path.with_suffix(family.beside)),) if source.family == "caffe-ssd" else ()
+    return (_existing(path), *beside)
+
+
+def _by_path(weights: Path, named: bool) -> Resolved:
+    name = _FAMILY_OF[weights.suffix]
+    family, names = FAMILIES[name], weights.with_suffix(".names")
+    beside = [weights.with_suffix(family.beside)] if family.beside else []
+    for path in [*beside, *([names] if name == "darknet" and not named else [])]:
+        if not path.is_file():
+            other = f", or write NETWORK={weights}" if name == "darknet" else ""
+            raise RaucaError(f"{path}: not found; it must lie beside {weights.name}{other}")
+    usual = class_list(family.classes) if family.classes else None
+    return Resolved(weights.stem, name, (weights, *beside), read_names(names) if names.is_file() else usual)
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        raise RaucaError(f"{path}: not found")
+    return path
 
 
 def load_detector(
@@ -105,7 +117,7 @@ def load_detector(
     if isinstance(detector, nn.Module):
         return _of_module(detector, size, classes).to(place)
     found = resolve(str(detector), classes)
-    return _MAKERS[found.family](found, size).to(place)
+    return FAMILIES[found.family].load(found, size).to(place)
 
 
 def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None) -> Detector:
@@ -117,135 +129,3 @@ def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None
     if names is None or size is not None:
         raise RaucaError(f"{name}: a model in memory knows its size but no class names; give classes, leave size out")
     return TorchvisionDetector.of(model, name, names)
-
-
-def _resolved(source: Source, files: tuple[Path, ...]) -> Resolved:
-    names = source.class_names if source.categories else None
-    return Resolved(source.name, source.family, files, names, source.network)
-
-
-def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
-    """The user's own weights for a named network."""
-    path = path.expanduser()
-    if source.family in ("transformers", "mmdet"):
-        if not path.is_dir():
-            raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
-        return (path,)
-    return _with_prototxt(path) if source.family == "caffe-ssd" else (_existing(path),)
-
-
-def _by_path(path: Path, named: bool) -> Resolved:
-    weights = _existing(path)
-    family = _FAMILY_OF[weights.suffix]
-    names = weights.with_suffix(".names")
-    if family == "darknet":
-        for beside in (weights.with_suffix(".cfg"), *(() if named else (names,))):
-            if not beside.is_file():
-                raise RaucaError(f"{beside}: not found; it must lie beside {weights.name}, or write NETWORK={weights}")
-    usual = {"tf-ssd": "coco-91", "caffe-ssd": "voc-20"}
-    class_names = read_names(names) if names.is_file() else class_list(usual[family]) if family in usual else None
-    files = _with_prototxt(weights) if family == "caffe-ssd" else (weights,)
-    return Resolved(weights.stem, family, files, class_names)
-
-
-def _with_prototxt(weights: Path) -> tuple[Path, ...]:
-    return _existing(weights), _existing(weights.with_suffix(".prototxt"))
-
-
-def _existing(path: Path) -> Path:
-    path = path.expanduser()
-    if not path.is_file():
-        raise RaucaError(f"{path}: not found")
-    return path
-
-
-# Each adapter is imported when one of its detectors is wanted: frameworks take seconds, and may not be installed.
-
-
-def _darknet(found: Resolved, size: int | None) -> Detector:
-    from .darknet import DarknetDetector
-
-    weights = found.files[0]
-    cfg = find_source(found.name).cfg if found.network else weights.with_suffix(".cfg")
-    return DarknetDetector(found.name, cfg, weights, _names(found), size)
-
-
-def _tf_ssd(found: Resolved, size: int | None) -> Detector:
-    from .graphs import TfSsdDetector
-
-    return TfSsdDetector(found.name, found.files[0], _names(found), size)
-
-
-def _caffe_ssd(found: Resolved, size: int | None) -> Detector:
-    from .graphs import CaffeSsdDetector
-
-    _refuse_size(found, size)
-    return CaffeSsdDetector(found.name, found.files[1], found.files[0], _names(found))
-
-
-def _onnx(found: Resolved, size: int | None) -> Detector:
-    from .onnx_detector import OnnxDetector
-
-    return OnnxDetector(
-        found.name, found.files[0], found.class_names, size, "yolox" if found.network == "yolox" else None
-    )
-
-
-def _torchvision(found: Resolved, size: int | None) -> Detector:
-    from .frameworks import TorchvisionDetector
-
-    return TorchvisionDetector(found.name, found.network, found.files[0], _names(found), size=size)
-
-
-def _transformers(found: Resolved, size: int | None) -> Detector:
-    from .frameworks import TransformersDetector
-
-    return TransformersDetector(found.name, found.files[0], size=size)
-
-
-def _mmdet(found: Resolved, size: int | None) -> Detector:
-    from .frameworks import MmdetDetector
-
-    _refuse_size(found, size)
-    folder = found.files[0]
-    config, checkpoint = (_only(folder, pattern) for pattern in ("*.json", "*.pth"))
-    return MmdetDetector(found.name, config, checkpoint, found.class_names)
-
-
-def _synth(found: Resolved, size: int | None) -> Detector:
-    from .synth import load_weights
-
-    _refuse_size(found, size)
-    return load_weights(found.files[0])
-
-
-def _names(found: Resolved) -> tuple[str, ...]:
-    if found.class_names is None:
-        raise RaucaError(
-            f"{found.name}: no class names; write them, one per line, into a .names file beside the weights"
-        )
-    return found.class_names
-
-
-def _refuse_size(found: Resolved, size: int | None) -> None:
-    if size is not None:
-        raise RaucaError(f"{found.name}: the input size of a {found.family} detector is its own; leave size out")
-
-
-def _only(folder: Path, pattern: str) -> Path:
-    found = sorted(folder.glob(pattern))
-    if len(found) != 1:
-        raise RaucaError(f"{folder}: must hold exactly one {pattern}, found {len(found)}")
-    return found[0]
-
-
-_MAKERS: dict[str, Callable[[Resolved, int | None], Detector]] = {
-    "darknet": _darknet,
-    "tf-ssd": _tf_ssd,
-    "caffe-ssd": _caffe_ssd,
-    "onnx": _onnx,
-    "torchvision": _torchvision,
-    "transformers": _transformers,
-    "mmdet": _mmdet,
-    "synth": _synth,
-}

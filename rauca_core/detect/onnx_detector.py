@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from ..contract import RaucaError
 from .classes import class_list, unusual_names
 from .darknet_network import precise
+from .families import Resolved
 from .interface import DensePredictions, check_images, in_type_of
 from .nms import SinglePassDetector
 from .onnx_fusion import fuse
@@ -103,6 +104,12 @@ class OnnxDetector(SinglePassDetector):
             return torch.cat([run(one) for one in prepared.split(1)])
         found: Tensor = run(prepared)
         return found
+
+
+def load(found: Resolved, size: int | None) -> OnnxDetector:
+    """Of a graph, which may name its classes itself."""
+    family: GraphFamily | None = "yolox" if found.network == "yolox" else None
+    return OnnxDetector(found.name, found.files[0], found.class_names, size, family)
 
 
 def _takes_batches(session: Session, image: Tensor) -> bool:

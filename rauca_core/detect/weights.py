@@ -15,14 +15,14 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.files import TEMPORARY_PREFIX, disk_errors, file_digest, require_space
-from .catalogue import MMDET_INSTALL, SOURCES, Source, WeightsFile, find_source
+from .catalogue import SOURCES, Source, WeightsFile, find_source
+from .families import FAMILIES
 
 _CHUNK = 2**20
 _CONNECT_SECONDS = 30
@@ -220,41 +220,18 @@ def _whole(file: WeightsFile) -> bool:
     return path.is_file() and path.stat().st_size == (file.size_bytes or path.stat().st_size)
 
 
-@dataclass(frozen=True)
-class WeightsStatus:
-    """One line of ``rauca weights list``; ``state`` is ``"ready"``, ``"not fetched"`` or what is wrong."""
-
-    source: Source
-    path: Path
-    state: str
-
-    @property
-    def ready(self) -> bool:
-        return self.state == "ready"
+def status() -> dict[str, str]:
+    """Of each source that can be fetched: ``"ready"``, ``"not fetched"`` or what is wrong; loading checks the hash."""
+    return {source.name: _state(source) for source in SOURCES.values() if source.files}
 
 
-def status() -> list[WeightsStatus]:
-    """What can be fetched, and whether it is here and whole (by size; loading checks the hash)."""
-    return [_status(source) for source in SOURCES.values() if source.files]
-
-
-def _status(source: Source) -> WeightsStatus:
+def _state(source: Source) -> str:
     for file, path in zip(source.files, stored_paths(source), strict=True):
         if not path.is_file():
-            return WeightsStatus(source, path, "not fetched")
+            return "not fetched"
         if not _whole(file):
-            return WeightsStatus(source, path, f"{path.stat().st_size} bytes, expected {file.size_bytes}")
-    return WeightsStatus(source, stored_path(source), "ready")
-
-
-# Packages an adapter imports beyond rauca's own requirements, each under the name it is imported by.
-_PACKAGES: dict[str, tuple[str, ...]] = {
-    "onnx": ("onnx", "onnx2torch", "torchvision"),
-    "torchvision": ("torchvision",),
-    "transformers": ("transformers", "torchvision"),
-    "mmdet": ("mmdet", "mmengine", "mmcv"),
-    "synth": ("torchvision", "transformers"),
-}
+            return f"{path.stat().st_size} bytes, expected {file.size_bytes}"
+    return "ready"
 
 
 @dataclass(frozen=True)
@@ -288,26 +265,16 @@ class Listed:
 
 def listing() -> list[Listed]:
     """Every detector that has a name."""
-    fetched = {entry.source.name for entry in status() if entry.ready}
-    return [Listed(source, _missing_package(source), _missing_weights(source, fetched)) for source in SOURCES.values()]
+    listed = []
+    for source in SOURCES.values():
+        here = (
+            shipped_path(source).is_file() if source.family == "synth" else source.files and _state(source) == "ready"
+        )
+        remedy = f"rauca weights fetch {source.name}" if source.files else source.how
+        listed.append(Listed(source, FAMILIES[source.family].missing_package, "" if here else remedy))
+    return listed
 
 
 def ready_names() -> list[str]:
     """Of the detectors that can be loaded by name alone, here and now."""
     return [entry.source.name for entry in listing() if entry.ready]
-
-
-def _missing_package(source: Source) -> str:
-    if all(find_spec(package) for package in _PACKAGES.get(source.family, ())):
-        return ""
-    if source.family == "mmdet":
-        return MMDET_INSTALL
-    return "pip install 'rauca[detectors]'"
-
-
-def _missing_weights(source: Source, fetched: set[str]) -> str:
-    if source.family == "synth":
-        return "" if shipped_path(source).is_file() else source.how
-    if source.files:
-        return "" if source.name in fetched else f"rauca weights fetch {source.name}"
-    return source.how

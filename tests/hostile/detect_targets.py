@@ -20,7 +20,7 @@ from rauca_core.detect.graphs import CaffeSsdDetector, TfSsdDetector
 from rauca_core.detect.onnx_detector import OnnxDetector
 from rauca_core.detect.synth.card import load_network
 from tests.detect.conftest import EVERY_LAYER, write_random_weights
-from tests.detect.graphs.conftest import PROTO, ssd_graph
+from tests.detect.graphs.conftest import ssd_graph, write
 
 from .mutate import mutate_json, mutate_text
 from .target import Target
@@ -92,13 +92,14 @@ def _read_tf(folder: Path) -> None:
 
 def _caffe(folder: Path) -> None:
     (folder / "net.prototxt").write_text(PROTOTXT)
-    net, rng = PROTO.NetParameter(name="small"), np.random.default_rng(1)
+    rng, layers = np.random.default_rng(1), []
     for name, shapes in BLOBS.items():
-        layer = net.layer.add(name=name)
-        for shape in shapes:
-            blob = layer.blobs.add(shape=PROTO.BlobShape(dim=shape))
-            blob.data.extend(rng.uniform(0.1, 1, shape).astype("f4").ravel().tolist())
-    (folder / "net.caffemodel").write_bytes(net.SerializeToString())
+        blobs = [
+            write("BlobProto", data=rng.uniform(0.1, 1, shape).ravel(), shape=write("BlobShape", dim=shape))
+            for shape in shapes
+        ]
+        layers.append(write("LayerParameter", name=name, blobs=blobs))
+    (folder / "net.caffemodel").write_bytes(write("NetParameter", layer=layers))
 
 
 def _read_caffe(folder: Path) -> None:

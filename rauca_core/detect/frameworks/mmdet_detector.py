@@ -15,8 +15,8 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
-from ..catalogue import MMDET_INSTALL
 from ..classes import class_list
+from ..families import MMDET_INSTALL, Resolved
 from ..interface import DensePredictions, Detections, check_images
 from ..nms import clipped
 from .checkpoint import fill, fingerprint, read_state
@@ -116,6 +116,17 @@ class MmdetDetector:
             predicted = self.model.predict(batch, samples, rescale=False)
         scale = batch.new_tensor([images.shape[3] / size[1], images.shape[2] / size[0]] * 2)
         return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
+
+
+def load(found: Resolved, size: int | None) -> MmdetDetector:
+    """Of a folder with a dumped configuration and a checkpoint; the size is the configuration's."""
+    files = []
+    for pattern in ("*.json", "*.pth"):
+        held = sorted(found.files[0].glob(pattern))
+        if len(held) != 1:
+            raise RaucaError(f"{found.files[0]}: must hold exactly one {pattern}, found {len(held)}")
+        files += held
+    return MmdetDetector(found.name, *files, class_names=found.class_names)
 
 
 def import_registry() -> Any:

@@ -14,6 +14,7 @@ from torch.nn import functional
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
+from ..families import Resolved
 from ..interface import DensePredictions, Detections, check_images
 from .checkpoint import fill, fingerprint, read_state
 from .torchvision_ops import import_torchvision
@@ -207,6 +208,11 @@ class TorchvisionDetector:
         if transform.fixed_size is None and shorter * transform.max_size < longer:  # scaled, thinner than one pixel
             raise RaucaError(f"{self.name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
         return list(images.to(next(self.model.parameters()).dtype))
+
+
+def load(found: Resolved, size: int | None) -> TorchvisionDetector:
+    """Of a checkpoint of a named architecture."""
+    return TorchvisionDetector(found.name, found.network, found.files[0], found.names, size=size)
 
 
 def _set_size(name: str, model: Any, size: int) -> None:

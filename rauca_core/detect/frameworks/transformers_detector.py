@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from ...contract import RaucaError
 from ..batch_norm import freeze_batch_norms
 from ..classes import canonical
+from ..families import Resolved
 from ..interface import DensePredictions, Detections, check_images
 from ..nms import clipped
 from .checkpoint import fingerprint
@@ -140,6 +141,11 @@ class TransformersDetector:
         boxes = boxes * boxes.new_tensor([images.shape[3], images.shape[2]] * 2)
         classes = found.logits.softmax(-1)[..., :-1] if self._family.softmax else found.logits.sigmoid()
         return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), classes)
+
+
+def load(found: Resolved, size: int | None) -> TransformersDetector:
+    """Of a folder."""
+    return TransformersDetector(found.name, found.files[0], size=size)
 
 
 def _settings(value: Any) -> Any:

@@ -3,23 +3,50 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
-import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor, fx, nn
 from torch.nn import functional
 
 from ...contract import RaucaError
-from ..dry_run import dry_run
 from ..interface import DensePredictions
 from ..nms import SinglePassDetector
-from .network import IMAGE, Affine, Array, Layer, LayerNetwork, simplify
+from .network import Array
 
+MAX_SIZE = 2048  # of the square input, pixels
 # exp(10) anchors are wider than any image; beyond that only the gradient would be lost to infinity
 MAX_LOG_SIZE = 10.0
+# COCO numbers its 80 categories from 1 to 90; these ids were never given out, but heads have columns for them.
+COCO_GAPS = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
+COCO_IDS = tuple(label for label in range(1, 91) if label not in COCO_GAPS)
+
+
+@dataclass(frozen=True)
+class SsdParts:
+    """What the readers of file formats deliver.
+
+    Attributes:
+        path: of the network's description; errors name it.
+        network: from sRGB (B, 3, size, size) in [0, 1] to encodings, (B, N, 4) or flat, and probabilities, (B, N,
+            columns) or flat; column 0 is the background.
+        anchors: (N, 4) center x, y, width, height, relative to the image.
+        variances: (4,) factors on the encoded x, y, width, height.
+        columns: of the scores, the background among them; None where the file does not say.
+        size: of the square input, pixels.
+        rows_first: encodings are y, x, height, width.
+        half_pixel_centers: see :func:`stretch`.
+    """
+
+    path: Path
+    network: fx.GraphModule
+    anchors: Array
+    variances: Array
+    columns: int | None
+    size: int
+    rows_first: bool
+    half_pixel_centers: bool
 
 
 class CenterSizeBoxes(nn.Module):
@@ -37,11 +64,9 @@ class CenterSizeBoxes(nn.Module):
             rows_first: encodings are y, x, height, width (TensorFlow) instead of x, y, width, height (caffe).
         """
         super().__init__()
-        order = [1, 0, 3, 2] if rows_first else [0, 1, 2, 3]
+        self.order = [1, 0, 3, 2] if rows_first else [0, 1, 2, 3]
         scale = variances * anchors[:, [2, 3, 2, 3]]
         scale[:, 2:] = variances[2:]
-        self.order: Tensor
-        self.register_buffer("order", torch.tensor(order), persistent=False)
         self.scale = nn.Parameter(torch.from_numpy(scale).float(), requires_grad=False)
         self.center = nn.Parameter(torch.from_numpy(anchors[:, :2]).float(), requires_grad=False)
         self.size = nn.Parameter(torch.from_numpy(anchors[:, 2:]).float(), requires_grad=False)
@@ -54,9 +79,75 @@ class CenterSizeBoxes(nn.Module):
         return torch.cat([center - half, center + half], -1)
 
 
-# COCO numbers its 80 categories from 1 to 90; these ids were never given out, but heads have columns for them.
-COCO_GAPS = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
-COCO_IDS = tuple(label for label in range(1, 91) if label not in COCO_GAPS)
+class SsdNetwork(nn.Module):
+    """Encodings and scores of all anchors, decoded; weights take no gradient."""
+
+    def __init__(self, parts: SsdParts) -> None:
+        super().__init__()
+        self.layers = parts.network
+        self.boxes = CenterSizeBoxes(parts.anchors, parts.variances, parts.rows_first)
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, 3, size, size) sRGB -> boxes (B, N, 4) xyxy relative to the image, probabilities (B, N, columns)."""
+        boxes, scores = self.layers(images.contiguous(memory_format=torch.channels_last))
+        rows = len(images), len(self.boxes.center), -1  # caffe leaves both flat
+        return self.boxes(boxes.reshape(rows)), scores.reshape(rows)
+
+
+class SsdDetector(SinglePassDetector):
+    """A single-shot detector with anchors.
+
+    Images are stretched to the network's square, not letterboxed: so the networks were trained. ``objectness`` is one
+    everywhere, ``classes`` are the scores without the background, so that their product is the network's own score.
+
+    Attributes:
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        size: the network's square input, pixels.
+        network: the differentiable layers.
+    """
+
+    network: SsdNetwork
+
+    def __init__(self, name: str, parts: SsdParts, class_names: tuple[str, ...], files: tuple[Path, ...]) -> None:
+        """Build the network and run it once.
+
+        Raises:
+            RaucaError: heads that do not fit the anchors, values that are not finite, another number of classes.
+        """
+        self.name = name
+        self.class_names = tuple(class_names)
+        self.size = parts.size
+        self._half_pixel_centers = parts.half_pixel_centers
+        self._columns = list(score_columns(parts.path, _count_columns(parts), self.class_names))
+        self.network = SsdNetwork(parts)
+        found = self.network(torch.full((1, 3, self.size, self.size), 0.5))
+        if not all(values.isfinite().all() for values in found):
+            raise RaucaError(f"{parts.path}: predicts values that are not finite; the file is damaged")
+        digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+        self.fingerprint = hashlib.sha256(" ".join([*digests, str(self.size), *class_names]).encode()).hexdigest()
+
+    def _predict(self, images: Tensor) -> DensePredictions:
+        boxes, scores = self.network(stretch(images, self.size, self._half_pixel_centers))
+        height, width = images.shape[2:]
+        boxes = boxes * images.new_tensor([width, height, width, height])
+        classes = scores[..., 1:] if len(self._columns) == scores.shape[2] - 1 else scores[..., self._columns]
+        return DensePredictions(boxes, torch.ones_like(classes[..., 0]), classes)
+
+
+def _count_columns(parts: SsdParts) -> int:
+    """Score columns of heads that fit the anchors and what the file declares."""
+    count = len(parts.anchors)
+    boxes, scores = (node.meta["value"] for node in parts.network.graph.output_node().args[0])
+    rows, columns = boxes.numel() // 4, scores.numel() // max(count, 1)
+    if (
+        boxes.numel() != 4 * count
+        or scores.numel() != columns * count
+        or scores.shape[1] not in (count, scores.numel())
+    ):
+        raise RaucaError(f"{parts.path}: {count} anchors, but heads of {rows} boxes and {scores.numel()} scores")
+    if columns != (parts.columns or columns):
+        raise RaucaError(f"{parts.path}: {columns} score columns, but {parts.columns} are declared")
+    return columns
 
 
 def score_columns(path: Path, columns: int, class_names: tuple[str, ...]) -> tuple[int, ...]:
@@ -102,126 +193,3 @@ def _lerp(images: Tensor, axis: int, size: int) -> Tensor:
     weight = (position - low).to(images.dtype).reshape([-1 if a == axis else 1 for a in range(4)])
     before = images.index_select(axis, low)
     return torch.lerp(before, images.index_select(axis, (low + 1).clamp(max=extent - 1)), weight)
-
-
-@dataclass(frozen=True)
-class SsdParts:
-    """What the readers of file formats deliver.
-
-    Attributes:
-        path: of the network's description; errors name it.
-        layers: from the normalized image (B, 3, size, size) to the two values below.
-        boxes: the value with the encodings, (B, N, 4) or (B, N * 4).
-        scores: the value with the probabilities, (B, N, columns) or (B, N * columns); column 0 is the background.
-        anchors: (N, 4) center x, y, width, height, relative to the image.
-        variances: (4,) factors on the encoded x, y, width, height.
-        columns: of the scores, the background among them; None where the file does not say.
-        normalization: (scale, shift) from sRGB in [0, 1] to what the layers take.
-        size: of the square input, pixels.
-        rows_first: encodings are y, x, height, width.
-        blue_first: the network takes BGR.
-        half_pixel_centers: see :func:`rauca_core.detect.graphs.ssd.stretch`.
-    """
-
-    path: Path
-    layers: list[Layer]
-    boxes: str
-    scores: str
-    anchors: Array
-    variances: Array
-    columns: int | None
-    normalization: tuple[float, float]
-    size: int
-    rows_first: bool
-    blue_first: bool
-    half_pixel_centers: bool
-
-
-class SsdDetector(SinglePassDetector):
-    """A single-shot detector with anchors.
-
-    Images are stretched to the network's square, not letterboxed: so the networks were trained. ``objectness`` is one
-    everywhere, ``classes`` are the scores without the background, so that their product is the network's own score.
-
-    Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        size: the network's square input, pixels.
-        network: the differentiable layers; their weights take no gradient.
-    """
-
-    network: LayerNetwork
-
-    def __init__(self, name: str, parts: SsdParts, class_names: tuple[str, ...], files: tuple[Path, ...]) -> None:
-        """Build the network and run it once.
-
-        Raises:
-            RaucaError: layers whose shapes do not fit together, another number of anchors or classes.
-        """
-        self.name = name
-        self.class_names = tuple(class_names)
-        self.size = parts.size
-        self._parts = replace(parts, layers=[])  # their weights are the network's now
-        outputs = (parts.boxes, parts.scores)
-        self.network = LayerNetwork(simplify(_with_normalization(parts), outputs), outputs)
-        self.boxes = CenterSizeBoxes(parts.anchors, parts.variances, parts.rows_first)
-        self._columns = torch.tensor(score_columns(parts.path, self._count_columns(), self.class_names))
-        self.fingerprint = _fingerprint(files, self.size, self.class_names)
-
-    def _count_columns(self) -> int:
-        """Score columns of a first run, which also proves that everything fits together."""
-        count = len(self._parts.anchors)
-        dry_run(self._parts.path, self.network, self.size)
-        with torch.no_grad():
-            try:
-                boxes, scores = self._heads(torch.full((1, 3, self.size, self.size), 0.5))
-            except (RuntimeError, IndexError) as error:
-                reason = str(error).splitlines()[0]
-                raise RaucaError(f"{self._parts.path}: the layers' shapes do not fit together ({reason})") from error
-        if boxes.shape != (1, count, 4) or scores.shape[:2] != (1, count):
-            raise RaucaError(
-                f"{self._parts.path}: {count} anchors, but heads of {boxes.shape[1]} boxes and {scores.shape[1]} scores"
-            )
-        if not (boxes.isfinite().all() and scores.isfinite().all()):
-            raise RaucaError(f"{self._parts.path}: predicts values that are not finite; the file is damaged")
-        if scores.shape[2] != (self._parts.columns or scores.shape[2]):
-            raise RaucaError(
-                f"{self._parts.path}: {scores.shape[2]} score columns, but {self._parts.columns} are declared"
-            )
-        return scores.shape[2]
-
-    def _heads(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, 3, size, size) sRGB -> encodings (B, N, 4), probabilities (B, N, columns)."""
-        boxes, scores = self.network(images.flip(1) if self._parts.blue_first else images)
-        if scores.ndim == 2:  # caffe leaves them flat
-            scores = scores.reshape(len(images), len(self._parts.anchors), -1)
-        return boxes.reshape(len(images), -1, 4), scores
-
-    def to(self, device: torch.device | str) -> Self:
-        """Move the network to a device; returns self."""
-        self.network.to(device)
-        self.boxes.to(device)
-        self._columns = self._columns.to(device)
-        return self
-
-    def _predict(self, images: Tensor) -> DensePredictions:
-        encodings, scores = self._heads(stretch(images, self.size, self._parts.half_pixel_centers))
-        height, width = images.shape[2:]
-        boxes = self.boxes(encodings) * images.new_tensor([width, height, width, height])
-        classes = scores[..., 1:] if len(self._columns) == scores.shape[2] - 1 else scores[..., self._columns]
-        return DensePredictions(boxes, torch.ones_like(classes[..., 0]), classes)
-
-
-def _with_normalization(parts: SsdParts) -> list[Layer]:
-    """The layers behind an affine map; never inside the first convolution, whose zero padding is of its input."""
-    scale, shift = (np.array(number) for number in parts.normalization)
-    first = Affine(":normalized", (IMAGE,), scale, shift)
-    renamed = {IMAGE: first.name}
-    return [
-        first,
-        *(replace(layer, inputs=tuple(renamed.get(name, name) for name in layer.inputs)) for layer in parts.layers),
-    ]
-
-
-def _fingerprint(files: tuple[Path, ...], size: int, class_names: tuple[str, ...]) -> str:
-    digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
-    return hashlib.sha256(" ".join([*digests, str(size), *class_names]).encode()).hexdigest()

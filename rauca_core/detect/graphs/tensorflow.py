@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from torch import fx
 
 from ...contract import RaucaError
-from .network import Array
-from .ssd import SsdDetector, SsdParts
+from ..families import Resolved
+from .network import Affine, Array, Builder
+from .ssd import MAX_SIZE, SsdDetector, SsdParts
 from .tensorflow_file import Node, read_graph
 from .tensorflow_layers import Value, to_layers
 
@@ -25,8 +25,6 @@ _IMAGE = "Preprocessor/map/TensorArrayStack/TensorArrayGatherV3"
 _LITE = "TFLite_Detection_PostProcess"
 _LITE_IMAGE = "normalized_input_image_tensor"
 _RESHAPING = frozenset({"Transpose", "Reshape", "Tile", "ExpandDims", "Identity"})
-
-MAX_SIZE = 2048
 
 
 class TfSsdDetector(SsdDetector):
@@ -54,6 +52,11 @@ class TfSsdDetector(SsdDetector):
         super().__init__(name, parts, class_names, (graph,))
 
 
+def load(found: Resolved, size: int | None) -> TfSsdDetector:
+    """Of a frozen graph."""
+    return TfSsdDetector(found.name, found.files[0], found.names, size)
+
+
 def read_tensorflow_ssd(path: Path) -> SsdParts:
     """The parts of the SSD in a frozen graph; see :class:`TfSsdDetector`."""
     nodes = read_graph(path)
@@ -65,75 +68,61 @@ def _of_lite(path: Path, nodes: dict[str, Node], post: Node) -> SsdParts:
     """The graph exported for TensorFlow Lite takes the normalized image and names everything in its last node."""
     if len(post.inputs) != 3:
         post.fail(f"has {len(post.inputs)} inputs, expected boxes, scores and anchors")
-    layers, values = to_layers(nodes, _LITE_IMAGE, post.inputs)
-    encodings, scores, anchors = (values[name] for name in post.inputs)
-    shape = _node(path, nodes, _LITE_IMAGE).shape("shape")
+    image = _node(path, nodes, _LITE_IMAGE)
+    shape = image.shape(image.get("shape", "shape", b""))
     if len(shape) != 4 or shape[1] != shape[2] or not 1 <= shape[1] <= MAX_SIZE or shape[3] != 3:
-        nodes[_LITE_IMAGE].fail(f"takes images of shape {shape}, expected (batch, size, size, 3)")
-    scales = np.array([post.number(f"{axis}_scale") for axis in "xywh"])
-    centered = _anchors(post, anchors)  # already y, x, height, width
+        image.fail(f"takes images of shape {shape}, expected (batch, size, size, 3)")
+    builder = Builder(path, shape[1])
+    # the API's MobileNets are trained on [-1, 1]; this graph leaves that, and the resize, to the caller
+    given = builder.add(Affine(2.0, -1.0), builder.image)
+    encodings, scores, anchors = to_layers(nodes, builder, _LITE_IMAGE, given, post.inputs)
     return SsdParts(
         path=path,
-        layers=layers,
-        boxes=_rows(post, encodings),
-        scores=_rows(post, scores),
-        anchors=centered[:, [1, 0, 3, 2]],
-        variances=_variances(post, scales),
-        columns=post.integer("num_classes") + 1,
-        # the API's MobileNets are trained on [-1, 1]; this graph leaves that, and the resize, to the caller
-        normalization=(2.0, -1.0),
+        network=builder.finish(_rows(post, encodings), _rows(post, scores)),
+        anchors=_anchors(post, anchors)[:, [1, 0, 3, 2]],  # already y, x, height, width
+        variances=_variances(post, np.array([post.number(f"{axis}_scale") for axis in "xywh"])),
+        columns=post.get("num_classes", "i") + 1,
         size=shape[1],
         rows_first=True,
-        blue_first=False,
         half_pixel_centers=True,
     )
 
 
 def _of_server(path: Path, nodes: dict[str, Node]) -> SsdParts:
     """The graph for servers resizes 8-bit images in a loop; what the loop gathers is the image, 0 to 255."""
-    resize = _resize(path, nodes)
-    encodings, anchors = (_source(path, nodes, name) for name in (_ENCODINGS, _ANCHORS))
-    layers, values = to_layers(nodes, _IMAGE, (encodings, _SCORES, anchors))
-    scales = np.concatenate([_node(path, nodes, name).tensor().reshape(-1) for name in _DIVISORS], dtype=np.float64)
-    post = nodes[_SCORES]
-    low, high = np.split(_anchors(post, values[anchors])[:, [1, 0, 3, 2]], 2, axis=1)
-    return SsdParts(
-        path=path,
-        layers=layers,
-        boxes=_rows(post, values[encodings]),
-        scores=_rows(post, values[_SCORES]),
-        anchors=np.concatenate([(low + high) / 2, high - low], axis=1),
-        variances=_variances(post, scales),
-        columns=None,
-        normalization=(255.0, 0.0),
-        size=_resized(path, nodes, resize),
-        rows_first=True,
-        blue_first=False,
-        half_pixel_centers=resize.flag("half_pixel_centers", False),
-    )
-
-
-def _resized(path: Path, nodes: dict[str, Node], resize: Node) -> int:
-    size = _node(path, nodes, resize.inputs[1] if len(resize.inputs) == 2 else "").tensor().reshape(-1).tolist()
-    if resize.flag("align_corners", False) or len(set(size)) != 1 or not 1 <= size[0] <= MAX_SIZE:
-        resize.fail(f"resizes to {size}, or aligns corners; only squares up to {MAX_SIZE} without that are supported")
-    return int(size[0])
-
-
-def _node(path: Path, nodes: dict[str, Node], name: str) -> Node:
-    if name not in nodes:
-        raise RaucaError(f"{path}: node {name} is missing; no SSD graph of the TensorFlow object detection API")
-    return nodes[name]
-
-
-def _resize(path: Path, nodes: dict[str, Node]) -> Node:
     found = [node for node in nodes.values() if node.op == "ResizeBilinear" and node.name.startswith("Preprocessor/")]
     if len(found) != 1:
         raise RaucaError(
             f"{path}: {len(found)} nodes ResizeBilinear under Preprocessor/, expected one; "
             "no SSD graph of the TensorFlow object detection API"
         )
-    return found[0]
+    resize = found[0]
+    size = _node(path, nodes, resize.inputs[1] if len(resize.inputs) == 2 else "").tensor().reshape(-1).tolist()
+    if resize.get("align_corners", "b", False) or len(set(size)) != 1 or not 1 <= size[0] <= MAX_SIZE:
+        resize.fail(f"resizes to {size}, or aligns corners; only squares up to {MAX_SIZE} without that are supported")
+    builder = Builder(path, int(size[0]))
+    given = builder.add(Affine(255.0, 0.0), builder.image)
+    wanted = (_source(path, nodes, _ENCODINGS), _SCORES, _source(path, nodes, _ANCHORS))
+    encodings, scores, corners = to_layers(nodes, builder, _IMAGE, given, wanted)
+    scales = np.concatenate([_node(path, nodes, name).tensor().reshape(-1) for name in _DIVISORS], dtype=np.float64)
+    post = nodes[_SCORES]
+    low, high = np.split(_anchors(post, corners)[:, [1, 0, 3, 2]], 2, axis=1)
+    return SsdParts(
+        path=path,
+        network=builder.finish(_rows(post, encodings), _rows(post, scores)),
+        anchors=np.concatenate([(low + high) / 2, high - low], axis=1),
+        variances=_variances(post, scales),
+        columns=None,
+        size=builder.size,
+        rows_first=True,
+        half_pixel_centers=resize.get("half_pixel_centers", "b", False),
+    )
+
+
+def _node(path: Path, nodes: dict[str, Node], name: str) -> Node:
+    if name not in nodes:
+        raise RaucaError(f"{path}: node {name} is missing; no SSD graph of the TensorFlow object detection API")
+    return nodes[name]
 
 
 def _source(path: Path, nodes: dict[str, Node], name: str) -> str:
@@ -147,10 +136,9 @@ def _source(path: Path, nodes: dict[str, Node], name: str) -> str:
 
 
 def _anchors(node: Node, value: Value) -> Array:
-    found: NDArray[Any] | None = value.constant
-    if found is None or found.ndim != 2 or found.shape[1] != 4 or not np.isfinite(found).all():
+    if isinstance(value, fx.Node) or value.ndim != 2 or value.shape[1] != 4 or not np.isfinite(value).all():
         node.fail("has no anchors: expected a constant (N, 4) of finite numbers")
-    return found.astype(np.float64)
+    return value.astype(np.float64)
 
 
 def _variances(node: Node, scales: Array) -> Array:
@@ -159,7 +147,7 @@ def _variances(node: Node, scales: Array) -> Array:
     return 1 / scales
 
 
-def _rows(node: Node, value: Value) -> str:
-    if value.constant is not None or value.channels is not None:
+def _rows(node: Node, value: Value) -> fx.Node:
+    if not isinstance(value, fx.Node) or value.meta["value"].ndim != 3:
         node.fail("does not read the rows of heads")
-    return value.layer
+    return value

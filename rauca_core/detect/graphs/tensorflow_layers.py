@@ -7,32 +7,21 @@ norms written out, the anchor generator) are evaluated on the spot.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import operator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import fx
 
 from ...contract import RaucaError
-from .network import (
-    IMAGE,
-    Activation,
-    ActivationKind,
-    Affine,
-    Concat,
-    Convolution,
-    Layer,
-    Mean,
-    Permute,
-    Product,
-    Reshape,
-    Softmax,
-    Sum,
-)
+from .network import Activation, Affine, Builder, Convolution, reshape
 from .tensorflow_file import MAX_ELEMENTS, Node
 
 Array = NDArray[Any]
+Value = fx.Node | Array  # a value of the image, (B, C, H, W) or rows (B, N, K), or a constant
 UNKNOWN = -1  # stands for an extent that depends on the image or the batch
 
 
@@ -72,10 +61,10 @@ def _range(node: Node, start: Array, limit: Array, delta: Array) -> Array:
 
 
 def _cast(node: Node, value: Array) -> Array:
-    kinds = {1: np.float32, 2: np.float64, 3: np.int32, 9: np.int64}
-    if node.type("DstT") not in kinds:
-        node.fail(f"casts to TensorFlow's type {node.type('DstT')}; known are {sorted(kinds)}")
-    return value.astype(kinds[node.type("DstT")])
+    kinds, wanted = {1: np.float32, 2: np.float64, 3: np.int32, 9: np.int64}, node.get("DstT", "type", 0)
+    if wanted not in kinds:
+        node.fail(f"casts to TensorFlow's type {wanted}; known are {sorted(kinds)}")
+    return value.astype(kinds[wanted])
 
 
 def _slice(node: Node, value: Array, begin: Array, size: Array) -> Array:
@@ -84,7 +73,7 @@ def _slice(node: Node, value: Array, begin: Array, size: Array) -> Array:
 
 
 def _strided_slice(node: Node, value: Array, begin: Array, end: Array, stride: Array) -> Array:
-    masks = {name: node.integer(f"{name}_mask", 0) for name in ("begin", "end", "shrink_axis", "new_axis", "ellipsis")}
+    masks = {name: node.get(f"{name}_mask", "i", 0) for name in ("begin", "end", "shrink_axis", "new_axis", "ellipsis")}
     if masks["new_axis"] or masks["ellipsis"]:
         node.fail("slices with a new axis or an ellipsis, which is not supported")
     index: list[int | slice] = []
@@ -95,10 +84,6 @@ def _strided_slice(node: Node, value: Array, begin: Array, end: Array, stride: A
         else:
             index.append(slice(None if masks["begin"] & bit else b, None if masks["end"] & bit else e, s))
     return np.asarray(value[tuple(index)])
-
-
-def _concatenate(node: Node, *inputs: Array) -> Array:
-    return np.concatenate(inputs[:-1], int(inputs[-1]))
 
 
 def _broadcast(function: Callable[[Array, Array], Array]) -> Callable[[Node, Array, Array], Array]:
@@ -123,8 +108,8 @@ CONSTANT_OPS: dict[str, Callable[..., Array]] = {
     "Cast": _cast,
     "Reshape": lambda node, value, shape: value.reshape(shape.tolist()),
     "ExpandDims": lambda node, value, axis: np.expand_dims(value, int(axis)),
-    "Pack": lambda node, *values: np.stack(values, node.integer("axis", 0)),
-    "ConcatV2": _concatenate,
+    "Pack": lambda node, *values: np.stack(values, node.get("axis", "i", 0)),
+    "ConcatV2": lambda node, *inputs: np.concatenate(inputs[:-1], int(inputs[-1])),
     "Slice": _slice,
     "StridedSlice": _strided_slice,
     "Fill": _fill,
@@ -137,32 +122,41 @@ MAX_CONSTANTS = 2**27  # half a GiB; the largest of these graphs holds 30 millio
 MAX_STEP = 64  # of strides, dilations and kernels: SAME padding would grow without bound
 
 
-@dataclass(frozen=True)
-class Value:
-    """What a node stands for: a constant, or a layer's value with its channels (None: rows, behind a head)."""
-
-    constant: NDArray[Any] | None = None
-    layer: str = ""
-    channels: int | None = None
-
-
-def to_layers(nodes: dict[str, Node], image: str, outputs: Iterable[str]) -> tuple[list[Layer], dict[str, Value]]:
-    """Layers in an order of computation, and what each visited node stands for.
+def to_layers(
+    nodes: dict[str, Node], builder: Builder, name: str, image: fx.Node, outputs: Sequence[str]
+) -> list[Value]:
+    """Let ``builder`` make what the outputs need; returns their values.
 
     Args:
-        image: the node that stands for the normalized image.
+        name: of the node that stands for the normalized image.
+        image: its value.
         outputs: the nodes to compute.
 
     Raises:
         RaucaError: a missing or unknown node, a cycle, shapes that do not fit.
     """
-    builder = _Builder(nodes, image)
-    for node in _in_order(nodes, image, outputs):
-        builder.add(node)
-    return builder.layers, builder.values
+    values: dict[str, Value] = {name: image}
+    elements = 0
+    for node in _in_order(nodes, name, outputs):
+        inputs = [values[source] for source in node.inputs]
+        constants = [value for value in inputs if not isinstance(value, fx.Node)]
+        if node.op == "Const" or (inputs and len(constants) == len(inputs)):
+            made = node.tensor() if node.op == "Const" else evaluate(node, constants)
+            elements += made.size  # constants are kept to the end: a few bytes each may say how large they are
+            if elements > MAX_CONSTANTS:
+                node.fail(f"makes more than {MAX_CONSTANTS} constants in all; too large a graph")
+            values[node.name] = made
+        elif node.op in _OPERATORS:
+            try:
+                values[node.name] = _OPERATORS[node.op](builder, node, inputs)
+            except ValueError as error:
+                node.fail(f"does not fit its inputs ({error})")
+        else:
+            node.fail(f"is not supported; known operators are {', '.join(sorted(_OPERATORS))}")
+    return [values[output] for output in outputs]
 
 
-def _in_order(nodes: dict[str, Node], image: str, outputs: Iterable[str]) -> Iterator[Node]:
+def _in_order(nodes: dict[str, Node], image: str, outputs: Sequence[str]) -> Iterator[Node]:
     """Every node that the outputs need, each after those it reads. No recursion: a graph may be a long chain."""
     finished, open_ = {image}, set[str]()
     stack = list(outputs)
@@ -187,60 +181,44 @@ def _in_order(nodes: dict[str, Node], image: str, outputs: Iterable[str]) -> Ite
         yield nodes[name]
 
 
-class _Builder:
-    def __init__(self, nodes: dict[str, Node], image: str) -> None:
-        self.nodes = nodes
-        self.layers: list[Layer] = []
-        self.values = {image: Value(layer=IMAGE, channels=3)}
-        self.elements = 0
-
-    def add(self, node: Node) -> None:
-        inputs = [self.values[name] for name in node.inputs]
-        constants = [value.constant for value in inputs if value.constant is not None]
-        if node.op == "Const":
-            self.values[node.name] = Value(self._counted(node, node.tensor()))
-        elif inputs and len(constants) == len(inputs):
-            self.values[node.name] = Value(self._counted(node, evaluate(node, constants)))
-        elif node.op in _OPERATORS:
-            self.values[node.name] = _OPERATORS[node.op](self, node, inputs)
-        else:
-            node.fail(f"is not supported; known operators are {', '.join(sorted(_OPERATORS))}")
-
-    def _counted(self, node: Node, value: NDArray[Any]) -> NDArray[Any]:
-        """Constants are kept to the end: a few bytes each may say how large they are."""
-        self.elements += value.size
-        if self.elements > MAX_CONSTANTS:
-            node.fail(f"makes more than {MAX_CONSTANTS} constants in all; too large a graph")
-        return value
-
-    def emit(self, layer: Layer, channels: int | None) -> Value:
-        self.layers.append(layer)
-        return Value(layer=layer.name, channels=channels)
+def _only(node: Node, inputs: Sequence[Value]) -> fx.Node:
+    """The first input, a value of the image."""
+    if not inputs or not isinstance(inputs[0], fx.Node):
+        node.fail("needs a value of the image as its input")
+    return inputs[0]
 
 
-def _image(node: Node, inputs: list[Value], index: int = 0) -> tuple[str, int]:
-    """Layer and channels of an input that must be an image."""
-    if len(inputs) <= index or inputs[index].channels is None:
-        node.fail(f"needs an image as input {index}")
-    return inputs[index].layer, inputs[index].channels or 0
+def _channels(value: fx.Node) -> int | None:
+    """Of an image; None of rows."""
+    shape = value.meta["value"].shape
+    return int(shape[1]) if len(shape) == 4 else None
 
 
-def _constant(node: Node, inputs: list[Value], index: int) -> NDArray[Any]:
-    value = inputs[index].constant if index < len(inputs) else None
-    if value is None:
+def _image(node: Node, inputs: Sequence[Value]) -> tuple[fx.Node, int]:
+    """The first input and its channels."""
+    image = _only(node, inputs)
+    channels = _channels(image)
+    if channels is None:
+        node.fail("needs an image as input 0")
+    return image, channels
+
+
+def _constant(node: Node, inputs: Sequence[Value], index: int) -> Array:
+    value = inputs[index] if index < len(inputs) else None
+    if value is None or isinstance(value, fx.Node):
         node.fail(f"needs a constant as input {index}")
     if value.dtype.kind == "f" and not np.isfinite(value).all():
         node.fail(f"reads values that are not finite (input {index}); the file is damaged")
     return value
 
 
-def _convolution(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _convolution(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     source, channels = _image(node, inputs)
     kernel = _constant(node, inputs, 1).astype(np.float64)
     stride, dilation = _spatial(node, "strides"), _spatial(node, "dilations")
-    padding = {"SAME": None, "VALID": (0, 0)}
-    if node.text("padding", "") not in padding:
-        node.fail(f"pads {node.text('padding', '')!r}; known are SAME and VALID")
+    padding, given = {"SAME": None, "VALID": (0, 0)}, node.get("padding", "s", "")
+    if given not in padding:
+        node.fail(f"pads {given!r}; known are SAME and VALID")
     if kernel.ndim != 4 or kernel.shape[2] != channels or max(kernel.shape[:2]) > MAX_STEP or not kernel.size:
         node.fail(f"has a kernel of shape {kernel.shape} for an image of {channels} channels")
     groups = channels if node.op == "DepthwiseConv2dNative" else 1
@@ -248,58 +226,47 @@ def _convolution(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
         kernel = kernel.reshape(*kernel.shape[:2], 1, -1)
     kernel = kernel.transpose(3, 2, 0, 1)
     bias = np.zeros(len(kernel))
-    layer = Convolution(node.name, (source,), kernel, bias, stride, dilation, padding[node.text("padding", "")], groups)
-    return builder.emit(layer, len(kernel))
+    return builder.add(Convolution(kernel, bias, stride, dilation, padding[given], groups), source)
 
 
 def _spatial(node: Node, name: str) -> tuple[int, int]:
     """The two middle numbers of an NHWC attribute; the outer ones must be 1."""
     values = node.integers(name, [1, 1, 1, 1])
-    if node.text("data_format", "NHWC") != "NHWC":
+    if node.get("data_format", "s", "NHWC") != "NHWC":
         node.fail("is not laid out as NHWC")
     if len(values) != 4 or values[0] != 1 or values[3] != 1 or not all(1 <= v <= MAX_STEP for v in values):
         node.fail(f"has {name} {values}; expected [1, rows, columns, 1] up to {MAX_STEP}")
     return values[1], values[2]
 
 
-def _arithmetic(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _arithmetic(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     """Sum or product of two values, or an affine map when one of them is constant."""
     if len(inputs) != 2:
         node.fail(f"has {len(inputs)} inputs, expected 2")
-    if all(value.constant is None for value in inputs):
-        return _of_two(builder, node, inputs)
-    index = 0 if inputs[0].constant is not None else 1
-    value = inputs[1 - index]
-    constant = _constant(node, inputs, index).astype(np.float64)
-    one, zero = np.ones(()), np.zeros(())
+    first, second = inputs
+    if isinstance(first, fx.Node) and isinstance(second, fx.Node):
+        if node.op not in _OF_TWO:
+            node.fail(f"of two images is not supported; known are {', '.join(_OF_TWO)}")
+        return builder.add(_OF_TWO[node.op], first, second)
+    value = first if isinstance(first, fx.Node) else second
+    assert isinstance(value, fx.Node)  # constants alone were evaluated
+    constant = _per_channel(node, _constant(node, inputs, inputs.index(value) ^ 1), _channels(value))
     match node.op:
         case "Mul":
-            scale, shift = constant, zero
-        case "RealDiv" if index == 1 and constant.all():
-            scale, shift = 1 / constant, zero
+            return builder.add(Affine(constant, 0.0), value)
+        case "RealDiv" if value is first and constant.all():
+            return builder.add(Affine(1 / constant, 0.0), value)
         case "Add" | "AddV2" | "BiasAdd":
-            scale, shift = one, constant
+            return builder.add(Affine(1.0, constant), value)
         case "Sub":
-            scale, shift = (one, -constant) if index == 1 else (-one, constant)
-        case _:
-            node.fail("divides by a value of the image or by zero, which is not supported")
-    scale, shift = (_per_channel(node, part, value.channels) for part in (scale, shift))
-    return builder.emit(Affine(node.name, (value.layer,), scale, shift), value.channels)
+            return builder.add(Affine(1.0, -constant) if value is first else Affine(-1.0, constant), value)
+    node.fail("divides by a value of the image or by zero, which is not supported")
 
 
-def _of_two(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
-    sources = tuple(value.layer for value in inputs)
-    channels = {value.channels for value in inputs}
-    if len(channels) != 1 or None in channels:
-        node.fail(f"joins images of different channels ({', '.join(str(value.channels) for value in inputs)})")
-    if node.op in ("Add", "AddV2"):
-        return builder.emit(Sum(node.name, sources), inputs[0].channels)
-    if node.op == "Mul":
-        return builder.emit(Product(node.name, sources), inputs[0].channels)
-    node.fail("of two images is not supported; known are Add, AddV2 and Mul")
+_OF_TWO: dict[str, Callable[..., Any]] = {"Add": operator.add, "AddV2": operator.add, "Mul": operator.mul}
 
 
-def _per_channel(node: Node, values: NDArray[Any], channels: int | None) -> NDArray[np.float64]:
+def _per_channel(node: Node, values: Array, channels: int | None) -> NDArray[np.float64]:
     flat = values.astype(np.float64).reshape(-1)
     if flat.size == 1:
         return flat.reshape(())
@@ -308,9 +275,9 @@ def _per_channel(node: Node, values: NDArray[Any], channels: int | None) -> NDAr
     return flat
 
 
-def _batch_norm(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _batch_norm(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     source, channels = _image(node, inputs)
-    if node.flag("is_training", True):
+    if node.get("is_training", "b", True):
         node.fail("is in training mode; freeze the graph for inference")
     gamma, beta, mean, variance = (_constant(node, inputs, k).astype(np.float64) for k in range(1, 5))
     if any(part.shape != (channels,) for part in (gamma, beta, mean, variance)):
@@ -318,91 +285,69 @@ def _batch_norm(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
     scale = gamma / np.sqrt(np.maximum(variance, 0.0) + node.number("epsilon"))
     if not np.isfinite(scale).all():
         node.fail("divides by a variance of 0")
-    return builder.emit(Affine(node.name, (source,), scale, beta - mean * scale), channels)
+    return builder.add(Affine(scale, beta - mean * scale), source)
 
 
-def _activation(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
-    kinds: dict[str, ActivationKind] = {"Relu": "relu", "Relu6": "relu6", "Sigmoid": "sigmoid"}
+def _activation(builder: Builder, node: Node, inputs: list[Value]) -> Value:
+    return builder.add(Activation(node.op), _only(node, inputs))
+
+
+def _softmax(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     value = _only(node, inputs)
-    return builder.emit(Activation(node.name, (value.layer,), kinds[node.op]), value.channels)
+    return builder.add(torch.softmax, value, 1 if _channels(value) else 2)
 
 
-def _only(node: Node, inputs: list[Value]) -> Value:
-    if not inputs or inputs[0].constant is not None:
-        node.fail("needs a value of the image as its input")
-    return inputs[0]
-
-
-def _softmax(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
-    value = _only(node, inputs)
-    return builder.emit(Softmax(node.name, (value.layer,), 1 if value.channels else 2), value.channels)
-
-
-def _mean(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
-    source, channels = _image(node, inputs)
+def _mean(builder: Builder, node: Node, inputs: list[Value]) -> Value:
+    source, _ = _image(node, inputs)
     axes = sorted(_constant(node, inputs, 1).reshape(-1).tolist())
-    if axes != [1, 2] or not node.flag("keep_dims", False):
+    if axes != [1, 2] or not node.get("keep_dims", "b", False):
         node.fail(f"averages over axes {axes}; only rows and columns, kept as 1 x 1, are supported")
-    return builder.emit(Mean(node.name, (source,)), channels)
+    return builder.add(torch.mean, source, (2, 3), keepdim=True)
 
 
-def _head(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _head(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     """A head's image (B, rows, columns, anchors * K) becomes rows (B, N, K)."""
     source, channels = _image(node, inputs)
     constant = _constant(node, inputs, 1).reshape(-1)
     shape = constant.tolist()
-    if (
-        constant.dtype.kind != "i"
-        or len(shape) not in (3, 4)
-        or shape[-1] < 1
-        or channels % shape[-1]
-        or (len(shape) == 4 and shape[2] != 1)
-    ):
+    whole = constant.dtype.kind == "i" and len(shape) in (3, 4) and shape[-1] >= 1
+    if not whole or channels % shape[-1] or shape[2:-1] not in ([], [1]):
         node.fail(f"reshapes {channels} channels to {shape}; expected (batch, anchors, [1,] values)")
-    builder.emit(Permute(f"{node.name}:nhwc", (source,), (0, 2, 3, 1)), None)
-    return builder.emit(Reshape(node.name, (f"{node.name}:nhwc",), (0, -1, shape[-1])), None)
+    return builder.add(reshape, builder.add(torch.permute, source, (0, 2, 3, 1)), (0, -1, shape[-1]))
 
 
-def _concat(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _concat(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     if len(inputs) < 2:
         node.fail(f"has {len(inputs)} inputs, expected the rows of heads and an axis")
     *parts, axis = inputs
-    if axis.constant is None or axis.constant.tolist() != 1 or any(p.layer == "" or p.channels for p in parts):
+    rows = all(isinstance(part, fx.Node) and _channels(part) is None for part in parts)
+    if isinstance(axis, fx.Node) or axis.tolist() != 1 or not rows:
         node.fail("joins something else than the rows of heads")
-    return builder.emit(Concat(node.name, tuple(part.layer for part in parts), 1), None)
+    return builder.add(torch.cat, parts, 1)
 
 
-def _same_value(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _same_value(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     return _only(node, inputs)
 
 
-def _squeeze(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _squeeze(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     """Of rows' extent of 1, which :func:`_head` has left out."""
-    if _only(node, inputs).channels is not None or node.integers("squeeze_dims", []) != [2]:
+    value = _only(node, inputs)
+    if _channels(value) is not None or node.integers("squeeze_dims", []) != [2]:
         node.fail("squeezes something else than the boxes of heads")
-    return inputs[0]
+    return value
 
 
-def _shape(builder: _Builder, node: Node, inputs: list[Value]) -> Value:
+def _shape(builder: Builder, node: Node, inputs: list[Value]) -> Value:
     """Heads ask for the batch; :func:`_head` only reads the last extent of the shape they make of it."""
-    return Value(np.full(4, UNKNOWN, np.int32))
+    return np.full(4, UNKNOWN, np.int32)
 
 
-_OPERATORS: dict[str, Callable[[_Builder, Node, list[Value]], Value]] = {
-    "Conv2D": _convolution,
-    "DepthwiseConv2dNative": _convolution,
-    "Add": _arithmetic,
-    "AddV2": _arithmetic,
-    "BiasAdd": _arithmetic,
-    "Sub": _arithmetic,
-    "Mul": _arithmetic,
-    "RealDiv": _arithmetic,
-    "FusedBatchNorm": _batch_norm,
-    "FusedBatchNormV2": _batch_norm,
-    "FusedBatchNormV3": _batch_norm,
-    "Relu": _activation,
-    "Relu6": _activation,
-    "Sigmoid": _activation,
+_OPERATORS: dict[str, Callable[[Builder, Node, list[Value]], Value]] = {
+    **dict.fromkeys(("Conv2D", "DepthwiseConv2dNative"), _convolution),
+    **dict.fromkeys(("Add", "AddV2", "BiasAdd", "Sub", "Mul", "RealDiv"), _arithmetic),
+    **dict.fromkeys(("FusedBatchNorm", "FusedBatchNormV2", "FusedBatchNormV3"), _batch_norm),
+    **dict.fromkeys(("Relu", "Relu6", "Sigmoid"), _activation),
     "Softmax": _softmax,
     "Mean": _mean,
     "Reshape": _head,

@@ -19,6 +19,7 @@ from ...runtime.checkpoint_files import TENSOR_DAMAGE
 from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names
+from ..families import Resolved
 from ..interface import DensePredictions
 from ..letterbox import Letterbox
 from ..nms import SinglePassDetector
@@ -117,6 +118,11 @@ def save_weights(path: Path, network: nn.Module, card: DetectorCard) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
     tensors = {name: _half(t) for name, t in network.state_dict().items()}
     save_carded(path, path.with_suffix(".json"), card.FORMAT, tensors, asdict(card))
+
+
+def load(found: Resolved, size: int | None) -> SynthDetector:
+    """Of weights with their card; the size is the card's."""
+    return load_weights(found.files[0])
 
 
 def load_weights(path: Path) -> SynthDetector:

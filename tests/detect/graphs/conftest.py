@@ -1,86 +1,30 @@
-"""Graphs written by Google's own protobuf library, which rauca's reader does not use."""
+"""Graphs as TensorFlow writes them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import torch
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from numpy.typing import NDArray
+
+from rauca_core.detect.graphs.messages import BINARY
 
 torch.set_num_threads(1)
 cv2.setNumThreads(1)
 
-# message: {field: (number, type)}; * repeats, packed when numeric and marked P
-FIELDS = {
-    "GraphDef": {"node": (1, "*NodeDef")},
-    "NodeDef": {"name": (1, "string"), "op": (2, "string"), "input": (3, "*string"), "attr": (5, "*Entry")},
-    "Entry": {"key": (1, "string"), "value": (2, "AttrValue")},
-    "AttrValue": {
-        "list": (1, "ListValue"),
-        "s": (2, "bytes"),
-        "i": (3, "int64"),
-        "f": (4, "float"),
-        "b": (5, "bool"),
-        "type": (6, "int32"),
-        "shape": (7, "TensorShape"),
-        "tensor": (8, "TensorProto"),
-    },
-    "ListValue": {"i": (3, "P*int64")},
-    "TensorShape": {"dim": (2, "*Dim")},
-    "Dim": {"size": (1, "int64"), "name": (2, "string")},
-    "TensorProto": {
-        "dtype": (1, "int32"),
-        "tensor_shape": (2, "TensorShape"),
-        "tensor_content": (4, "bytes"),
-        "float_val": (5, "P*float"),
-        "double_val": (6, "P*double"),
-        "int_val": (7, "P*int32"),
-        "int64_val": (10, "*int64"),
-    },
-    "NetParameter": {"name": (1, "string"), "layers": (2, "*LayerParameter"), "layer": (100, "*LayerParameter")},
-    "LayerParameter": {"name": (1, "string"), "type": (2, "string"), "blobs": (7, "*BlobProto")},
-    "BlobProto": {
-        "num": (1, "int32"),
-        "channels": (2, "int32"),
-        "height": (3, "int32"),
-        "width": (4, "int32"),
-        "data": (5, "P*float"),
-        "shape": (7, "BlobShape"),
-    },
-    "BlobShape": {"dim": (1, "P*int64")},
-}
+
+def write(kind: str, **fields: Any) -> bytes:
+    """A message; those inside it are given as this writes them."""
+    data: bytes = getattr(BINARY, kind)(**fields).SerializeToString()
+    return data
 
 
-def _message_classes() -> SimpleNamespace:
-    field_type = descriptor_pb2.FieldDescriptorProto
-    file = descriptor_pb2.FileDescriptorProto(name="graphs.proto", package="written", syntax="proto3")
-    for message, fields in FIELDS.items():
-        described = file.message_type.add(name=message)
-        for name, (number, kind) in fields.items():
-            plain = kind.lstrip("P*")
-            field = described.field.add(name=name, number=number)
-            field.label = field_type.LABEL_REPEATED if "*" in kind else field_type.LABEL_OPTIONAL
-            if plain in FIELDS:
-                field.type, field.type_name = field_type.TYPE_MESSAGE, f".written.{plain}"
-            else:
-                field.type = getattr(field_type, f"TYPE_{plain.upper()}")
-                if "*" in kind and plain not in ("string", "bytes"):
-                    field.options.packed = kind.startswith("P")
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    found = {name: pool.FindMessageTypeByName(f"written.{name}") for name in FIELDS}
-    return SimpleNamespace(**{name: message_factory.GetMessageClass(found[name]) for name in FIELDS})
-
-
-PROTO = _message_classes()
 TYPES = {"float32": 1, "float64": 2, "int32": 3, "int64": 9}
 
 
@@ -99,48 +43,37 @@ class GraphWriter:
         return self("Const", name, value=array.astype("float32" if array.dtype.kind == "f" else "int32"))
 
     def save(self, path: Path) -> Path:
-        graph = PROTO.GraphDef()
+        nodes = []
         for name, (op, inputs, attributes) in self.nodes.items():
-            entries = [PROTO.Entry(key=key, value=attribute(value)) for key, value in attributes.items()]
-            graph.node.append(PROTO.NodeDef(name=name, op=op, input=inputs, attr=entries))
-        path.write_bytes(graph.SerializeToString())
+            entries = [write("Entry", key=key, value=attribute(value)) for key, value in attributes.items()]
+            nodes.append(write("NodeDef", name=name, op=op, input=inputs, attr=entries))
+        path.write_bytes(write("GraphDef", node=nodes))
         return path
 
 
-def attribute(value: Any) -> Any:
-    if isinstance(value, bool):
-        return PROTO.AttrValue(b=value)
-    if isinstance(value, int):
-        return PROTO.AttrValue(i=value)
-    if isinstance(value, float):
-        return PROTO.AttrValue(f=value)
-    if isinstance(value, str):
-        return PROTO.AttrValue(s=value.encode())
+def attribute(value: Any) -> bytes:
+    """An attribute in the field of its type."""
+    for kind, field in ((bool, "b"), (int, "i"), (float, "f"), (str, "s")):
+        if isinstance(value, kind):
+            return write("AttrValue", **{field: value})
     if isinstance(value, list):
-        return PROTO.AttrValue(list=PROTO.ListValue(i=value))
+        return write("AttrValue", list=write("ListValue", i=value))
     if isinstance(value, tuple):
-        return PROTO.AttrValue(shape=tensor_shape(value))
-    return PROTO.AttrValue(tensor=tensor(value))
+        return write("AttrValue", shape=tensor_shape(value))
+    return write("AttrValue", tensor=tensor(value))
 
 
-def tensor_shape(shape: tuple[int, ...]) -> Any:
-    return PROTO.TensorShape(dim=[PROTO.Dim(size=extent) for extent in shape])
+def tensor_shape(shape: tuple[int, ...]) -> bytes:
+    return write("TensorShape", dim=[write("Dim", size=extent) for extent in shape])
 
 
-def tensor(value: NDArray[Any]) -> Any:
+def tensor(value: NDArray[Any]) -> bytes:
     """Small tensors as TensorFlow's converters write them, in the typed fields; others as bytes."""
-    proto = PROTO.TensorProto(dtype=TYPES[value.dtype.name], tensor_shape=tensor_shape(value.shape))
     if value.size == 1:
-        getattr(proto, {"f": "float_val", "i": "int_val"}[value.dtype.kind]).append(value.item())
+        values: dict[str, Any] = {{"f": "float_val", "i": "int_val"}[value.dtype.kind]: [value.item()]}
     else:
-        proto.tensor_content = value.tobytes()
-    return proto
-
-
-@pytest.fixture(scope="session")
-def proto() -> SimpleNamespace:
-    """Message classes of graphs and caffemodels."""
-    return PROTO
+        values = {"tensor_content": value.tobytes()}
+    return write("TensorProto", dtype=TYPES[value.dtype.name], tensor_shape=tensor_shape(value.shape), **values)
 
 
 def ssd_graph(lite: bool, size: int = 33, classes: int = 4) -> GraphWriter:

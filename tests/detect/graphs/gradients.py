@@ -10,7 +10,6 @@ import torch
 def checked_gradient(detector: Any, height: int, width: int) -> torch.Tensor:
     """The gradient (2, 3, H, W) float64 with respect to noise, found to match differences along one direction."""
     detector.network.double()
-    detector.boxes.double()
     torch.manual_seed(0)
     images = torch.rand(2, 3, height, width, dtype=torch.float64, requires_grad=True)
 

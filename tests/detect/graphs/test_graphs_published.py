@@ -98,14 +98,13 @@ def test_heads_anchors_and_detections_agree_with_opencv(published: Published, fr
         code, scores, priors, theirs = published.run(image)
         found = detector.dense(image)
         with torch.no_grad():
-            encodings, _ = detector._heads(image)
+            encodings = detector.network.layers(image)[0].reshape(1, -1, 4)
         columns = scores.reshape(found.classes.shape[1], -1)[:, 1:]
         order = [1, 0, 3, 2] if published.rows_first else [0, 1, 2, 3]  # OpenCV turns TensorFlow's encodings to x, y
         np.testing.assert_allclose(encodings[0][:, order], code.reshape(-1, 4), atol=TOLERANCE)
         np.testing.assert_allclose(found.classes[0], columns, atol=TOLERANCE)
-        anchors = torch.cat(
-            [detector.boxes.center - detector.boxes.size / 2, detector.boxes.center + detector.boxes.size / 2], 1
-        )
+        center, half = detector.network.boxes.center, detector.network.boxes.size / 2
+        anchors = torch.cat([center - half, center + half], 1)
         np.testing.assert_allclose(anchors, priors.reshape(2, -1, 4)[0], atol=TOLERANCE)
         compared += compare_detections(published, image, theirs[0, 0])
     assert compared >= 6
@@ -143,7 +142,6 @@ def test_gradient_matches_finite_differences(published: Published, frames: Tenso
     detector = published.detector
     car = detector.class_names.index("car")
     detector.network.double()
-    detector.boxes.double()
     images = (0.1 + 0.8 * frames[1:2].double()).requires_grad_()  # away from 0 and 1, which images must not leave
 
     def total(x: Tensor) -> Tensor:
@@ -162,7 +160,6 @@ def test_gradient_matches_finite_differences(published: Published, frames: Tenso
         assert (gradient.abs().sum(1) > 0).double().mean() > 0.95
     finally:
         detector.network.float()
-        detector.boxes.float()
 
 
 def test_a_batch_is_its_images(published: Published, frames: Tensor) -> None:
@@ -201,7 +198,7 @@ def test_anchors_are_those_of_the_documented_generator() -> None:
         for y in range(cells):
             for x in range(cells):
                 expected += [((x + 0.5) / cells, (y + 0.5) / cells, s * r**0.5, s / r**0.5) for s, r in shapes]
-    ours = torch.cat([detector.boxes.center, detector.boxes.size], 1)
+    ours = torch.cat([detector.network.boxes.center, detector.network.boxes.size], 1)
     np.testing.assert_allclose(ours, np.array(expected), atol=1e-6)
 
 
