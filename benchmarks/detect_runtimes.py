@@ -18,6 +18,7 @@ from torch import Tensor
 
 from rauca_core.detect import DarknetDetector, DensePredictions, Detections, Detector, Source, load_detector
 from rauca_core.detect.darknet_network import Head
+from rauca_core.detect.foreign import extra
 from rauca_core.detect.frameworks import (
     TorchvisionDetector,
     TransformersDetector,
@@ -25,7 +26,6 @@ from rauca_core.detect.frameworks import (
     import_transformers,
 )
 from rauca_core.detect.onnx_detector import OnnxDetector
-from rauca_core.detect.onnx_graph import extra
 from rauca_core.detect.weights import stored_paths
 
 # A runtime that leaves a score out, as OpenCV does for boxes it suppressed, has NaN there: nothing to compare with.
@@ -235,7 +235,7 @@ def torchvision(architecture: str) -> Iterator[Contender]:
     """Faster R-CNN or SSDlite: softmax over few categories, so random weights make detections too."""
     version = import_torchvision().__version__
     detector = TorchvisionDetector(architecture, architecture, None, NAMES, None if "ssd" in architecture else SIZE)
-    reference: Any = copy.deepcopy(detector.model)
+    reference: Any = copy.deepcopy(detector.network)
     limits = getattr(reference, "roi_heads", reference)
     limits.score_thresh, limits.nms_thresh = THRESHOLDS
     yield Contender(

@@ -126,10 +126,7 @@ class DarknetDetector(SinglePassDetector):
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
     def _predict(self, images: Tensor) -> DensePredictions:
-        box = Letterbox(images.shape[2], images.shape[3], self.size)
-        found: DensePredictions = self.network(box.fit(images))
-        found.boxes = box.boxes_to_image(found.boxes)
-        return found
+        return Letterbox(images.shape[2], images.shape[3], self.size).predict(images, self.network)
 
 
 def load(found: Resolved, size: int | None) -> DarknetDetector:

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.func import functional_call
 
 from ..contract import RaucaError
+from .foreign import first_line
 
 MAX_PARAMETERS = 2**28  # 1 GiB as float32; YOLOv4, the largest of these networks, has 64 million
 MAX_VALUES = 2**31  # of all layers together, for one image: YOLOv4 makes 0.2 thousand million at 608 pixels
@@ -37,8 +38,7 @@ def dry_run(path: Path, network: nn.Module, size: int) -> Any:
         with torch.no_grad():
             return functional_call(network, shapes, (torch.empty(1, 3, size, size, device="meta"),))
     except (RuntimeError, TypeError, ValueError, IndexError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise RaucaError(f"{path}: the layers' shapes do not fit together ({reason})") from error
+        raise RaucaError(f"{path}: the layers' shapes do not fit together ({first_line(error)})") from error
     finally:
         for hook in hooks:
             hook.remove()

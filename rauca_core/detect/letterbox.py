@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from torch import Tensor
 from torch.nn import functional
+
+from .interface import DensePredictions
 
 PADDING_SRGB = 0.5
 
@@ -50,6 +53,12 @@ class Letterbox:
             images = functional.interpolate(images, size=(height, width), mode="bilinear", align_corners=False)
         margins = (left, self.size - width - left, top, self.size - height - top)
         return functional.pad(images, margins, value=self.padding_srgb) if any(margins) else images
+
+    def predict(self, images: Tensor, square: Callable[[Tensor], DensePredictions]) -> DensePredictions:
+        """What ``square`` sees in the fitted images, its boxes mapped back."""
+        found = square(self.fit(images))
+        found.boxes = self.boxes_to_image(found.boxes)
+        return found
 
     def boxes_to_image(self, boxes: Tensor) -> Tensor:
         """(..., 4) xyxy boxes, pixels of the square -> pixels of the image."""

@@ -27,6 +27,28 @@ def box_iou(a: Tensor, b: Tensor) -> Tensor:
     return shared / union.clamp(min=1e-12)
 
 
+def generalized_iou(a: Tensor, b: Tensor) -> Tensor:
+    """Of xyxy boxes (..., 4) that broadcast against each other: (...) in [-1, 1] (Rezatofighi et al., 2019)."""
+    shared = torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])
+    shared_area = shared.clamp(min=0).prod(-1)
+    area_a, area_b = ((x[..., 2:] - x[..., :2]).clamp(min=0).prod(-1) for x in (a, b))
+    union = (area_a + area_b - shared_area).clamp(min=1e-9)
+    hull = torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])
+    hull_area = hull.clamp(min=0).prod(-1).clamp(min=1e-9)
+    return shared_area / union - (hull_area - union) / hull_area
+
+
+def corners(boxes: Tensor) -> Tensor:
+    """(..., 4) center and size -> xyxy."""
+    center, half = boxes[..., :2], boxes[..., 2:] / 2
+    return torch.cat([center - half, center + half], -1)
+
+
+def centered(boxes: Tensor) -> Tensor:
+    """(..., 4) xyxy -> center and size."""
+    return torch.cat([(boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]], -1)
+
+
 def suppress(boxes: Tensor, iou_threshold: float) -> Tensor:
     """Greedy non-maximum suppression of (N, 4) boxes sorted best first: (N,) bool, True for those kept.
 

@@ -12,10 +12,11 @@ from ..contract import RaucaError
 from .classes import class_list, unusual_names
 from .darknet_network import precise
 from .families import Resolved
+from .foreign import first_line
 from .interface import DensePredictions, check_images, in_type_of
 from .nms import SinglePassDetector
 from .onnx_fusion import fuse
-from .onnx_graph import OnnxGraph, Session, first_line, read_graph, to_torch
+from .onnx_graph import OnnxGraph, Session, read_graph, to_torch
 from .onnx_layouts import GraphFamily, Layout, find_layout
 
 DEFAULT_SIZE = 640
@@ -84,10 +85,9 @@ class OnnxDetector(SinglePassDetector):
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = self._layout.letterbox(images.shape[2], images.shape[3], self.size)
-        output = self._forward(self._layout.prepare(box.fit(images)))
-        found = self._layout.decode(precise(output))
-        found.boxes = box.boxes_to_image(found.boxes)
-        return found
+        return box.predict(
+            images, lambda fitted: self._layout.decode(precise(self._forward(self._layout.prepare(fitted))))
+        )
 
     def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
         check_images(self.name, images, waits)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import hashlib
-import importlib
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -17,7 +16,8 @@ from torch import Tensor
 from torch.fx import GraphModule
 
 from ..contract import RaucaError
-from ..contract.reading import read_limited
+from ..contract.reading import read_limited, require_inside
+from .foreign import extra, first_line
 
 if TYPE_CHECKING:
     from onnx import FunctionProto, GraphProto, ModelProto
@@ -71,14 +71,6 @@ class OnnxGraph:
             return ast.literal_eval(text) if len(text) <= MAX_LITERAL else None
         except (ValueError, SyntaxError, MemoryError, RecursionError):
             return None
-
-
-def extra(module: str) -> Any:
-    """Import a package of the extra ``detectors``; raises :class:`RaucaError` that says how to get it."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise RaucaError(f"{module} is not installed; get it with `pip install 'rauca[detectors]'`") from error
 
 
 def read_graph(path: Path) -> OnnxGraph:
@@ -143,20 +135,14 @@ def to_torch(graph: OnnxGraph) -> GraphModule:
 
 def _external_files(path: Path, model: ModelProto) -> list[Path]:
     """Files that hold tensors of the model: each must lie in its folder."""
-    folder = path.resolve().parent
     found: dict[Path, None] = {}
     for tensor in _within(model, "TensorProto"):
         for entry in tensor.external_data:
-            if entry.key != "location":
-                continue
-            outside = (folder / entry.value).resolve()
-            if not outside.is_relative_to(folder):
-                raise RaucaError(
-                    f"{path}: its tensor {tensor.name!r} lies outside its folder, at {entry.value!r}; refused"
-                )
-            if not outside.is_file():
-                raise RaucaError(f"{path}: {entry.value} is missing beside it; it holds tensor {tensor.name!r}")
-            found[outside] = None
+            if entry.key == "location":
+                outside = require_inside(path, entry.value)
+                if not outside.is_file():
+                    raise RaucaError(f"{path}: {entry.value} is missing beside it; it holds tensor {tensor.name!r}")
+                found[outside] = None
     return list(found)
 
 
@@ -222,12 +208,6 @@ def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | Non
             f"{path}: input {inputs[0].name} has {len(sizes)} axes, expected a batch of images (B, 3, H, W)"
         )
     return inputs[0].name, sizes
-
-
-def first_line(error: Exception) -> str:
-    """Of foreign libraries' messages, which may run over pages."""
-    lines = str(error).strip().splitlines()
-    return (lines[0] if lines else type(error).__name__)[:200]
 
 
 class Session:

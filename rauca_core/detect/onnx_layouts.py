@@ -13,6 +13,7 @@ from torch import Tensor
 from .darknet_network import MAX_LOG_SIZE
 from .interface import DensePredictions
 from .letterbox import Letterbox
+from .nms import corners
 
 STRIDES = ((8, 16, 32), (8, 16, 32, 64))
 GREY = 114 / 255
@@ -74,18 +75,13 @@ def decode_yolox(output: Tensor, size: int, strides: tuple[int, ...]) -> DensePr
 
 def decode_v5(output: Tensor) -> DensePredictions:
     """(B, N, 5 + C): center and size in pixels, objectness, classes."""
-    return DensePredictions(_corners(output[..., :2], output[..., 2:4]), output[..., 4], output[..., 5:])
+    return DensePredictions(corners(output[..., :4]), output[..., 4], output[..., 5:])
 
 
 def decode_v8(output: Tensor) -> DensePredictions:
     """(B, 4 + C, N): center and size in pixels, classes; no objectness."""
     output = output.transpose(1, 2)
-    boxes = _corners(output[..., :2], output[..., 2:4])
-    return DensePredictions(boxes, torch.ones_like(output[..., 0]), output[..., 4:])
-
-
-def _corners(center: Tensor, size: Tensor) -> Tensor:
-    return torch.cat([center - 0.5 * size, center + 0.5 * size], -1)
+    return DensePredictions(corners(output[..., :4]), torch.ones_like(output[..., 0]), output[..., 4:])
 
 
 def _grid(size: int, strides: tuple[int, ...], like: Tensor) -> tuple[Tensor, Tensor]:

@@ -66,7 +66,7 @@ def detectors() -> dict[str, TorchvisionDetector]:
     made = {}
     for architecture in CHECKED:
         size = None if "ssd" in architecture else SIZE
-        model = TorchvisionDetector(architecture, architecture, None, NAMES, size).model
+        model = TorchvisionDetector(architecture, architecture, None, NAMES, size).network
         if hasattr(model, "rpn"):
             model.rpn._post_nms_top_n = {"training": 60, "testing": 60}
         sharpen(model)
@@ -77,14 +77,14 @@ def detectors() -> dict[str, TorchvisionDetector]:
 @pytest.fixture(scope="module")
 def small_file(detectors: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("weights") / "small.safetensors"
-    save_file(detectors[SMALL].model.state_dict(), path)
+    save_file(detectors[SMALL].network.state_dict(), path)
     return path
 
 
 @pytest.mark.parametrize("architecture", CHECKED)
 def test_detect_is_torchvisions_own_result(architecture: str, detectors: Made) -> None:
     detector = detectors[architecture]
-    reference = copy.deepcopy(detector.model)
+    reference = copy.deepcopy(detector.network)
     limits = getattr(reference, "roi_heads", reference)
     limits.score_thresh, limits.nms_thresh = 0.3, 0.4
     images = photographs()
@@ -102,8 +102,8 @@ def test_detect_is_torchvisions_own_result(architecture: str, detectors: Made) -
 @pytest.mark.parametrize("architecture", ONE_STAGE)
 def test_dense_predictions_after_suppression_are_torchvisions_detections(architecture: str, detectors: Made) -> None:
     detector = detectors[architecture]
-    unlimited = TorchvisionDetector.of(detector.model, "unlimited", NAMES)
-    unlimited.model.topk_candidates = unlimited.model.detections_per_img = 10**6
+    unlimited = TorchvisionDetector.of(detector.network, "unlimited", NAMES)
+    unlimited.network.topk_candidates = unlimited.network.detections_per_img = 10**6
     images = photographs()
     with torch.no_grad():
         ours = detections(unlimited.dense(images), 0.6, 0.5)
@@ -140,7 +140,7 @@ def test_gradients_reach_the_whole_image(architecture: str, detectors: Made) -> 
     assert images.grad is not None
     assert torch.isfinite(images.grad).all()
     assert (images.grad.abs().sum((1, 2, 3)) > 0).all()
-    assert all(parameter.grad is None for parameter in detector.model.parameters())
+    assert all(parameter.grad is None for parameter in detector.network.parameters())
     truth = torch.tensor([[20.0, 20.0, 60.0, 60.0]])
     (boxes_gradient,) = torch.autograd.grad(
         box_iou(detector.dense(images).boxes, truth).amax((1, 2)).sum(), images, allow_unused=False
@@ -150,8 +150,8 @@ def test_gradients_reach_the_whole_image(architecture: str, detectors: Made) -> 
 
 def test_the_gradient_is_the_derivative(detectors: Made) -> None:
     """Along a random direction, in double precision, where differences are exact enough."""
-    exact = TorchvisionDetector.of(detectors["ssdlite320_mobilenet_v3_large"].model, "exact", NAMES)
-    exact.model.double()
+    exact = TorchvisionDetector.of(detectors["ssdlite320_mobilenet_v3_large"].network, "exact", NAMES)
+    exact.network.double()
     images = photographs(1).double().clamp(0.1, 0.9).requires_grad_()
     direction = torch.randn_like(images)
 
@@ -208,14 +208,14 @@ def loaded(small_file: Path) -> TorchvisionDetector:
 
 def test_the_fingerprint_follows_weights_and_size_only(loaded: TorchvisionDetector) -> None:
     loaded.detect(photographs())
-    assert TorchvisionDetector.of(loaded.model, "copy", NAMES).fingerprint == loaded.fingerprint
+    assert TorchvisionDetector.of(loaded.network, "copy", NAMES).fingerprint == loaded.fingerprint
     random = [TorchvisionDetector("random", SMALL, None, NAMES, size).fingerprint for size in (SIZE, SIZE, SIZE + 32)]
     assert random[0] == random[1]
     assert len({loaded.fingerprint, *random}) == 3
 
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
-    model = copy.deepcopy(detectors[SMALL].model).requires_grad_().train()
+    model = copy.deepcopy(detectors[SMALL].network).requires_grad_().train()
     detector = load_detector(model, classes=NAMES)
     assert (detector.name, detector.class_names) == ("FasterRCNN", NAMES)
     before = detector.detect(photographs(1))[0]
@@ -261,9 +261,11 @@ def test_checkpoints_are_tensors_and_nothing_else(
     tmp_path: Path, loaded: TorchvisionDetector, small_file: Path
 ) -> None:
     checkpoint = tmp_path / "checkpoint.pth"
-    torch.save({"model": loaded.model.state_dict(), "epoch": 26}, checkpoint)
+    torch.save({"model": loaded.network.state_dict(), "epoch": 26}, checkpoint)
     assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
-    old = {name.replace("rpn.head.conv.0.0.", "rpn.head.conv."): one for name, one in loaded.model.state_dict().items()}
+    old = {
+        name.replace("rpn.head.conv.0.0.", "rpn.head.conv."): one for name, one in loaded.network.state_dict().items()
+    }
     torch.save(old, checkpoint)  # the names in which torchvision published its first Faster R-CNN
     assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
     torch.save({"model": Payload()}, checkpoint)

@@ -18,7 +18,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect import load_detector
 from rauca_core.detect.frameworks import TransformersDetector, import_transformers
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
-from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_state
+from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_name
 
 pytestmark = pytest.mark.skipif(not importlib.util.find_spec("transformers"), reason="the extra detectors is missing")
 
@@ -95,7 +95,7 @@ def test_images_are_prepared_and_results_decoded_as_transformers_does(
     prepared = reference(images=list(images), do_rescale=False, return_tensors="pt")
     assert (detector.scaling.fit(images) - prepared["pixel_values"]).abs().max() < 1e-5
     with torch.no_grad():
-        outputs = detector.model(**prepared)
+        outputs = detector.network(**prepared)
     expected = reference.post_process_object_detection(outputs, threshold=threshold, target_sizes=[shape] * 2)
     limit = torch.tensor([shape[1], shape[0]] * 2)
     found = detector.detect(images, threshold)
@@ -119,13 +119,13 @@ def test_gradients_reach_the_image_after_a_detection(kind: str, detectors: Made)
         (gradient,) = torch.autograd.grad(value, images, retain_graph=True)
         assert torch.isfinite(gradient).all()
         assert (gradient.abs().sum((1, 2, 3)) > 0).all()
-    assert all(parameter.grad is None for parameter in detector.model.parameters())
+    assert all(parameter.grad is None for parameter in detector.network.parameters())
 
 
 def test_the_gradient_is_the_derivative(detectors: Made) -> None:
     """Of DETR's: its descendants choose queries, and let no gradient through the places where they look first."""
-    exact = TransformersDetector.of(detectors["detr"].model, "exact", size=SIZE)
-    exact.model.double()
+    exact = TransformersDetector.of(detectors["detr"].network, "exact", size=SIZE)
+    exact.network.double()
     images = photographs(1).double().clamp(0.1, 0.9).requires_grad_()
     direction = torch.randn_like(images)
 
@@ -178,7 +178,7 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     nn.init.zeros_(model.class_labels_classifier.weight)
     assert torch.equal(before, detector.dense(photographs(1)).classes)
     other = TransformersDetector.of(model, "other", ("n/a", "car", "motorcycle"), SIZE)
-    larger = TransformersDetector.of(detector.model, "larger", size=SIZE + 32)
+    larger = TransformersDetector.of(detector.network, "larger", size=SIZE + 32)
     assert len({detector.fingerprint, other.fingerprint, larger.fingerprint}) == 3
     with pytest.raises(RaucaError, match="predicts 3 categories, 2 names"):
         TransformersDetector.of(model, "live", ("car", "bus"))
@@ -270,7 +270,7 @@ def test_timms_resnet_is_transformers_resnet_under_other_names(name: str, kind: 
     prefix = "model.backbone.conv_encoder.model."
     state = {prefix + key: value for key, value in original.state_dict().items() if not re.match("fc", key)}
     renamed = {
-        key.removeprefix(prefix): value for key, value in translated_state(state | {"query": torch.ones(1)}).items()
+        translated_name(key).removeprefix(prefix): value for key, value in (state | {"query": torch.ones(1)}).items()
     }
     assert renamed.pop("query").item() == 1
     translated.load_state_dict(renamed)
@@ -306,7 +306,7 @@ def test_a_folder_that_names_timm_needs_none(folders: dict[str, Path], tmp_path:
     old |= {prefix + name: one for name, one in backbone.state_dict().items() if not name.startswith("fc")}
     save_file({name: one.contiguous() for name, one in old.items()}, tmp_path / "model.safetensors")
     (tmp_path / "config.json").write_text(json.dumps(described))
-    loaded = TransformersDetector("published", tmp_path, SIZE).model
+    loaded = TransformersDetector("published", tmp_path, SIZE).network
     name = "model.backbone.model.encoder.stages.3.layers.1.layer.1.convolution.weight"
     assert torch.equal(loaded.state_dict()[name], backbone.layer4[1].conv2.weight)
     assert all(torch.equal(loaded.state_dict()[name], one) for name, one in state.items())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import torch
@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ...contract.reading import require_file
+from ..foreign import first_line
 
 # Where training scripts put the weights inside a checkpoint.
 _WRAPPERS = ("model", "state_dict", "model_state_dict")
@@ -24,18 +25,22 @@ def read_state(path: Path) -> Mapping[str, Tensor]:
     A torch checkpoint is read with ``weights_only=True``: tensors and plain containers, no other pickled object.
 
     Raises:
-        RaucaError: missing or damaged file, a checkpoint that holds other objects or no tensors.
+        RaucaError: missing or damaged file, a checkpoint that holds other objects or no tensors, values that are not
+            finite.
     """
     require_file(path)
     try:
-        state = load_file(path) if path.suffix == ".safetensors" else _read_pickled(path)
+        if path.suffix == ".safetensors":
+            state: object = load_file(path)
+        else:
+            state = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         raise RaucaError(
             f"{path}: holds objects other than tensors, which could run code; save it anew as "
             "torch.save(model.state_dict(), PATH) or as .safetensors"
         ) from None
     except Exception as error:  # torch's readers raise whatever a damaged file makes of them
-        raise RaucaError(f"{path}: cannot be read as weights ({_first_line(error)})") from error
+        raise RaucaError(f"{path}: cannot be read as weights ({first_line(error)})") from error
     for wrapper in _WRAPPERS:
         if isinstance(state, Mapping) and isinstance(state.get(wrapper), Mapping):
             state = state[wrapper]
@@ -44,44 +49,38 @@ def read_state(path: Path) -> Mapping[str, Tensor]:
     for name, one in state.items():
         if one.layout != torch.strided or one.untyped_storage().nbytes() < one.numel() * one.element_size():
             raise RaucaError(f"{path}: tensor {str(name)[:80]} is larger than what the file holds of it; damaged")
+        if one.is_floating_point() and not torch.isfinite(one).all():
+            raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
     return state
-
-
-def _read_pickled(path: Path) -> object:
-    return torch.load(path, map_location="cpu", weights_only=True)
 
 
 def fill(module: nn.Module, state: Mapping[str, Tensor], path: Path) -> None:
     """Copy every tensor of ``state`` into ``module``.
 
     Raises:
-        RaucaError: names ``path`` and the first tensor that is missing, unknown, of another shape or not finite.
+        RaucaError: names ``path`` and the first tensor that is missing, unknown or of another shape.
     """
-    for name, value in state.items():
-        if value.is_floating_point() and not torch.isfinite(value).all():
-            raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
     kind = type(module).__name__
     try:
         unmatched = module.load_state_dict(state, strict=False)
     except RuntimeError as error:
-        wrong = next((line.strip() for line in str(error).splitlines() if "size mismatch" in line), _first_line(error))
+        wrong = next((line.strip() for line in str(error).splitlines() if "size mismatch" in line), first_line(error))
         raise RaucaError(
             f"{path}: does not fit {kind}: {wrong.rstrip('.')}; these are another model's weights"
         ) from None
-    for names, fault in ((unmatched.missing_keys, "lacks"), (unmatched.unexpected_keys, "has an unknown")):
-        wrong_names = [name for name in names if not is_counter(name)]
-        if wrong_names:
-            more = f" and {len(wrong_names) - 1} more" if len(wrong_names) > 1 else ""
-            raise RaucaError(f"{path}: {fault} tensor {wrong_names[0]}{more}; expected the weights of a {kind}")
+    require_none(path, kind, {"lacks": unmatched.missing_keys, "has an unknown": unmatched.unexpected_keys})
 
 
-def is_counter(name: str) -> bool:
-    """Whether a tensor counts the training steps of a batch normalization; files and modules may have them or not."""
-    return name.endswith("num_batches_tracked")
+def require_none(path: Path, kind: str, wrong: Mapping[str, Iterable[str]]) -> None:
+    """Refuse weights of a ``kind`` of model, of which tensors are wrong in one of these ways.
 
-
-def _first_line(error: Exception) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)
+    The training steps that batch normalizations count do not matter; files and modules may have them or not.
+    """
+    for fault, names in wrong.items():
+        told = sorted(name for name in names if not name.endswith("num_batches_tracked"))
+        if told:
+            more = f" and {len(told) - 1} more" if len(told) > 1 else ""
+            raise RaucaError(f"{path}: {fault} tensor {told[0]}{more}; expected the weights of a {kind}")
 
 
 # Of a module, but not of what it computes. torchvision's region pooling notes scales and levels of the last call,

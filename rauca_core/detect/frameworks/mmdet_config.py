@@ -44,7 +44,7 @@ class Preparation:
     divisor: int
     fill: float
 
-    def fit(self, images: Tensor) -> tuple[Tensor, tuple[int, int]]:
+    def fit(self, name: str, images: Tensor) -> tuple[Tensor, tuple[int, int]]:
         """(B, 3, H, W) sRGB in [0, 1] to the network's input, contiguous, and the size of the image in it.
 
         Images come with their channels last in memory, where mmcv's RoIAlign on a CPU takes them for contiguous: what
@@ -52,7 +52,7 @@ class Preparation:
         """
         height, width = self.size_of(images.shape[2], images.shape[3])
         if min(height, width) < 1:
-            raise RaucaError(f"images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
+            raise RaucaError(f"{name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
         images = functional.interpolate(images, (height, width), mode="bilinear", align_corners=False)
         images = 255 * (images if self.rgb else images.flip(1))
         mean, std = (torch.tensor(one, device=images.device, dtype=images.dtype) for one in (self.mean, self.std))

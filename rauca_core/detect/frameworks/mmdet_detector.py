@@ -17,8 +17,8 @@ from torch.nn.utils.rnn import pad_sequence
 from ...contract import RaucaError
 from ..classes import class_list
 from ..families import MMDET_INSTALL, Resolved
-from ..interface import DensePredictions, Detections, check_images
-from ..nms import clipped
+from ..interface import DensePredictions, Detections
+from ..nms import SinglePassDetector, clipped
 from .checkpoint import fill, fingerprint, read_state
 from .mmdet_config import read_config
 from .torchvision_ops import import_torchvision
@@ -28,7 +28,7 @@ _CANDIDATES = 1000
 _LEAST_SCORE = 1e-3
 
 
-class MmdetDetector:
+class MmdetDetector(SinglePassDetector):
     """A detector of MMDetection 3 (Dynamic R-CNN, Sparse R-CNN and the rest).
 
     Everything is MMDetection's own ``predict``, which lets gradients through. ``dense`` runs it with nothing
@@ -43,7 +43,7 @@ class MmdetDetector:
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        model: MMDetection's module, in evaluation mode; its weights take no gradient.
+        network: MMDetection's module, in evaluation mode; its weights take no gradient.
     """
 
     def __init__(self, name: str, config: Path, checkpoint: Path, class_names: tuple[str, ...] | None = None) -> None:
@@ -73,21 +73,14 @@ class MmdetDetector:
             raise RaucaError(
                 f"{name}: the model predicts {classes} categories, {len(self.class_names)} names were given"
             )
-        self.model: Any = model.eval().requires_grad_(False)
+        self.network: Any = model.eval().requires_grad_(False)
         digest = hashlib.sha256(config.read_bytes()).hexdigest()
         self.fingerprint = fingerprint(model, self.class_names, self._preparation, digest)
 
-    def to(self, device: torch.device | str) -> MmdetDetector:
-        """Move the model to a device; returns self."""
-        self.model.to(device)
-        return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        check_images(self.name, images)
-        most = min(_CANDIDATES, _pairs_of(self.model) or _CANDIDATES)
-        with _undetached(self.model):
-            found = self._predict(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
+    def _predict(self, images: Tensor) -> DensePredictions:
+        most = min(_CANDIDATES, _pairs_of(self.network) or _CANDIDATES)
+        with _undetached(self.network):
+            found = self._found(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
         if torch.is_grad_enabled() and images.requires_grad and not found[0].scores.requires_grad:
             raise RaucaError(f"{self.name}: this head of MMDetection gives no gradients; use it for detection only")
         classes = [
@@ -101,19 +94,16 @@ class MmdetDetector:
     @torch.no_grad()
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        check_images(self.name, images, waits=True)
-        return clipped(self._predict(images, score_threshold, iou_threshold), images)
+        images = self._checked(images, waits=True)
+        return clipped(self._found(images, score_threshold, iou_threshold), images)
 
-    def _predict(
+    def _found(
         self, images: Tensor, score_threshold: float, iou_threshold: float, most: int | None = None
     ) -> list[Detections]:
-        try:
-            batch, size = self._preparation.fit(images.to(next(self.model.parameters()).dtype))
-        except RaucaError as error:
-            raise RaucaError(f"{self.name}: {error}") from None
+        batch, size = self._preparation.fit(self.name, images)
         samples = [_sample(size, tuple(batch.shape[2:])) for _ in images]
-        with _limits(self.model, score_threshold, iou_threshold, most):
-            predicted = self.model.predict(batch, samples, rescale=False)
+        with _limits(self.network, score_threshold, iou_threshold, most):
+            predicted = self.network.predict(batch, samples, rescale=False)
         scale = batch.new_tensor([images.shape[3] / size[1], images.shape[2] / size[0]] * 2)
         return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
 

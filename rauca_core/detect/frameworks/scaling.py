@@ -52,15 +52,15 @@ class Scaling:
             return replace(self, shortest=size, longest=round(size * _LONGEST))
         return replace(self, height=size, width=size)
 
-    def fit(self, images: Tensor) -> Tensor:
+    def fit(self, name: str, images: Tensor) -> Tensor:
         """(B, 3, H, W) sRGB in [0, 1] to the network's input; the same numbers as transformers' image processors.
 
         Raises:
-            RaucaError: an image so narrow that no pixel of its shorter side would be left.
+            RaucaError: names the detector ``name``: images so narrow that no pixel of the shorter side would be left.
         """
         size = self.size_of(images.shape[2], images.shape[3])
         if min(size) < 1:
-            raise RaucaError(f"images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
+            raise RaucaError(f"{name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
         if size != tuple(images.shape[2:]):
             images = functional.interpolate(images, size, mode=self.mode, align_corners=False, antialias=True)
         mean, std = (torch.tensor(one, device=images.device, dtype=images.dtype) for one in (self.mean, self.std))

@@ -15,7 +15,8 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
 from ..families import Resolved
-from ..interface import DensePredictions, Detections, check_images
+from ..interface import DensePredictions, Detections
+from ..nms import SinglePassDetector
 from .checkpoint import fill, fingerprint, read_state
 from .torchvision_ops import import_torchvision
 
@@ -96,7 +97,7 @@ ARCHITECTURES = (
 _LONGEST = 1333 / 800
 
 
-class TorchvisionDetector:
+class TorchvisionDetector(SinglePassDetector):
     """Faster R-CNN, RetinaNet, FCOS or SSD of torchvision.
 
     ``detect`` is torchvision's own post-processing with the caller's two thresholds; its other limits are the model's
@@ -107,7 +108,7 @@ class TorchvisionDetector:
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        model: torchvision's module, in evaluation mode; its weights take no gradient.
+        network: torchvision's module, in evaluation mode; its weights take no gradient.
     """
 
     def __init__(
@@ -170,19 +171,13 @@ class TorchvisionDetector:
             )
         self.name = name
         self.class_names = class_names
-        self.model: Any = model.eval().requires_grad_(False)
+        self.network: Any = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names)
 
-    def to(self, device: torch.device | str) -> TorchvisionDetector:
-        """Move the model to a device; returns self."""
-        self.model.to(device)
-        return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        batch, _ = self.model.transform(self._checked(images))
-        features = self.model.backbone(batch.tensors)
-        found = self._head(self.model, batch, {"0": features} if isinstance(features, Tensor) else features)
+    def _predict(self, images: Tensor) -> DensePredictions:
+        batch, _ = self.network.transform(list(images))
+        features = self.network.backbone(batch.tensors)
+        found = self._head(self.network, batch, {"0": features} if isinstance(features, Tensor) else features)
         height, width = batch.image_sizes[0]
         scale = found.boxes.new_tensor([images.shape[3] / width, images.shape[2] / height] * 2)
         return DensePredictions(found.boxes * scale, found.objectness, found.classes[..., self._skipped :])
@@ -190,24 +185,22 @@ class TorchvisionDetector:
     @torch.inference_mode()
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        checked = self._checked(images, waits=True)
+        images = self._checked(images, waits=True)
+        detections = []
         with _thresholds(self._thresholds_of, score_threshold, iou_threshold):
-            found = self.model(checked)
-        return [self._named(one) for one in found]
+            for found in self.network(list(images)):
+                labels = found["labels"] - self._skipped
+                named = labels >= 0
+                detections.append(Detections(found["boxes"][named], found["scores"][named], labels[named]))
+        return detections
 
-    def _named(self, found: dict[str, Tensor]) -> Detections:
-        labels = found["labels"] - self._skipped
-        named = labels >= 0
-        return Detections(found["boxes"][named], found["scores"][named], labels[named])
-
-    def _checked(self, images: Tensor, waits: bool = False) -> list[Tensor]:
-        """One by one, in the model's precision."""
-        check_images(self.name, images, waits)
-        transform = self.model.transform
+    def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
+        images = super()._checked(images, waits)
+        transform = self.network.transform
         shorter, longer = sorted(images.shape[2:])
         if transform.fixed_size is None and shorter * transform.max_size < longer:  # scaled, thinner than one pixel
             raise RaucaError(f"{self.name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
-        return list(images.to(next(self.model.parameters()).dtype))
+        return images
 
 
 def load(found: Resolved, size: int | None) -> TorchvisionDetector:

@@ -15,11 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ...contract import RaucaError
-from ..nms import box_iou, suppress
-
-# Overlaps of one block with the boxes kept before it are in memory at once: 4 MiB per thousand boxes kept.
-_NMS_BLOCK = 1024
+from ..foreign import extra
+from ..nms import suppress
 
 # What torchvision cannot be imported without; qnms (quantized boxes) is only ever declared.
 _DECLARED = {
@@ -45,16 +42,14 @@ def import_torchvision() -> ModuleType:
     if not torchvision.extension._has_ops():
         _supply()
         boxes, align = (importlib.import_module(f"torchvision.ops.{name}") for name in ("boxes", "roi_align"))
-        boxes._assert_has_ops = align._assert_has_ops = _nothing_missing  # type: ignore[attr-defined]
-        align._has_ops = _available  # type: ignore[attr-defined]
+        boxes._assert_has_ops = align._assert_has_ops = lambda: None  # type: ignore[attr-defined]
+        align._has_ops = lambda: True  # type: ignore[attr-defined]
     return torchvision
 
 
 def _import_or_supply() -> None:
     try:
-        importlib.import_module("torchvision")
-    except ModuleNotFoundError as error:
-        raise RaucaError(f"{error.name} is not installed; install it with `pip install 'rauca[detectors]'`") from error
+        extra("torchvision")
     except RuntimeError as error:
         if "torchvision::" not in str(error):
             raise
@@ -78,14 +73,6 @@ def _supply() -> None:
         library.impl("roi_align", roi_align, "CompositeImplicitAutograd")
 
 
-def _nothing_missing() -> None:
-    pass
-
-
-def _available() -> bool:
-    return True
-
-
 def nms(boxes: Tensor, scores: Tensor, iou_threshold: float) -> Tensor:
     """Indices of the boxes that greedy non-maximum suppression keeps, best first.
 
@@ -95,12 +82,7 @@ def nms(boxes: Tensor, scores: Tensor, iou_threshold: float) -> Tensor:
         iou_threshold: a box goes when it overlaps a better one that stays by more than this.
     """
     order = scores.argsort(descending=True, stable=True)
-    kept = order[:0]
-    for block in order.split(_NMS_BLOCK):
-        free = ~(box_iou(boxes[kept], boxes[block]) > iou_threshold).any(0)
-        block = block[free]
-        kept = torch.cat([kept, block[suppress(boxes[block], iou_threshold)]])
-    return kept
+    return order[suppress(boxes[order], iou_threshold)]
 
 
 def roi_align(

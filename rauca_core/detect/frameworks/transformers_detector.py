@@ -13,8 +13,8 @@ from ...contract import RaucaError
 from ..batch_norm import freeze_batch_norms
 from ..classes import canonical
 from ..families import Resolved
-from ..interface import DensePredictions, Detections, check_images
-from ..nms import clipped
+from ..interface import DensePredictions, Detections
+from ..nms import SinglePassDetector, clipped, corners
 from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model
@@ -25,7 +25,7 @@ _ORIGIN = frozenset(
 )
 
 
-class TransformersDetector:
+class TransformersDetector(SinglePassDetector):
     """DETR, Deformable DETR, RT-DETR or RT-DETRv2.
 
     ``dense`` gives every query: ``objectness`` is 1 and ``classes`` are the model's scores (DETR: softmax without "no
@@ -34,7 +34,7 @@ class TransformersDetector:
 
     Attributes:
         name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        model: transformers' module, in evaluation mode; its weights take no gradient.
+        network: transformers' module, in evaluation mode; its weights take no gradient.
         scaling: resizing and normalization.
     """
 
@@ -92,24 +92,14 @@ class TransformersDetector:
         self.class_names = class_names
         self.scaling = scaling
         self._family: Family = family_of(name, model.config.model_type)
-        self.model: Any = model.eval().requires_grad_(False)
+        self.network: Any = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
         freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
-
-    def to(self, device: torch.device | str) -> TransformersDetector:
-        """Move the model to a device; returns self."""
-        self.model.to(device)
-        return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images``."""
-        check_images(self.name, images)
-        return self._predict(images)
 
     @torch.no_grad()  # not inference_mode: the model keeps tables of positions for the next call, dense's perhaps
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; ``iou_threshold`` is unused."""
-        check_images(self.name, images, waits=True)
+        images = self._checked(images, waits=True)
         found = self._predict(images)
         if self._family.softmax:
             scores, labels = found.classes.max(-1)
@@ -130,14 +120,8 @@ class TransformersDetector:
         )
 
     def _predict(self, images: Tensor) -> DensePredictions:
-        parameter = next(self.model.parameters())
-        try:
-            fitted = self.scaling.fit(images.to(parameter.dtype))
-        except RaucaError as error:
-            raise RaucaError(f"{self.name}: {error}") from None
-        found = self.model(pixel_values=fitted)
-        center, extent = found.pred_boxes[..., :2], found.pred_boxes[..., 2:]
-        boxes = torch.cat([center - extent / 2, center + extent / 2], -1)
+        found = self.network(pixel_values=self.scaling.fit(self.name, images))
+        boxes = corners(found.pred_boxes)
         boxes = boxes * boxes.new_tensor([images.shape[3], images.shape[2]] * 2)
         classes = found.logits.softmax(-1)[..., :-1] if self._family.softmax else found.logits.sigmoid()
         return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), classes)

@@ -7,20 +7,19 @@ The published DETR and Deformable DETR name timm's ResNet as their backbone. It 
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from ...contract import RaucaError
-from .checkpoint import is_counter, read_state
+from ..foreign import extra
+from .checkpoint import read_state, require_none
 from .scaling import Scaling, read_json
 from .torchvision_ops import import_torchvision
 
@@ -71,12 +70,8 @@ def translated_config(config: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return kept | {"use_timm_backbone": False, "backbone_config": resnet}
 
 
-def translated_state(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The same tensors under transformers' names."""
-    return {_translated(name): value for name, value in state.items()}
-
-
-def _translated(name: str) -> str:
+def translated_name(name: str) -> str:
+    """A tensor's name in transformers."""
     found = _TIMM.match(name)
     if not found:
         return name
@@ -125,7 +120,7 @@ FAMILIES = {
 }
 
 
-def import_transformers() -> ModuleType:
+def import_transformers() -> Any:
     """The transformers package, told to stay off the network.
 
     Raises:
@@ -134,10 +129,7 @@ def import_transformers() -> ModuleType:
     os.environ.setdefault("HF_HUB_OFFLINE", "1")
     with contextlib.suppress(RaucaError):
         import_torchvision()  # transformers imports it where it is installed
-    try:
-        return importlib.import_module("transformers")
-    except ModuleNotFoundError as error:
-        raise RaucaError(f"{error.name} is not installed; install it with `pip install 'rauca[detectors]'`") from error
+    return extra("transformers")
 
 
 def family_of(name: str, model_type: object) -> Family:
@@ -162,7 +154,7 @@ def load_model(folder: Path) -> Any:
         raise RaucaError(f"{weights}: not found; only weights as .safetensors are read")
     state = read_state(weights)
     if family.may_use_timm and uses_timm(config):
-        config, state = translated_config(config, path), translated_state(state)
+        config, state = translated_config(config, path), {translated_name(name): value for name, value in state.items()}
     _refuse_giants(path, config)
     config |= {"use_pretrained_backbone": False}  # weights of another file, wherever its name points
     # Sizes that tables of positions would be made for beforehand; images may have any.
@@ -193,28 +185,23 @@ def _refuse_giants(path: Path, value: Any, key: str = "") -> None:
 
 def _filled(kind: Any, config: Any, state: Mapping[str, Tensor], path: Path) -> Any:
     """Through transformers' loader, which knows the names that tensors had in its earlier versions."""
-    for name, value in state.items():
-        if value.is_floating_point() and not torch.isfinite(value).all():
-            raise RaucaError(f"{path}: tensor {name} holds values that are not finite; the file is damaged")
     held = sum(value.numel() for value in state.values())
-    with torch.device("meta"), _quiet():
-        wanted = sum(parameter.numel() for parameter in kind(config).parameters())
-    if wanted > 2 * held:  # a file that lacks a tensor or two is told which
-        raise RaucaError(f"{path}: holds {held} numbers for a network of {wanted}; these are another model's weights")
     with _quiet():
+        with torch.device("meta"):
+            wanted = sum(parameter.numel() for parameter in kind(config).parameters())
+        if wanted > 2 * held:  # a file that lacks a tensor or two is told which
+            raise RaucaError(
+                f"{path}: holds {held} numbers for a network of {wanted}; these are another model's weights"
+            )
         model, report = kind.from_pretrained(
             None, config=config, state_dict=dict(state), output_loading_info=True, ignore_mismatched_sizes=True
         )
-    for names, fault in (
-        (report["mismatched_keys"], "has another shape of"),
-        (report["missing_keys"], "lacks"),
-        (report["unexpected_keys"], "has an unknown"),
-    ):
-        wrong = sorted(str(one[0] if isinstance(one, tuple) else one) for one in names)
-        wrong = [name for name in wrong if not is_counter(name)]
-        if wrong:
-            more = f" and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-            raise RaucaError(f"{path}: {fault} tensor {wrong[0]}{more}; expected the weights of a {kind.__name__}")
+    wrong = {
+        "has another shape of": [str(name) for name, *_ in report["mismatched_keys"]],
+        "lacks": report["missing_keys"],
+        "has an unknown": report["unexpected_keys"],
+    }
+    require_none(path, kind.__name__, wrong)
     return model.float()
 
 

@@ -20,6 +20,7 @@ from torch.nn import functional
 
 from ...contract import RaucaError
 from ..dry_run import MAX_VALUES
+from ..foreign import first_line
 
 Array = NDArray[np.float64]
 
@@ -141,7 +142,7 @@ class Builder:
             else:
                 made = layer(*known, **options)
         except (RuntimeError, TypeError, IndexError) as error:
-            raise ValueError((str(error).splitlines() or [type(error).__name__])[0]) from error
+            raise ValueError(first_line(error)) from error
         self._made += made.numel()
         if self._made > MAX_VALUES:
             raise RaucaError(f"{self.path}: makes more than {MAX_VALUES} values of one image; too large")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from torch import fx
 
 from ...contract import RaucaError
+from ..foreign import first_line
 from .network import Activation, Affine, Builder, Convolution, reshape
 from .tensorflow_file import MAX_ELEMENTS, Node
 
@@ -37,7 +38,7 @@ def evaluate(node: Node, inputs: Sequence[Array]) -> Array:
         with np.errstate(all="ignore"):  # what is not finite is refused where it is used
             return np.asarray(CONSTANT_OPS[node.op](node, *inputs))
     except (ValueError, TypeError, IndexError, OverflowError, ZeroDivisionError, MemoryError) as error:
-        node.fail(f"does not fit its inputs ({str(error).splitlines()[0] if str(error) else type(error).__name__})")
+        node.fail(f"does not fit its inputs ({first_line(error)})")
 
 
 def _sized(node: Node, count: float) -> None:

@@ -47,9 +47,7 @@ class SynthDetector(SinglePassDetector):
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)
-        found = trainable(self.network).dense(box.fit(images))
-        found.boxes = box.boxes_to_image(found.boxes)
-        return found
+        return box.predict(images, trainable(self.network).dense)
 
 
 MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203

@@ -1,4 +1,8 @@
-"""RT-DETR of transformers on our backbone: queries that attend to the image, and no anchors or suppression."""
+"""RT-DETR of transformers on our backbone: queries that attend to the image, and no anchors or suppression.
+
+Its losses are transformers': each object is answered for by one prediction, all others say that nothing is there. Boxes
+(L1 and generalized IoU) count for the chosen predictions, and classes by the varifocal loss, whose goal is the overlap.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,25 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from ..frameworks.transformers_loading import import_transformers
 from ..interface import DensePredictions
-from .backbone import CHANNELS, STRIDES, DarknetBackbone
-from .criterion import centered, corners, layer_losses, match
-from .network import Truth
+from ..nms import box_iou, centered, corners, generalized_iou
+from .networks import CHANNELS, STRIDES, DarknetBackbone, Truth
 
 WIDTH = 128
 HEADS = 4
 QUERIES = 60
 DECODER_LAYERS = 3
 DENOISING = 40  # queries per step that start from a spoiled truth
+
+CLASS_WEIGHT, L1_WEIGHT, GIOU_WEIGHT = 1.0, 5.0, 2.0
+CLASS_COST, L1_COST, GIOU_COST = 2.0, 5.0, 2.0
+FOCAL_ALPHA, VARIFOCAL_ALPHA, GAMMA = 0.25, 0.75, 2.0
+
+Matches = list[tuple[Tensor, Tensor]]
+"""Per image: indices of predictions, and of the objects that they answer for."""
 
 
 class Transformer(nn.Module):
@@ -105,3 +116,53 @@ class _Backbone(nn.Module):
 
     def forward(self, images: Tensor, mask: Tensor) -> list[tuple[Tensor, None]]:
         return [(level, None) for level in self.body(images)]
+
+
+@torch.no_grad()
+def match(logits: Tensor, boxes: Tensor, truths: Sequence[Truth]) -> Matches:
+    """The cheapest assignment of every image; of more objects than predictions, the largest are answered for.
+
+    Args:
+        logits: (B, N, C).
+        boxes: (B, N, 4) center and size, fractions of the image.
+        truths: boxes likewise.
+    """
+    from scipy.optimize import linear_sum_assignment  # not at the top: only who trains needs it
+
+    matches = []
+    for one_logits, one_boxes, truth in zip(logits, boxes, truths, strict=True):
+        area = truth.boxes[:, 2:].prod(1)
+        which = area.topk(min(len(area), len(one_boxes))).indices.sort().values
+        labels, goals = truth.labels[which], truth.boxes[which]
+        probability = one_logits.sigmoid()[:, labels]
+        present = FOCAL_ALPHA * (1 - probability) ** GAMMA * -(probability + 1e-8).log()
+        absent = (1 - FOCAL_ALPHA) * probability**GAMMA * -(1 - probability + 1e-8).log()
+        apart = torch.cdist(one_boxes, goals, p=1)
+        overlap = generalized_iou(corners(one_boxes)[:, None], corners(goals)[None])
+        cost = CLASS_COST * (present - absent) + L1_COST * apart - GIOU_COST * overlap
+        _, answering = linear_sum_assignment(cost.T.double().cpu().numpy())
+        chosen = torch.from_numpy(answering).to(one_boxes.device)
+        matches.append((chosen, which))
+    return matches
+
+
+def layer_losses(
+    logits: Tensor, boxes: Tensor, truths: Sequence[Truth], matches: Matches, objects: float
+) -> dict[str, Tensor]:
+    """Losses of one layer's predictions, divided by the number of ``objects``; shapes as of :func:`match`."""
+    image = torch.cat([torch.full_like(chosen, k) for k, (chosen, _) in enumerate(matches)])
+    place = image, torch.cat([chosen for chosen, _ in matches])
+    goal = torch.cat([t.boxes[which] for t, (_, which) in zip(truths, matches, strict=True)])
+    labels = torch.cat([t.labels[which] for t, (_, which) in zip(truths, matches, strict=True)])
+    found = boxes[place]
+    overlap = box_iou(corners(found.detach())[:, None], corners(goal)[:, None])[:, 0, 0]
+    hot, wanted = torch.zeros_like(logits), torch.zeros_like(logits)
+    hot[*place, labels], wanted[*place, labels] = 1.0, overlap
+    weight = VARIFOCAL_ALPHA * logits.detach().sigmoid() ** GAMMA * (1 - hot) + wanted
+    classes = functional.binary_cross_entropy_with_logits(logits, wanted, weight, reduction="sum")
+    hulls = generalized_iou(corners(found), corners(goal))
+    return {
+        "classes": CLASS_WEIGHT * classes / objects,
+        "l1": L1_WEIGHT * (found - goal).abs().sum() / objects,
+        "giou": GIOU_WEIGHT * (1 - hulls).sum() / objects,
+    }

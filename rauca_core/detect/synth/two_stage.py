@@ -9,11 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils.rnn import pad_sequence
 
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
-from .backbone import CHANNELS, STRIDES, DarknetBackbone
-from .network import Truth
+from .networks import CHANNELS, STRIDES, DarknetBackbone, Truth
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
@@ -67,7 +67,13 @@ class TwoStage(nn.Module):
         boxes = heads.box_coder.decode(offsets, proposals)[:, 1:]
         scores = logits.softmax(-1)[:, 1:]
         count = [len(p) for p in proposals]
-        return _pad([_own_columns(b, s) for b, s in zip(boxes.split(count), scores.split(count), strict=True)])
+        # images with fewer proposals are filled up with empty boxes of probability 0
+        padded = [
+            pad_sequence([one.flatten(0, 1) for one in values.split(count)], batch_first=True)
+            for values in (boxes, torch.diag_embed(scores))
+        ]
+        ones = [padded[0].new_ones(n * self.classes) for n in count]
+        return DensePredictions(padded[0], pad_sequence(ones, batch_first=True), padded[1])
 
     def _features(self, images: Tensor) -> tuple[dict[str, Tensor], Any]:
         image_list = importlib.import_module("torchvision.models.detection.image_list")
@@ -118,25 +124,3 @@ def _parts(classes: int, proposals: int) -> tuple[nn.Module, Any, Any]:
         0.5, 0.5, REGIONS, 0.25, None, 0.005, 0.45, 100,
     )  # fmt: skip
     return ops.FeaturePyramidNetwork(list(CHANNELS), WIDTH), network, regions
-
-
-def _own_columns(boxes: Tensor, scores: Tensor) -> DensePredictions:
-    """(K, C, 4) boxes and (K, C) scores -> predictions (1, K * C, ...) that know one class each."""
-    classes = torch.diag_embed(scores).flatten(0, 1)[None]
-    flat = boxes.flatten(0, 1)[None]
-    return DensePredictions(flat, torch.ones_like(flat[..., 0]), classes)
-
-
-def _pad(found: list[DensePredictions]) -> DensePredictions:
-    """Join images; those with fewer predictions get empty boxes of probability 0."""
-    most = max(one.boxes.shape[1] for one in found)
-
-    def joined(name: str) -> Tensor:
-        parts = []
-        for one in found:
-            part: Tensor = getattr(one, name)
-            missing = most - part.shape[1]
-            parts.append(functional.pad(part, (0, 0) * (part.dim() - 2) + (0, missing)))
-        return torch.cat(parts)
-
-    return DensePredictions(joined("boxes"), joined("objectness"), joined("classes"))

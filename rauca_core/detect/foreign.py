@@ -1,0 +1,23 @@
+"""Packages that are no requirement of rauca's core: imported when they are wanted, their errors told in one line."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from ..contract import RaucaError
+
+
+def extra(module: str) -> Any:
+    """Import a package of the extra ``detectors``; raises :class:`RaucaError` that says how to get it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        missing = error.name or module
+        raise RaucaError(f"{missing} is not installed; install it with `pip install 'rauca[detectors]'`") from error
+
+
+def first_line(error: Exception) -> str:
+    """What an error says, which may run over pages."""
+    lines = str(error).strip().splitlines()
+    return (lines[0].strip() if lines else type(error).__name__)[:200]
