@@ -74,17 +74,19 @@ def test_images_are_scaled_normalized_and_padded_as_described(tmp_path: Path) ->
     assert "init_cfg" not in described["backbone"]  # it would be downloaded
     images = torch.full((1, 3, 30, 70), 0.5)
     images[:, 0] = 1.0
-    fitted, size = preparation.fit(images)
+    fitted, size = preparation.fit("x", images)
     assert size == (69, 160)
     assert fitted.shape == (1, 3, 96, 160)
     assert fitted[0, 2, 0, 0].item() == pytest.approx((255 - 123.7) / 58.4)  # red is the last of blue, green, red
     assert fitted[0, 0, 68, 159].item() == pytest.approx((127.5 - 103.5) / 57.0)
     assert (fitted[:, :, 69:] == 0).all()
-    last, _ = preparation.fit(images.contiguous(memory_format=torch.channels_last))  # as the attack's pictures come
+    last, _ = preparation.fit(
+        "x", images.contiguous(memory_format=torch.channels_last)
+    )  # as the attack's pictures come
     assert last.is_contiguous()
     assert torch.equal(last, fitted)
     with pytest.raises(RaucaError, match="too narrow"):
-        preparation.fit(torch.rand(1, 3, 1, 2000))
+        preparation.fit("x", torch.rand(1, 3, 1, 2000))
 
 
 def test_configurations_that_could_run_code_are_refused(tmp_path: Path) -> None:

@@ -75,15 +75,12 @@ def greedy(boxes: Tensor, scores: Tensor, threshold: float) -> list[int]:
 
 
 @pytest.mark.parametrize("count", [0, 1, 300])
-def test_nms_is_greedy_suppression_in_blocks_of_any_length(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nms_is_greedy_suppression(count: int) -> None:
     torch.manual_seed(count)
     boxes = torch.rand(count, 4) * 50
     boxes[:, 2:] += boxes[:, :2]
     scores = torch.rand(count).round(decimals=2)  # with ties
-    expected = greedy(boxes, scores, 0.4)
-    for block in (7, 1024):
-        monkeypatch.setattr(torchvision_ops, "_NMS_BLOCK", block)
-        assert torchvision_ops.nms(boxes, scores, 0.4).tolist() == expected
+    assert torchvision_ops.nms(boxes, scores, 0.4).tolist() == greedy(boxes, scores, 0.4)
 
 
 def test_importing_again_changes_nothing() -> None:

@@ -15,8 +15,8 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import CaffeSsdDetector
 from rauca_core.detect.graphs.caffe import read_caffe_ssd
 from rauca_core.detect.graphs.messages import read_prototxt
+from tests.detect.gradients import checked_gradient
 from tests.detect.graphs.conftest import write
-from tests.detect.graphs.gradients import checked_gradient
 
 NAMES = ("bicycle", "car", "boat")
 SIZE = 64
@@ -152,7 +152,7 @@ def test_detections_agree_with_opencv(files: tuple[Path, Path], rng: np.random.G
 
 
 def test_gradient_matches_finite_differences(files: tuple[Path, Path]) -> None:
-    checked_gradient(CaffeSsdDetector("every", *files, NAMES), 50, 90)
+    checked_gradient(CaffeSsdDetector("every", *files, NAMES), torch.rand(2, 3, 50, 90))
 
 
 def test_an_input_layer_says_the_same(files: tuple[Path, Path]) -> None:

@@ -16,6 +16,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect.classes import class_list
 from rauca_core.detect.graphs import COCO_GAPS, CaffeSsdDetector, SsdDetector, TfSsdDetector
 from rauca_core.detect.weights import weights_folder
+from tests.detect.gradients import checked_gradient
 
 SHEET = Path(__file__).parents[3] / "docs" / "pictures" / "dataset.jpg"  # frames of 166 pixels in rows and columns
 TILES = [(22, 98), (194, 98), (194, 270), (194, 614), (366, 98), (1054, 614)]
@@ -140,23 +141,9 @@ def test_a_car_is_a_car_in_frames_of_any_size(published: Published, frames: Tens
 
 def test_gradient_matches_finite_differences(published: Published, frames: Tensor) -> None:
     detector = published.detector
-    car = detector.class_names.index("car")
-    detector.network.double()
-    images = (0.1 + 0.8 * frames[1:2].double()).requires_grad_()  # away from 0 and 1, which images must not leave
-
-    def total(x: Tensor) -> Tensor:
-        found = detector.dense(x)
-        return found.classes[..., car].square().sum() + 0.01 * found.boxes.mean()
-
-    try:
-        (gradient,) = torch.autograd.grad(total(images), images)
-        torch.manual_seed(0)
-        direction = torch.randn_like(images)
-        step = 1e-9  # activations have kinks: the smaller the step, the fewer lie within
-        with torch.no_grad():
-            numeric = (total(images + step * direction) - total(images - step * direction)) / (2 * step)
-        torch.testing.assert_close((gradient * direction).sum(), numeric, rtol=1e-3, atol=1e-5)
-        assert gradient.abs().amax() > 0
+    try:  # away from 0 and 1, which images must not leave; the smaller the step, the fewer kinks lie within
+        images = 0.1 + 0.8 * frames[1:2]
+        gradient = checked_gradient(detector, images, boxes=1e-4, step=1e-9, rtol=1e-3, atol=1e-5)
         assert (gradient.abs().sum(1) > 0).double().mean() > 0.95
     finally:
         detector.network.float()

@@ -15,7 +15,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import TfSsdDetector
 from rauca_core.detect.graphs.network import Activation, Affine, Convolution
 from rauca_core.detect.graphs.tensorflow import read_tensorflow_ssd
-from tests.detect.graphs.gradients import checked_gradient
+from tests.detect.gradients import checked_gradient
 
 NAMES = ("person", "bicycle", "car", "kite")
 
@@ -166,7 +166,7 @@ def test_same_padding_is_tensorflows(
 
 def test_gradient_matches_finite_differences(graph: Any, tmp_path: Path) -> None:
     detector = TfSsdDetector("small", graph.save(tmp_path / "small.pb"), NAMES)
-    gradient = checked_gradient(detector, 40, 52)
+    gradient = checked_gradient(detector, torch.rand(2, 3, 40, 52))
     assert (gradient.abs().sum(1) > 0).double().mean() > 0.9
     assert not any(parameter.requires_grad for parameter in detector.network.parameters())
 

@@ -18,6 +18,7 @@ from onnx.reference import ReferenceEvaluator
 from rauca_core.contract import RaucaError
 from rauca_core.detect import class_index, load_detector
 from rauca_core.detect.onnx_detector import OnnxDetector
+from tests.detect.gradients import checked_gradient
 
 Picture = Callable[[int, int], NDArray[np.float32]]
 Array = NDArray[np.float32]
@@ -116,19 +117,7 @@ def test_gradient_is_the_direction_of_change(
 ) -> None:
     detector = load_detector(f"yolox-nano={yolox_nano}" if kind == "yolox" else str(exported(kind)))
     assert detector.differentiable
-    detector.network.double()
-    images = batch_of(picture(60, 44)).double().clamp(0.01, 0.99).requires_grad_()
-
-    def total(x: torch.Tensor) -> torch.Tensor:
-        found = detector.dense(x)
-        return (found.objectness[..., None] * found.classes).sum() + 0.01 * found.boxes.sum()
-
-    (gradient,) = torch.autograd.grad(total(images), images)
-    direction = torch.randn(images.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    step = 1e-6
-    with torch.no_grad():
-        numeric = (total(images + step * direction) - total(images - step * direction)) / (2 * step)
-    torch.testing.assert_close((gradient * direction).sum(), numeric, rtol=1e-4, atol=1e-5)
+    checked_gradient(detector, batch_of(picture(60, 44)).clamp(0.01, 0.99), rtol=1e-4, atol=1e-5)
 
 
 def test_weights_of_16_bits_leave_the_input_as_it_is(exported: Callable[..., Path], picture: Picture) -> None:
