@@ -94,9 +94,7 @@ class DarknetDetector(SinglePassDetector):
     """A YOLOv2, v3 or v4 network behind :class:`rauca_core.detect.Detector`.
 
     Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         size: the network's square input, pixels.
-        network: the differentiable module; its weights take no gradient.
     """
 
     network: DarknetNetwork
@@ -119,9 +117,7 @@ class DarknetDetector(SinglePassDetector):
             raise RaucaError(f"{name}: input size {size} must be a multiple of {self.network.stride} pixels")
         dry_run(cfg, self.network, size)
         weights_sha256 = read_weights(weights, self.network)
-        self.name = name
-        self.class_names = class_names
-        self.size = size
+        self.name, self.class_names, self.size = name, class_names, size
         settings = f"{hashlib.sha256(cfg.read_bytes()).hexdigest()} {weights_sha256} {size}{unusual_names(class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Self
+from typing import Any, Self
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ..runtime.cpu import threads
 from .interface import DensePredictions, Detections, check_images, in_type_of
@@ -115,15 +115,18 @@ def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_thr
 
 
 class SinglePassDetector(ABC):
-    """Checks images, predicts once, suppresses; see :class:`rauca_core.detect.Detector`.
+    """Checks images, predicts once, suppresses; what an adapter does in another way it overrides.
 
     Attributes:
-        name: in messages and tables.
-        network: what torch computes with; None where another runtime does.
+        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
+        network: the differentiable module, in evaluation mode; its weights take no gradient. None where another runtime
+            computes.
     """
 
     name: str
-    network: nn.Module | None
+    class_names: tuple[str, ...]
+    fingerprint: str
+    network: Any
 
     def to(self, device: torch.device | str) -> Self:
         """Move the network to a device; returns self."""

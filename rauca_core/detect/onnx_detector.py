@@ -32,7 +32,6 @@ class OnnxDetector(SinglePassDetector):
     is not ``differentiable``: :meth:`dense` refuses images that want a gradient, and it stays on the CPU.
 
     Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         size: the graph's square input, pixels.
         network: the graph in torch, if it can be converted.
         differentiable: gradients flow from the predictions to the images.

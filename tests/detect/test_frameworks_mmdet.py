@@ -13,7 +13,7 @@ from torch import nn
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect.frameworks import MmdetDetector
-from rauca_core.detect.frameworks.mmdet_config import read_config
+from rauca_core.detect.frameworks.mmdet_detector import read_config
 
 PREPROCESSOR = {
     "type": "DetDataPreprocessor",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -63,8 +64,7 @@ class Scaling:
             raise RaucaError(f"{name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
         if size != tuple(images.shape[2:]):
             images = functional.interpolate(images, size, mode=self.mode, align_corners=False, antialias=True)
-        mean, std = (torch.tensor(one, device=images.device, dtype=images.dtype) for one in (self.mean, self.std))
-        return (images - mean[:, None, None]) / std[:, None, None]
+        return normalized(images, self.mean, self.std)
 
     def size_of(self, height: int, width: int) -> tuple[int, int]:
         """(height, width) that an image is scaled to; rounded as transformers rounds."""
@@ -80,6 +80,12 @@ class Scaling:
             return height, width
         longer = int(exact * long / short)
         return (shorter, longer) if height <= width else (longer, shorter)
+
+
+def normalized(images: Tensor, mean: Sequence[float], std: Sequence[float]) -> Tensor:
+    """Images (B, 3, H, W) less ``mean`` and over ``std`` of their channels."""
+    less, over = (torch.tensor(one, device=images.device, dtype=images.dtype)[:, None, None] for one in (mean, std))
+    return (images - less) / over
 
 
 def read_scaling(path: Path, default: Scaling) -> Scaling:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
 from ..families import Resolved
+from ..foreign import changed
 from ..interface import DensePredictions, Detections
 from ..nms import SinglePassDetector
 from .checkpoint import fill, fingerprint, read_state
@@ -45,7 +45,7 @@ def two_stage(model: Any, images: Any, features: Mapping[str, Tensor]) -> DenseP
 
 def retinanet(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
     """Every anchor; categories are independent of one another (sigmoid)."""
-    found, boxes = _anchored(model, images, features)
+    boxes, found = _anchored(model, images, features)
     return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), found["cls_logits"].sigmoid())
 
 
@@ -54,25 +54,25 @@ def fcos(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredic
 
     The root is taken in the exponent, where its slope stays finite when a probability rounds to 0.
     """
-    found, boxes = _anchored(model, images, features)
+    boxes, found = _anchored(model, images, features)
     centerness, classes = ((functional.logsigmoid(found[key]) / 2).exp() for key in ("bbox_ctrness", "cls_logits"))
     return DensePredictions(boxes, centerness[..., 0], classes)
 
 
 def ssd(model: Any, images: Any, features: Mapping[str, Tensor]) -> DensePredictions:
     """Every default box; categories exclude one another (softmax)."""
-    found, boxes = _anchored(model, images, features)
+    boxes, found = _anchored(model, images, features)
     return DensePredictions(boxes, torch.ones_like(boxes[..., 0]), found["cls_logits"].softmax(-1))
 
 
-def _anchored(model: Any, images: Any, features: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
-    """The head's outputs (B, N, ...) and decoded boxes (B, N, 4) of a model without a second stage."""
+def _anchored(model: Any, images: Any, features: Mapping[str, Tensor]) -> tuple[Tensor, dict[str, Tensor]]:
+    """Decoded boxes (B, N, 4) and the head's outputs (B, N, ...) of a model without a second stage."""
     levels = list(features.values())
     found: dict[str, Tensor] = model.head(levels)
     anchors = model.anchor_generator(images, levels)
     decode = getattr(model.box_coder, "decode_single", model.box_coder.decode)
     boxes = torch.stack([decode(*one) for one in zip(found["bbox_regression"], anchors, strict=True)])
-    return found, _clip(boxes, images)
+    return _clip(boxes, images), found
 
 
 def _clip(boxes: Tensor, images: Any) -> Tensor:
@@ -105,10 +105,6 @@ class TorchvisionDetector(SinglePassDetector):
     after the box head, or all anchors, see :mod:`rauca_core.detect.frameworks.torchvision_detector`. Where a softmax
     shares one probability between the categories and the background, ``objectness`` is 1 and ``classes`` are the
     categories' shares, so their product is torchvision's score throughout.
-
-    Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        network: torchvision's module, in evaluation mode; its weights take no gradient.
     """
 
     def __init__(
@@ -171,7 +167,7 @@ class TorchvisionDetector(SinglePassDetector):
             )
         self.name = name
         self.class_names = class_names
-        self.network: Any = model.eval().requires_grad_(False)
+        self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names)
 
     def _predict(self, images: Tensor) -> DensePredictions:
@@ -187,7 +183,7 @@ class TorchvisionDetector(SinglePassDetector):
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)
         detections = []
-        with _thresholds(self._thresholds_of, score_threshold, iou_threshold):
+        with changed(self._thresholds_of, score_thresh=score_threshold, nms_thresh=iou_threshold):
             for found in self.network(list(images)):
                 labels = found["labels"] - self._skipped
                 named = labels >= 0
@@ -229,13 +225,3 @@ def _anatomy(name: str, model: Any) -> tuple[Head, Any, int, bool]:
     if isinstance(model, models.ssd.SSD):
         return ssd, model, model.head.classification_head.num_columns, True
     raise RaucaError(f"{name}: a {type(model).__name__} is none of torchvision's FasterRCNN, RetinaNet, FCOS and SSD")
-
-
-@contextlib.contextmanager
-def _thresholds(holder: Any, score: float, iou: float) -> Iterator[None]:
-    before = holder.score_thresh, holder.nms_thresh
-    holder.score_thresh, holder.nms_thresh = score, iou
-    try:
-        yield
-    finally:
-        holder.score_thresh, holder.nms_thresh = before

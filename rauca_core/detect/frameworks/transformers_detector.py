@@ -33,8 +33,6 @@ class TransformersDetector(SinglePassDetector):
     non-maximum suppression: ``detect`` is transformers' ``post_process_object_detection``, ``iou_threshold`` unused.
 
     Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
-        network: transformers' module, in evaluation mode; its weights take no gradient.
         scaling: resizing and normalization.
     """
 
@@ -92,7 +90,7 @@ class TransformersDetector(SinglePassDetector):
         self.class_names = class_names
         self.scaling = scaling
         self._family: Family = family_of(name, model.config.model_type)
-        self.network: Any = model.eval().requires_grad_(False)
+        self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
         freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
 

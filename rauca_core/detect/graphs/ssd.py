@@ -101,9 +101,7 @@ class SsdDetector(SinglePassDetector):
     everywhere, ``classes`` are the scores without the background, so that their product is the network's own score.
 
     Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         size: the network's square input, pixels.
-        network: the differentiable layers.
     """
 
     network: SsdNetwork

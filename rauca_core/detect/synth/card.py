@@ -32,9 +32,7 @@ class SynthDetector(SinglePassDetector):
     Objectness is one everywhere: the class probabilities already say whether anything is there.
 
     Attributes:
-        name, class_names, fingerprint: see :class:`rauca_core.detect.Detector`.
         size: the network's square input, pixels.
-        network: the differentiable module; its weights take no gradient.
     """
 
     network: nn.Module
