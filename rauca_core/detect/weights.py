@@ -20,13 +20,12 @@ from typing import IO
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
-from ..contract.files import TEMPORARY_PREFIX, disk_errors, file_digest, require_space
+from ..contract.files import file_digest, require_space, write_bytes
 from .catalogue import SOURCES, Source, WeightsFile, find_source
 from .families import FAMILIES
 
-_CHUNK = 2**20
 _CONNECT_SECONDS = 30
-_LARGEST_BYTES = 2**31  # of a file whose size its author does not publish
+_LARGEST_BYTES = 2**30  # of a file whose size its author does not publish
 
 
 def download(name: str, files: Sequence[WeightsFile], folder: Path) -> None:
@@ -93,31 +92,17 @@ def _open_address(name: str, url: str) -> Iterator[IO[bytes]]:
 
 
 def keep(name: str, stream: IO[bytes], file: WeightsFile, target: Path) -> None:
-    """Copy at most the expected bytes, then compare; only a perfect copy takes the target's name."""
+    """Read at most the expected bytes, then compare; only a perfect copy is written."""
     limit = file.size_bytes or _LARGEST_BYTES
-    with disk_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=TEMPORARY_PREFIX, dir=target.parent)
-        try:
-            digest, size = hashlib.sha256(), 0
-            with os.fdopen(handle, "wb") as output:
-                while size <= limit and (chunk := stream.read(_CHUNK)):
-                    digest.update(chunk)
-                    size += len(chunk)
-                    output.write(chunk)
-                output.flush()
-                os.fsync(output.fileno())
-            if size != (file.size_bytes or size) or not digest.hexdigest().startswith(file.sha256):
-                raise RaucaError(
-                    f"{name}: {file.origin} gave {'at least ' * (size > limit)}{size} bytes with sha256 "
-                    f"{digest.hexdigest()[:12]}, expected {file.size_bytes or 'a file'} with {file.sha256[:12]}; "
-                    "nothing was kept, try again or report it"
-                )
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, target)
-        finally:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(temporary)
+    data = stream.read(limit + 1)
+    digest = hashlib.sha256(data).hexdigest()
+    if len(data) > limit or len(data) != (file.size_bytes or len(data)) or not digest.startswith(file.sha256):
+        raise RaucaError(
+            f"{name}: {file.origin} gave {'at least ' * (len(data) > limit)}{len(data)} bytes with sha256 "
+            f"{digest[:12]}, expected {file.size_bytes or 'a file'} with {file.sha256[:12]}; "
+            "nothing was kept, try again or report it"
+        )
+    write_bytes(target, data)
 
 
 OWN_FOLDER = "RAUCA_WEIGHTS"  # environment: a folder of weights that were downloaded elsewhere
@@ -159,10 +144,12 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         return shipped_path(source)
     if not source.files:
         raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
-    missing = [file for file in source.files if not _whole(file)]
+    missing = []
     for file in source.files:
-        if file not in missing:
+        if _whole(file):
             _verify_file(source, file)
+        else:
+            missing.append(file)
     own = folder or (Path(os.environ[OWN_FOLDER]) if os.environ.get(OWN_FOLDER) else None)
     if own is not None:
         missing = [file for file in missing if not _take(source, file, own.expanduser())]

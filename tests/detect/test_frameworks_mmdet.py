@@ -16,12 +16,9 @@ from rauca_core.detect.frameworks import MmdetDetector
 from rauca_core.detect.frameworks.mmdet_detector import read_config
 
 PREPROCESSOR = {
-    "type": "DetDataPreprocessor",
-    "mean": [103.5, 116.3, 123.7],
-    "std": [57.0, 57.1, 58.4],
-    "bgr_to_rgb": False,
+    "type": "DetDataPreprocessor", "mean": [103.5, 116.3, 123.7], "std": [57.0, 57.1, 58.4], "bgr_to_rgb": False,
     "pad_size_divisor": 32,
-}
+}  # fmt: skip
 STEPS: list[dict[str, Any]] = [
     {"type": "LoadImageFromFile"},
     {"type": "Resize", "scale": [160, 96], "keep_ratio": True},
@@ -29,37 +26,17 @@ STEPS: list[dict[str, Any]] = [
 ]
 RETINANET = {
     "type": "RetinaNet",
-    "backbone": {
-        "type": "ResNet",
-        "depth": 18,
-        "init_cfg": {"type": "Pretrained", "checkpoint": "torchvision://resnet18"},
-    },
-    "neck": {
-        "type": "FPN",
-        "in_channels": [64, 128, 256, 512],
-        "out_channels": 32,
-        "start_level": 1,
-        "add_extra_convs": "on_input",
-        "num_outs": 5,
-    },
+    "backbone": {"type": "ResNet", "depth": 18, "init_cfg": {"type": "Pretrained", "checkpoint": "torchvision://x"}},
+    "neck": {"type": "FPN", "in_channels": [64, 128, 256, 512], "out_channels": 32, "start_level": 1,
+             "add_extra_convs": "on_input", "num_outs": 5},
     "bbox_head": {
-        "type": "RetinaHead",
-        "num_classes": 2,
-        "in_channels": 32,
-        "feat_channels": 32,
-        "stacked_convs": 1,
-        "anchor_generator": {
-            "type": "AnchorGenerator",
-            "octave_base_scale": 4,
-            "scales_per_octave": 3,
-            "ratios": [0.5, 1.0, 2.0],
-            "strides": [8, 16, 32, 64, 128],
-        },
-        "bbox_coder": {"type": "DeltaXYWHBBoxCoder"},
-        "loss_cls": {"type": "FocalLoss", "use_sigmoid": True},
+        "type": "RetinaHead", "num_classes": 2, "in_channels": 32, "feat_channels": 32, "stacked_convs": 1,
+        "anchor_generator": {"type": "AnchorGenerator", "octave_base_scale": 4, "scales_per_octave": 3,
+                             "ratios": [0.5, 1.0, 2.0], "strides": [8, 16, 32, 64, 128]},
+        "bbox_coder": {"type": "DeltaXYWHBBoxCoder"}, "loss_cls": {"type": "FocalLoss", "use_sigmoid": True},
     },
     "test_cfg": {"nms_pre": 1000, "score_thr": 0.05, "nms": {"type": "nms", "iou_threshold": 0.5}, "max_per_img": 100},
-}
+}  # fmt: skip
 
 
 def written(path: Path, steps: list[dict[str, Any]] | None = None, **model: Any) -> Path:

@@ -131,7 +131,10 @@ def test_an_equals_sign_in_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_weights_of_another_model(standard_weights: list[str], tmp_path: Path) -> None:
     """Each adapter refuses another's file with one line that names it."""
     foreign = store.stored_path(find_source("yolov4-tiny"))
-    for name, suffix in (("yolov3-tiny", ".weights"), ("ssd-mobilenet-v2", ".pb"), ("yolox-nano", ".onnx")):
+    (tmp_path / "foreign.prototxt").symlink_to(store.stored_paths(find_source("mobilenet-ssd"))[1])
+    networks = {"yolov3-tiny": ".weights", "ssd-mobilenet-v2": ".pb", "yolox-nano": ".onnx"}
+    networks["mobilenet-ssd"] = ".caffemodel"
+    for name, suffix in networks.items():
         path = tmp_path / f"foreign{suffix}"
         shutil.copy(foreign, path)
         with pytest.raises(RaucaError, match=rf"foreign\{suffix}") as caught:

@@ -245,19 +245,12 @@ def test_something_else_than_a_description_is_refused(files: tuple[Path, Path], 
         CaffeSsdDetector("every", *files, NAMES)
 
 
-def test_a_description_cut_off_anywhere_is_refused(files: tuple[Path, Path]) -> None:
-    text = files[0].read_text().rstrip()
-    for length in range(0, len(text) - 1, 83):
-        files[0].write_text(text[:length])
-        with pytest.raises(RaucaError, match=r"every\.prototxt"):
-            CaffeSsdDetector("every", *files, NAMES)
-
-
-def test_weights_cut_off_anywhere_are_refused(files: tuple[Path, Path]) -> None:
-    data = files[1].read_bytes()
-    for length in range(0, len(data) - 1, 211):
-        files[1].write_bytes(data[:length])
-        with pytest.raises(RaucaError, match=r"every\.caffemodel"):
+@pytest.mark.parametrize(("cut", "step"), [(0, 83), (1, 211)])
+def test_a_file_cut_off_anywhere_is_refused(files: tuple[Path, Path], cut: int, step: int) -> None:
+    data = files[cut].read_bytes().rstrip()
+    for length in range(0, len(data) - 1, step):
+        files[cut].write_bytes(data[:length])
+        with pytest.raises(RaucaError, match=rf"every\{files[cut].suffix}"):
             CaffeSsdDetector("every", *files, NAMES)
 
 

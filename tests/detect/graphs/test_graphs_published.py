@@ -187,12 +187,3 @@ def test_anchors_are_those_of_the_documented_generator() -> None:
                 expected += [((x + 0.5) / cells, (y + 0.5) / cells, s * r**0.5, s / r**0.5) for s, r in shapes]
     ours = torch.cat([detector.network.boxes.center, detector.network.boxes.size], 1)
     np.testing.assert_allclose(ours, np.array(expected), atol=1e-6)
-
-
-def test_weights_of_another_network_are_refused() -> None:
-    with pytest.raises(RaucaError, match=r"mobilenet-ssd\.caffemodel: "):
-        TfSsdDetector("wrong", in_cache("mobilenet-ssd.caffemodel"), class_list("coco-91"))
-    with pytest.raises(RaucaError, match=r"ssd-mobilenet-v3\.pb: "):
-        CaffeSsdDetector(
-            "wrong", in_cache("mobilenet-ssd.prototxt"), in_cache("ssd-mobilenet-v3.pb"), class_list("voc-20")
-        )

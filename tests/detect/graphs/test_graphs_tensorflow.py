@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect.graphs import TfSsdDetector
-from rauca_core.detect.graphs.network import Activation, Affine, Convolution
+from rauca_core.detect.graphs.network import Affine, Convolution
 from rauca_core.detect.graphs.tensorflow import read_tensorflow_ssd
 from tests.detect.gradients import checked_gradient
 
@@ -319,15 +319,3 @@ def test_a_graph_cut_off_anywhere_is_refused(graph: Any, tmp_path: Path) -> None
         cut.write_bytes(data[:length])
         with pytest.raises(RaucaError, match=r"cut\.pb"):
             TfSsdDetector("cut", cut, NAMES)
-
-
-def test_affine_and_activation_layers_alone() -> None:
-    images = torch.rand(1, 3, 4, 5) * 9
-    affine = Affine(np.array([1.0, 2.0, 3.0]), -1.0).float()(images)
-    torch.testing.assert_close(affine, images * torch.tensor([1.0, 2.0, 3.0]).reshape(3, 1, 1) - 1)
-    torch.testing.assert_close(Activation("Relu6")(affine), affine.clamp(0, 6))
-
-
-def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(RaucaError, match=r"none\.pb: not found"):
-        TfSsdDetector("none", tmp_path / "none.pb", NAMES)
