@@ -5,7 +5,7 @@ Batch normalization is folded into the convolutions when the weights are read. B
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -153,13 +153,23 @@ class Head(nn.Module):
         )
 
 
-def concatenate(parts: list[DensePredictions]) -> DensePredictions:
-    """Predictions of several heads as one list."""
-    return DensePredictions(
-        torch.cat([p.boxes for p in parts], 1),
-        torch.cat([p.objectness for p in parts], 1),
-        torch.cat([p.classes for p in parts], 1),
-    )
+def run(layers: nn.ModuleList, images: Tensor, taps: Sequence[int] = ()) -> tuple[list[DensePredictions], list[Tensor]]:
+    """What the heads among a network's layers predict, and the outputs of the layers ``taps``."""
+    kept = {*taps, *(s for layer in layers if isinstance(layer, Route | Shortcut) for s in layer.sources)}
+    x, found = images.contiguous(memory_format=torch.channels_last), []
+    outputs: dict[int, Tensor] = {}
+    for index, layer in enumerate(layers):
+        if isinstance(layer, Head):
+            found.append(layer(x, images.shape[2], images.shape[3]))
+        elif isinstance(layer, Route):
+            x = layer(*(outputs[source] for source in layer.sources))
+        elif isinstance(layer, Shortcut):
+            x = layer(x, outputs[layer.sources[-1]])
+        else:
+            x = layer(x)
+        if index in kept:
+            outputs[index] = x
+    return found, [outputs[index] for index in taps]
 
 
 MAX_LAYERS = 1000  # YOLOv4 has 161
@@ -189,8 +199,6 @@ class DarknetNetwork(nn.Module):
         self.classes = heads[0].classes
         if any(head.classes != self.classes for head in heads):
             raise net.error("the heads disagree about the number of classes")
-        wanted = {s for layer in self.layers if isinstance(layer, Route | Shortcut) for s in layer.sources}
-        self._kept = frozenset(wanted)
         self.eval()
         # oneDNN's and cuDNN's own layout: forward plus backward takes 0.6 to 0.8 of the time on a CPU.
         for layer in self.layers:
@@ -199,20 +207,9 @@ class DarknetNetwork(nn.Module):
 
     def forward(self, images: Tensor) -> DensePredictions:
         """Predict from sRGB images (B, 3, H, W) in [0, 1], H and W multiples of ``stride``; boxes in their pixels."""
-        x, found = images.contiguous(memory_format=torch.channels_last), []
-        outputs: dict[int, Tensor] = {}
-        for index, layer in enumerate(self.layers):
-            if isinstance(layer, Head):
-                found.append(layer(x, images.shape[2], images.shape[3]))
-            elif isinstance(layer, Route):
-                x = layer(*(outputs[source] for source in layer.sources))
-            elif isinstance(layer, Shortcut):
-                x = layer(x, outputs[layer.sources[-1]])
-            else:
-                x = layer(x)
-            if index in self._kept:
-                outputs[index] = x
-        return concatenate(found)
+        found, _ = run(self.layers, images)
+        parts = ([getattr(one, name) for one in found] for name in ("boxes", "objectness", "classes"))
+        return DensePredictions(*(torch.cat(part, 1) for part in parts))
 
 
 class _Builder:
@@ -222,26 +219,17 @@ class _Builder:
         self._channels = [channels]  # entry i + 1 leaves layer i
         self.scales = [1.0]
         self._parameters = 0
-        self._makers: dict[str, Callable[[Section], nn.Module]] = {
-            "convolutional": self._convolution,
-            "maxpool": self._maxpool,
-            "route": self._route,
-            "shortcut": self._shortcut,
-            "upsample": self._upsample,
-            "yolo": self._yolo,
-            "region": self._region,
-        }
 
     def add(self, section: Section) -> nn.Module:
         self._next_channels, self._next_scale = self._channels[-1], self.scales[-1]
-        module = self._makers[section.kind](section)
+        module: nn.Module = getattr(self, f"_{section.kind}")(section)
         if not 1 / MAX_SCALE <= self._next_scale <= MAX_SCALE:
             raise section.error(f"scales the image by more than {MAX_SCALE}")
         self._channels.append(self._next_channels)
         self.scales.append(self._next_scale)
         return module
 
-    def _convolution(self, section: Section) -> nn.Module:
+    def _convolutional(self, section: Section) -> nn.Module:
         size, stride = section.integer("size", 1, 1, 31), section.integer("stride", 1, 1, 32)
         padding = size // 2 if section.integer("pad", 0, 0, 1) else section.integer("padding", 0, 0, 31)
         filters = section.integer("filters", None, 1)

@@ -10,7 +10,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect import DarknetDetector, canonical, class_index, class_list, find_class
 from rauca_core.detect.catalogue import SOURCES
 from rauca_core.detect.classes import GAP, unusual_names
-from rauca_core.detect.synth import read_card
+from rauca_core.detect.synth.card import read_card
 from rauca_core.detect.weights import shipped_path
 
 DARKNET = ("aeroplane", "motorbike", "diningtable", "sofa", "pottedplant", "tvmonitor")

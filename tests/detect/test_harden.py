@@ -19,8 +19,7 @@ from rauca_core.contract import Camouflage, Dataset, RaucaError, Vehicle, load_v
 from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import Detector, load_detector
-from rauca_core.detect.synth import read_card
-from rauca_core.detect.synth.card import load_network
+from rauca_core.detect.synth.card import load_network, read_card
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
 from rauca_core.runtime.checkpoint_files import started

@@ -29,7 +29,7 @@ from rauca_core.contract import (
     save_frame,
 )
 from rauca_core.contract.seeding import named_rng
-from rauca_core.detect.synth import load_weights, read_card
+from rauca_core.detect.synth.card import load_weights, read_card
 from rauca_core.detect.synth.networks import build_network
 from rauca_core.environment.frames import LightFrames
 from rauca_core.training import fit as fitting

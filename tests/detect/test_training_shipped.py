@@ -15,7 +15,7 @@ from rauca_core.contract import Camera, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.detect import car_score, load_detector
 from rauca_core.detect.catalogue import SOURCES
-from rauca_core.detect.synth import read_card
+from rauca_core.detect.synth.card import read_card
 from rauca_core.detect.weights import shipped_path
 from rauca_core.environment.shading import plain_shading
 from rauca_core.runtime.images import read_image

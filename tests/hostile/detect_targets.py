@@ -16,7 +16,8 @@ from rauca_core.detect.frameworks.checkpoint import read_state
 from rauca_core.detect.frameworks.mmdet_detector import read_config
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import load_model
-from rauca_core.detect.graphs import CaffeSsdDetector, TfSsdDetector
+from rauca_core.detect.graphs.caffe import CaffeSsdDetector
+from rauca_core.detect.graphs.tensorflow import TfSsdDetector
 from rauca_core.detect.onnx_detector import OnnxDetector
 from rauca_core.detect.synth.card import load_network
 from tests.detect.conftest import EVERY_LAYER, write_random_weights

@@ -11,6 +11,7 @@ from torch import Tensor, fx, nn
 from torch.nn import functional
 
 from ...contract import RaucaError
+from ..classes import GAP, class_list
 from ..interface import DensePredictions
 from ..nms import SinglePassDetector
 from .network import Array
@@ -18,9 +19,6 @@ from .network import Array
 MAX_SIZE = 2048  # of the square input, pixels
 # exp(10) anchors are wider than any image; beyond that only the gradient would be lost to infinity
 MAX_LOG_SIZE = 10.0
-# COCO numbers its 80 categories from 1 to 90; these ids were never given out, but heads have columns for them.
-COCO_GAPS = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
-COCO_IDS = tuple(label for label in range(1, 91) if label not in COCO_GAPS)
 
 
 @dataclass(frozen=True)
@@ -161,9 +159,9 @@ def score_columns(path: Path, columns: int, class_names: tuple[str, ...]) -> tup
     """
     if len(class_names) == columns - 1:
         return tuple(range(1, columns))
-    if len(class_names) == len(COCO_IDS) and columns == 91:
-        return COCO_IDS
-    also = f", or the {len(COCO_IDS)} of COCO" if columns == 91 else ""
+    if len(class_names) == 80 and columns == 91:
+        return tuple(label for label, name in enumerate(class_list("coco-91"), 1) if name != GAP)
+    also = ", or the 80 of COCO" if columns == 91 else ""
     raise RaucaError(
         f"{path}: the network predicts {columns - 1} classes{also}; {len(class_names)} class names were given"
     )

@@ -2,15 +2,3 @@
 
 Small, trained on this project's synthetic frames, and named as what they are (``frcnn-synth``, ``detr-synth``).
 """
-
-from .card import DetectorCard, SynthDetector, load_weights, read_card, save_weights
-from .networks import RECIPES
-
-__all__ = [
-    "RECIPES",
-    "DetectorCard",
-    "SynthDetector",
-    "load_weights",
-    "read_card",
-    "save_weights",
-]

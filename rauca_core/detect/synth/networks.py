@@ -15,7 +15,7 @@ from ...contract.assets import assets_folder
 from ...contract.seeding import named_seed
 from ..catalogue import SOURCES
 from ..darknet import read_weights
-from ..darknet_network import Convolution, DarknetNetwork, Route, Shortcut
+from ..darknet_network import Convolution, DarknetNetwork, run
 from ..interface import DensePredictions
 
 BACKBONE = "yolov4-tiny"
@@ -48,7 +48,6 @@ class DarknetBackbone(nn.Module):
         if weights is not None:
             read_weights(weights, network)
         self.layers = network.layers[: TAPS[-1] + 1]
-        self._kept = {s for layer in self.layers if isinstance(layer, Route | Shortcut) for s in layer.sources}
         for layer in self.layers[STEM + 1 :]:
             if isinstance(layer, Convolution):
                 layer.weight.requires_grad_(True)
@@ -56,13 +55,7 @@ class DarknetBackbone(nn.Module):
 
     def forward(self, images: Tensor) -> list[Tensor]:
         """Features (B, C, H / stride, W / stride) for each of :data:`STRIDES`."""
-        x = images.contiguous(memory_format=torch.channels_last)
-        outputs: dict[int, Tensor] = {}
-        for index, layer in enumerate(self.layers):
-            x = layer(*(outputs[source] for source in layer.sources)) if isinstance(layer, Route) else layer(x)
-            if index in self._kept or index in TAPS:
-                outputs[index] = x
-        return [outputs[index] for index in TAPS]
+        return run(self.layers, images, TAPS)[1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.graphs import CaffeSsdDetector
-from rauca_core.detect.graphs.caffe import read_caffe_ssd
+from rauca_core.detect.graphs.caffe import CaffeSsdDetector, read_caffe_ssd
 from rauca_core.detect.graphs.messages import read_prototxt
 from tests.detect.gradients import checked_gradient
 from tests.detect.graphs.conftest import write

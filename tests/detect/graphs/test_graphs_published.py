@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.classes import class_list
-from rauca_core.detect.graphs import COCO_GAPS, CaffeSsdDetector, SsdDetector, TfSsdDetector
+from rauca_core.detect.classes import GAP, class_list
+from rauca_core.detect.graphs.caffe import CaffeSsdDetector
+from rauca_core.detect.graphs.ssd import SsdDetector
+from rauca_core.detect.graphs.tensorflow import TfSsdDetector
 from rauca_core.detect.weights import weights_folder
 from tests.detect.gradients import checked_gradient
 
@@ -164,7 +166,7 @@ def test_eighty_names_pick_the_same_columns_as_ninety(frames: Tensor) -> None:
     eighty = TfSsdDetector("v3", graph, class_list("coco-80"))
     with torch.no_grad():
         every, picked = (detector.dense(frames[:1]).classes[0] for detector in (ninety, eighty))
-    kept = [label - 1 for label in range(1, 91) if label not in COCO_GAPS]
+    kept = [column for column, name in enumerate(ninety.class_names) if name != GAP]
     torch.testing.assert_close(picked, every[:, kept])
     assert [ninety.class_names[k] for k in kept] == list(eighty.class_names)
     assert len({detector.fingerprint for detector in (ninety, eighty)}) == 2

@@ -12,9 +12,8 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.graphs import TfSsdDetector
 from rauca_core.detect.graphs.network import Affine, Convolution
-from rauca_core.detect.graphs.tensorflow import read_tensorflow_ssd
+from rauca_core.detect.graphs.tensorflow import TfSsdDetector, read_tensorflow_ssd
 from tests.detect.gradients import checked_gradient
 
 NAMES = ("person", "bicycle", "car", "kite")
