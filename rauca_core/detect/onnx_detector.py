@@ -90,10 +90,8 @@ class OnnxDetector(SinglePassDetector):
 
     def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
         check_images(self.name, images, waits)
-        weights = in_type_of(self.network, images[:0]).dtype
-        return images.to(
-            torch.promote_types(weights, torch.float32)
-        )  # exports keep this input before weights of 16 bits
+        weights = in_type_of(self.network, images[:0]).dtype  # of 16 bits, exports keep an input of 32
+        return images.to(torch.promote_types(weights, torch.float32))
 
     def _forward(self, prepared: Tensor) -> Tensor:
         wants_gradient = prepared.requires_grad and torch.is_grad_enabled()
@@ -147,20 +145,14 @@ def _layout(graph: OnnxGraph, shape: tuple[int, ...], size: int, family: GraphFa
 def _input_size(graph: OnnxGraph, size: int | None) -> int:
     if graph.height != graph.width:
         raise RaucaError(f"{graph.path}: its input is {graph.height} x {graph.width} pixels, expected a square")
-    if graph.height is not None:
-        if size not in (None, graph.height):
-            raise RaucaError(f"{graph.path}: exported for {graph.height} pixels, not {size}; leave size out")
-        return _checked(graph, graph.height)
-    size = size or graph.image_size or DEFAULT_SIZE
-    if size < 32 or size % 32:
-        raise RaucaError(f"{graph.path}: input size {size} must be a multiple of 32 pixels")
-    return _checked(graph, size)
-
-
-def _checked(graph: OnnxGraph, size: int) -> int:
-    if not 1 <= size <= MAX_SIZE:
-        raise RaucaError(f"{graph.path}: takes images of {size} pixels; at most {MAX_SIZE} are made")
-    return size
+    if graph.height is not None and size not in (None, graph.height):
+        raise RaucaError(f"{graph.path}: exported for {graph.height} pixels, not {size}; leave size out")
+    chosen = graph.height or size or graph.image_size or DEFAULT_SIZE
+    if graph.height is None and (chosen < 32 or chosen % 32):
+        raise RaucaError(f"{graph.path}: input size {chosen} must be a multiple of 32 pixels")
+    if not 1 <= chosen <= MAX_SIZE:
+        raise RaucaError(f"{graph.path}: takes images of {chosen} pixels; at most {MAX_SIZE} are made")
+    return chosen
 
 
 def _class_names(graph: OnnxGraph, classes: int, given: tuple[str, ...] | None) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """The messages of TensorFlow's and caffe's files, as far as SSDs need them, read by Google's protobuf library.
 
-In binary a message inside another is declared as bytes and parsed when it is asked for: two bytes of a file can become
-sixteen, never a whole object, and nothing nests. Fields that are not named here are skipped in binary; in text they are
-refused, as any of them could change the computation.
+In binary a message inside another is declared as bytes and parsed when it is asked for, so nothing nests: of empty
+messages alone a file becomes sixteen times as large, never more. Fields that are not named here are skipped in binary;
+in text they are refused, as any of them could change the computation.
 """
 
 from __future__ import annotations
@@ -19,9 +19,7 @@ from google.protobuf.message import DecodeError
 from ...contract import RaucaError
 from ...contract.reading import read_limited, read_text
 
-MAX_FILE_BYTES = (
-    2**28
-)  # the largest of these detectors' files have 250 MB; parsed, a file takes up to eight times as much
+MAX_FILE_BYTES = 2**28  # the largest of these detectors' files have 250 MB
 MAX_TEXT_BYTES = 2**20
 
 _BINARY = {
