@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from ..contract.seeding import named_rng, named_seed
-from ..detect.synth.networks import Truth, trainable
+from ..detect.synth.network import Truth
+from ..detect.synth.networks import trainable
 from ..runtime.devices import find_device
 from .loop import AveragedCopy, RoundReport, Run, Task, run_task
 from .measure import Findings

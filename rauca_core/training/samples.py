@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from ..contract.color import linear_to_srgb, srgb_to_linear
 from ..detect.letterbox import PADDING_SRGB
-from ..detect.synth.networks import Truth
+from ..detect.synth.network import Truth
 from ..environment.frames import LightFrames
 
 CAR_COLORS: tuple[tuple[int, int, int], ...] = (

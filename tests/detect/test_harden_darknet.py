@@ -13,7 +13,7 @@ from rauca_core.detect.darknet_network import DarknetNetwork
 from rauca_core.detect.interface import DensePredictions
 from rauca_core.detect.synth.card import save_weights
 from rauca_core.detect.synth.darknet_student import DarknetStudent, _image_losses, cross_entropy
-from rauca_core.detect.synth.networks import Truth
+from rauca_core.detect.synth.network import Truth
 from rauca_core.training.origin import origin_of
 
 torch.set_num_threads(1)

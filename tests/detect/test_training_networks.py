@@ -13,7 +13,8 @@ from torch import Tensor
 from rauca_core.detect.batch_norm import freeze_batch_norms
 from rauca_core.detect.frameworks import import_torchvision, import_transformers
 from rauca_core.detect.nms import centered, corners, detections, generalized_iou
-from rauca_core.detect.synth.networks import Truth, build_network
+from rauca_core.detect.synth.network import Truth
+from rauca_core.detect.synth.networks import build_network
 from rauca_core.detect.synth.transformer import layer_losses, match
 
 torch.set_num_threads(1)

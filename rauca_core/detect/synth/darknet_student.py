@@ -17,7 +17,7 @@ from torch.nn import functional
 from ..darknet_network import Convolution, DarknetNetwork
 from ..interface import DensePredictions
 from ..nms import box_iou, generalized_iou
-from .networks import Truth
+from .network import Truth
 
 ANSWER = 3  # predictions that answer for a vehicle
 NEAR = 0.3  # overlap above which a prediction is on a vehicle, and is told nothing unless it answers

@@ -16,7 +16,7 @@ from torch.nn import functional
 from ..frameworks.transformers_loading import import_transformers
 from ..interface import DensePredictions
 from ..nms import box_iou, centered, corners, generalized_iou
-from .networks import CHANNELS, STRIDES, DarknetBackbone, Truth
+from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
 
 WIDTH = 128
 HEADS = 4

@@ -13,7 +13,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ..frameworks.torchvision_ops import import_torchvision
 from ..interface import DensePredictions
-from .networks import CHANNELS, STRIDES, DarknetBackbone, Truth
+from .network import CHANNELS, STRIDES, DarknetBackbone, Truth
 
 WIDTH = 96  # of the feature pyramid
 HIDDEN = 384  # of the head
