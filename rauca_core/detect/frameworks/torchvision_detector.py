@@ -108,12 +108,7 @@ class TorchvisionDetector(SinglePassDetector):
     """
 
     def __init__(
-        self,
-        name: str,
-        architecture: str,
-        weights: Path | None,
-        class_names: tuple[str, ...],
-        size: int | None = None,
+        self, name: str, architecture: str, weights: Path | None, class_names: tuple[str, ...], size: int | None = None
     ) -> None:
         """Build an architecture and read its weights.
 
@@ -165,8 +160,7 @@ class TorchvisionDetector(SinglePassDetector):
             raise RaucaError(
                 f"{name}: the model predicts {columns - has_background} categories, {len(class_names)} names were given"
             )
-        self.name = name
-        self.class_names = class_names
+        self.name, self.class_names = name, class_names
         self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names)
 

@@ -56,12 +56,7 @@ class TransformersDetector(SinglePassDetector):
 
     @classmethod
     def of(
-        cls,
-        model: nn.Module,
-        name: str,
-        class_names: tuple[str, ...] | None = None,
-        size: int | None = None,
-        scaling: Scaling | None = None,
+        cls, model: nn.Module, name: str, class_names: tuple[str, ...] | None = None, size: int | None = None
     ) -> TransformersDetector:
         """The detector that a model in memory makes, e.g. one that was just trained.
 
@@ -70,7 +65,7 @@ class TransformersDetector(SinglePassDetector):
         Args:
             model: ``DetrForObjectDetection``, ``DeformableDetrForObjectDetection`` or RT-DETR's.
             class_names: None for those of the model's configuration.
-            size, scaling: how images are prepared; None for the family's usual size and way.
+            size: as of :class:`TransformersDetector`; None for the family's usual.
 
         Raises:
             RaucaError: another kind of model, a number of names that does not fit.
@@ -78,7 +73,7 @@ class TransformersDetector(SinglePassDetector):
         family = family_of(name, getattr(getattr(model, "config", None), "model_type", None))
         self = cls.__new__(cls)
         names = _names_of(model) if class_names is None else class_names
-        self._hold(copy.deepcopy(model), name, names, _sized(name, scaling or family.scaling, size))
+        self._hold(copy.deepcopy(model), name, names, _sized(name, family.scaling, size))
         return self
 
     def _hold(self, model: Any, name: str, class_names: tuple[str, ...], scaling: Scaling) -> None:
@@ -86,9 +81,7 @@ class TransformersDetector(SinglePassDetector):
             raise RaucaError(
                 f"{name}: the model predicts {model.config.num_labels} categories, {len(class_names)} names were given"
             )
-        self.name = name
-        self.class_names = class_names
-        self.scaling = scaling
+        self.name, self.class_names, self.scaling = name, class_names, scaling
         self._family: Family = family_of(name, model.config.model_type)
         self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
