@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from rauca_core.detect import DarknetDetector
 from rauca_core.detect.darknet_network import Convolution, DarknetNetwork
@@ -24,93 +25,29 @@ def tiny_weights() -> dict[str, Path]:
     return published_weights(*TINY)
 
 
-# Every layer type, activation and padding rule at once, in a net that stays small.
-EVERY_LAYER = """
-[net]
-width=64
-height=64
-channels=3
-
-[convolutional]
-batch_normalize=1
-filters=8
-size=3
-stride=2
-pad=1
-activation=mish
-
-[convolutional]
-filters=8
-size=3
-stride=1
-pad=1
-activation=relu
-
-[shortcut]
-from=-2
-activation=linear
-
-[maxpool]
-size=2
-stride=2
-
-[route]
-layers=-1
-groups=2
-group_id=1
-
-[convolutional]
-batch_normalize=1
-filters=16
-size=3
-stride=2
-pad=1
-activation=leaky
-
-[maxpool]
-size=2
-stride=1
-
-[maxpool]
-size=5
-stride=1
-
-[convolutional]
-filters=21
-size=1
-stride=1
-pad=1
-activation=linear
-
-[yolo]
-mask=1,2,3
-anchors=4,6, 10,9, 20,22, 40,31
-classes=2
-num=4
-scale_x_y=1.05
-
-[route]
-layers=-3
-
-[upsample]
-stride=2
-
-[route]
-layers=-1,3
-
-[convolutional]
-filters=7
-size=1
-stride=1
-pad=1
-activation=linear
-
-[yolo]
-mask=0
-anchors=4,6, 10,9, 20,22, 40,31
-classes=2
-num=4
+# Every layer type, activation and padding rule at once, in a net that stays small; a section a line.
+SECTIONS = """
+net width=64 height=64 channels=3
+convolutional batch_normalize=1 filters=8 size=3 stride=2 pad=1 activation=mish
+convolutional filters=8 size=3 stride=1 pad=1 activation=relu
+shortcut from=-2 activation=linear
+maxpool size=2 stride=2
+route layers=-1 groups=2 group_id=1
+convolutional batch_normalize=1 filters=16 size=3 stride=2 pad=1 activation=leaky
+maxpool size=2 stride=1
+maxpool size=5 stride=1
+convolutional filters=21 size=1 stride=1 pad=1 activation=linear
+yolo mask=1,2,3 anchors=4,6,10,9,20,22,40,31 classes=2 num=4 scale_x_y=1.05
+route layers=-3
+upsample stride=2
+route layers=-1,3
+convolutional filters=7 size=1 stride=1 pad=1 activation=linear
+yolo mask=0 anchors=4,6,10,9,20,22,40,31 classes=2 num=4
 """
+EVERY_LAYER = "".join(
+    f"\n[{kind}]\n" + "".join(f"{option}\n" for option in options)
+    for kind, *options in (line.split() for line in SECTIONS.strip().splitlines())
+)
 
 
 def write_random_weights(path: Path, cfg: Path, seed: int = 0) -> Path:
@@ -155,3 +92,18 @@ def weights(cfg: Path) -> Path:
 @pytest.fixture
 def detector(cfg: Path, weights: Path) -> DarknetDetector:
     return DarknetDetector("every", cfg, weights, ("boat", "car"), 64)
+
+
+@pytest.fixture(scope="session")
+def picture() -> Callable[[int, int], NDArray[np.float32]]:
+    """Something with edges, gradients and noise: (height, width, 3) sRGB in [0, 1]."""
+
+    def paint(height: int, width: int) -> NDArray[np.float32]:
+        rng = np.random.default_rng(3)
+        canvas = cv2.resize(rng.random((8, 8, 3), np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
+        cv2.rectangle(canvas, (width // 4, height // 2), (3 * width // 4, 3 * height // 4), (0.1, 0.1, 0.12), -1)
+        cv2.circle(canvas, (width // 3, 3 * height // 4), height // 12, (0.02, 0.02, 0.02), -1)
+        canvas += rng.normal(0, 0.03, canvas.shape).astype(np.float32)
+        return canvas.clip(0, 1).astype(np.float32)
+
+    return paint

@@ -63,49 +63,47 @@ def head_cells(detector: DarknetDetector, size: int) -> torch.Tensor:
     return torch.tensor(cells)
 
 
-def photograph(size: int) -> NDArray[np.float32]:
-    """Something with edges, gradients and noise, so that activations are varied; (1, 3, size, size) in [0, 1]."""
-    rng = np.random.default_rng(3)
-    canvas = rng.random((8, 8, 3)).astype(np.float32)
-    canvas = cv2.resize(canvas, (size, size), interpolation=cv2.INTER_CUBIC)
-    cv2.rectangle(canvas, (size // 4, size // 2), (3 * size // 4, 3 * size // 4), (0.1, 0.1, 0.12), -1)
-    cv2.circle(canvas, (size // 3, 3 * size // 4), size // 12, (0.02, 0.02, 0.02), -1)
-    canvas += rng.normal(0, 0.03, canvas.shape).astype(np.float32)
-    return np.ascontiguousarray(canvas.clip(0, 1).transpose(2, 0, 1)[None])
+Check = Callable[[DarknetDetector, Path, Path, int], None]
 
 
-def check(detector: DarknetDetector, cfg: Path, weights: Path, size: int, folder: Path) -> None:
-    image = photograph(size)
-    theirs, ours = cv2_predictions(cfg, weights, image, folder), our_predictions(detector, image)
-    assert theirs.shape == ours.shape
-    spoken = theirs > 0  # the [region] layer of OpenCV suppresses overlapping boxes on its own: their scores are 0
-    spoken[:, :5] = True
-    assert spoken[:, 5:].mean() > 0.1, "OpenCV zeroed most scores: the comparison would prove nothing"
-    assert theirs[:, 5:].max() > 0.01
-    np.testing.assert_allclose(ours[spoken], theirs[spoken], atol=TOLERANCE)
+@pytest.fixture
+def check(tmp_path: Path, picture: Callable[[int, int], NDArray[np.float32]]) -> Check:
+    """Compare predictions on a picture of a size."""
+
+    def compare(detector: DarknetDetector, cfg: Path, weights: Path, size: int) -> None:
+        image = np.ascontiguousarray(picture(size, size).transpose(2, 0, 1)[None])
+        theirs, ours = cv2_predictions(cfg, weights, image, tmp_path), our_predictions(detector, image)
+        assert theirs.shape == ours.shape
+        spoken = theirs > 0  # the [region] layer of OpenCV suppresses overlapping boxes on its own: their scores are 0
+        spoken[:, :5] = True
+        assert spoken[:, 5:].mean() > 0.1, "OpenCV zeroed most scores: the comparison would prove nothing"
+        assert theirs[:, 5:].max() > 0.01
+        np.testing.assert_allclose(ours[spoken], theirs[spoken], atol=TOLERANCE)
+
+    return compare
 
 
 @pytest.mark.parametrize("name", ["yolov2-tiny", "yolov3-tiny", "yolov4-tiny"])
-def test_published_weights_agree_with_opencv(name: str, tiny_weights: dict[str, Path], tmp_path: Path) -> None:
+def test_published_weights_agree_with_opencv(name: str, tiny_weights: dict[str, Path], check: Check) -> None:
     source = SOURCES[name]
     detector = DarknetDetector(name, source.cfg, tiny_weights[name], source.class_names, 416)
-    check(detector, source.cfg, tiny_weights[name], 416, tmp_path)
+    check(detector, source.cfg, tiny_weights[name], 416)
 
 
 @pytest.mark.parametrize(("name", "published_bytes"), [("yolov3", 248007048), ("yolov4", 257717640)])
 def test_full_networks_agree_with_opencv(
-    name: str, published_bytes: int, tmp_path: Path, random_weights: Callable[..., Path]
+    name: str, published_bytes: int, tmp_path: Path, random_weights: Callable[..., Path], check: Check
 ) -> None:
     source = SOURCES[name]
     weights = random_weights(tmp_path / "random.weights", source.cfg)
     assert weights.stat().st_size == published_bytes  # the published file fits this cfg
     detector = DarknetDetector(name, source.cfg, weights, source.class_names, 96)
-    check(detector, source.cfg, weights, 96, tmp_path)
+    check(detector, source.cfg, weights, 96)
 
 
 @pytest.mark.parametrize("size", [64, 80])
-def test_every_layer_agrees_with_opencv(size: int, cfg: Path, weights: Path, tmp_path: Path) -> None:
-    check(DarknetDetector("every", cfg, weights, ("boat", "car"), size), cfg, weights, size, tmp_path)
+def test_every_layer_agrees_with_opencv(size: int, cfg: Path, weights: Path, check: Check) -> None:
+    check(DarknetDetector("every", cfg, weights, ("boat", "car"), size), cfg, weights, size)
 
 
 def test_the_class_list_is_coco() -> None:

@@ -7,11 +7,8 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 onnx = pytest.importorskip("onnx")
@@ -126,18 +123,3 @@ def yolox_nano() -> Path:
         if path.is_file():
             return path
     pytest.skip("yolox-nano is neither in the cache nor in the shared folder")
-
-
-@pytest.fixture(scope="session")
-def picture() -> Callable[[int, int], NDArray[np.float32]]:
-    """Something with edges, gradients and noise: (height, width, 3) sRGB in [0, 1]."""
-
-    def paint(height: int, width: int) -> NDArray[np.float32]:
-        rng = np.random.default_rng(3)
-        canvas = cv2.resize(rng.random((8, 8, 3), np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
-        cv2.rectangle(canvas, (width // 4, height // 2), (3 * width // 4, 3 * height // 4), (0.1, 0.1, 0.12), -1)
-        cv2.circle(canvas, (width // 3, 3 * height // 4), height // 12, (0.02, 0.02, 0.02), -1)
-        canvas += rng.normal(0, 0.03, canvas.shape).astype(np.float32)
-        return canvas.clip(0, 1).astype(np.float32)
-
-    return paint
