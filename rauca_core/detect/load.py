@@ -71,8 +71,8 @@ def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
         if not path.is_dir():
             raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
         return (path,)
-    beside = (_existing(path.with_suffix(family.beside)),) if source.family == "caffe-ssd" else ()
-    return (_existing(path), *beside)
+    weights = _existing(path)
+    return (weights, _existing(path.with_suffix(family.beside))) if source.family == "caffe-ssd" else (weights,)
 
 
 def _by_path(weights: Path, named: bool) -> Resolved:
