@@ -226,7 +226,8 @@ def load(found: Resolved, size: int | None) -> MmdetDetector:
         if len(held) != 1:
             raise RaucaError(f"{found.files[0]}: must hold exactly one {pattern}, found {len(held)}")
         files += held
-    return MmdetDetector(found.name, *files, class_names=found.class_names)
+    config, checkpoint = files
+    return MmdetDetector(found.name, config, checkpoint, found.class_names)
 
 
 def import_registry() -> Any:

@@ -199,7 +199,8 @@ def _drop_identities(network: fx.GraphModule) -> None:
 def _fold_affine(network: fx.GraphModule) -> None:
     """An affine map after a convolution, or after another affine map, that nobody else reads becomes part of it."""
     for node in network.graph.nodes:
-        layer, source = _layer(node), node.args[0] if node.args else None
+        layer = _layer(node)
+        source: Any = node.args[0] if node.args else None
         if not isinstance(layer, Affine) or len(source.users) > 1:
             continue
         before = _layer(source)
@@ -218,7 +219,8 @@ def _fold_affine(network: fx.GraphModule) -> None:
 def _join_hard_swish(network: fx.GraphModule) -> None:
     """x * relu6(x + 3) / 6 is spelled out in four nodes; one layer of torch's own is several times faster."""
     for node in network.graph.nodes:
-        sixth, product = _layer(node), node.args[0] if node.args else None
+        sixth = _layer(node)
+        product: Any = node.args[0] if node.args else None
         if not isinstance(sixth, Affine) or not sixth.does(1 / 6, 0.0) or product.target is not operator.mul:
             continue
         for x, gate in (product.args, product.args[::-1]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, fx, nn
@@ -133,7 +134,8 @@ class SsdDetector(SinglePassDetector):
 def _count_columns(parts: SsdParts) -> int:
     """Score columns of heads that fit the anchors and what the file declares."""
     count = len(parts.anchors)
-    boxes, scores = (node.meta["value"] for node in parts.network.graph.output_node().args[0])
+    outputs: Any = parts.network.graph.output_node().args[0]
+    boxes, scores = (node.meta["value"] for node in outputs)
     rows, columns = boxes.numel() // 4, scores.numel() // max(count, 1)
     if (
         boxes.numel() != 4 * count
