@@ -27,11 +27,10 @@ from .dataset_options import apply_job, apply_parser
 from .demo import demo
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
-from .evaluate import evaluate
+from .evaluate import evaluate, report
 from .harden import harden
 from .optimize import optimize
 from .options import Blender
-from .report import report
 from .tradeoff import tradeoff
 
 EXTRAS = {

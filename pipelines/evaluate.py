@@ -1,4 +1,4 @@
-"""``rauca evaluate``: from what the user types to a study, and its tables."""
+"""``rauca evaluate`` and ``rauca report``: from what the user types to a study, its tables and its page."""
 
 from __future__ import annotations
 
@@ -105,6 +105,20 @@ def evaluate(
             resamples=resamples, scene=scene, store=store, command=command_line(), **means,
         )  # fmt: skip
     _print(study, out)
+
+
+def report(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="folder of a study, such as the demo's")],
+    latex: Annotated[bool, typer.Option("--latex", help="write the tables as LaTeX too, to STUDY/report.tex")] = False,
+    pictures: Annotated[Path | None, typer.Option(help="save the main figures to this folder too")] = None,
+) -> None:
+    """Write STUDY/report.html, and its numbers as report.csv and report.json, from what STUDY holds."""
+    from rauca_core.report import save_showcase
+
+    found = rauca.Study.load(study)
+    console.print(f"report: {found.report(study / 'report.html', latex)}")
+    for path in save_showcase(found, pictures) if pictures else ():
+        console.print(f"picture: {path}")
 
 
 def split_defences(given: Sequence[str] | None) -> list[str]:
