@@ -16,7 +16,8 @@ from rauca_core.study.demo import REFERENCE_EVERY, REFERENCE_SAMPLES
 from rauca_core.study.engine import Engine
 from rauca_core.study.store import Store, store_around
 
-from .harness import Line, Panel, Results, Settings, save_figure
+from .figures import Line, Panel, save_figure
+from .harness import Results, Settings
 
 
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:

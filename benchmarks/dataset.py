@@ -20,7 +20,8 @@ from blender_addon.scene.composed_fog import DENSEST, THINNEST
 from pipelines.console import progress_bar
 from rauca_core.contract.color import linear_to_srgb
 
-from .harness import Line, Panel, Results, Row, Settings, save_figure
+from .figures import Line, Panel, save_figure
+from .harness import Results, Row, Settings
 from .in_blender import run_child
 
 FULL = Settings(

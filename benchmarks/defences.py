@@ -20,7 +20,8 @@ from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.defences import Defence, defence_names, make_defence
 from rauca_core.study.detecting import read_frame_image
 
-from .harness import Results, Settings, counted, save_sheet
+from .figures import save_sheet
+from .harness import Results, Settings, counted
 
 FULL = Settings(
     steps=120,  # of the patch's optimization

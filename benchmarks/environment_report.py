@@ -15,7 +15,8 @@ from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import Error, total
 
 from .environment_truth import SATURATED, Truth, displayed
-from .harness import Line, Panel, Results, Row, save_figure, save_sheet
+from .figures import Line, Panel, save_figure, save_sheet
+from .harness import Results, Row
 
 NOON = "sun90-fog0"
 TARGETS_DB = {NOON: 40, "sun30-fog90": 40, "sun-90-fog0": 38}  # of exact maps inside the paint

@@ -10,7 +10,6 @@ from statistics import mean
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from pipelines.console import progress_bar
 from rauca_core.contract import Vehicle
@@ -30,6 +29,7 @@ from .render_contenders import (
     painted_all_over,
     reached_texels,
     renderers,
+    timed_step,
     touched_texels,
 )  # fmt: skip
 from .render_reference import (
@@ -161,7 +161,7 @@ def measure_scene(results: Results, scene: Scene, everyone: Sequence[Renderer], 
     # the mip levels, and handing that gradient down to the UV map, is paid once per step: see `measure_speedup`.
     texture = car.texture()
     steps = race(
-        {name: lambda clock, v=views: _step(v, texture, clock) for name, views in taps.items()},  # type: ignore[misc]
+        {name: lambda clock, v=views: timed_step(v, texture, clock) for name, views in taps.items()},  # type: ignore[misc]
         results.settings.repeats,
         moved=moved,
     )
@@ -180,19 +180,6 @@ def measure_scene(results: Results, scene: Scene, everyone: Sequence[Renderer], 
                 taps_per_pixel=mean(float(n.mean()) if len(n) else 0.0 for n in numbers),
                 reached=float((reached & visible).sum() / max(visible.sum(), 1)),
             )  # fmt: skip
-
-
-def _step(views: Sequence[Taps], texture: MipmappedTexture, clock: Clock) -> Tensor:
-    """Laps of forward and backward; returns the gradient that is left to take down the mip levels."""
-    operators = [view.rows for view in views]
-    clock.restart()
-    pixels = texture.sample(operators)
-    clock.lap()
-    asked = torch.ones_like(pixels)
-    clock.restart()
-    (gradient,) = torch.autograd.grad(pixels, texture.ticket, asked)
-    clock.lap()
-    return gradient
 
 
 def measure_reach(results: Results, car: Car) -> None:
@@ -274,7 +261,7 @@ def measure_speedup(results: Results, scene: Scene) -> None:
             clock.restart()
             texture = MipmappedTexture(pyramid, texels)
             clock.lap()
-            gradient = _step([taps], texture, clock)
+            gradient = timed_step([taps], texture, clock)
             torch.autograd.grad(texture.ticket, texels, gradient)
             clock.lap()
         clock.laps[:] = clock.laps[-4:]

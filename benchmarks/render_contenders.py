@@ -14,7 +14,7 @@ from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import MipmappedTexture, Pyramid, Taps, build_taps
 from rauca_core.render.sampler import Sampler
 
-from .harness import Settings
+from .harness import Clock, Settings
 from .render_agreement import premultiplied, psnr_db
 from .render_reference import TEXTURES, RayCaster, Reference, render_reference, ring, uv_map
 
@@ -126,3 +126,16 @@ def reached_texels(pyramid: Pyramid, views: Sequence[Taps]) -> NDArray[np.bool_]
     asked = sum((view.rows(levels).sum() for view in views), levels.new_zeros(()))
     (gradient,) = torch.autograd.grad(asked, texels)
     return gradient[:, 0].numpy() > 0
+
+
+def timed_step(views: Sequence[Taps], texture: MipmappedTexture, clock: Clock) -> Tensor:
+    """Laps of forward and backward; returns the gradient that is left to take down the mip levels."""
+    operators = [view.rows for view in views]
+    clock.restart()
+    pixels = texture.sample(operators)
+    clock.lap()
+    asked = torch.ones_like(pixels)
+    clock.restart()
+    (gradient,) = torch.autograd.grad(pixels, texture.ticket, asked)
+    clock.lap()
+    return gradient

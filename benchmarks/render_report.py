@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from .harness import Line, Panel, Results, Row, save_figure
+from .figures import Line, Panel, save_figure
+from .harness import Results, Row
 from .render_agreement import premultiplied
 from .render_contenders import ALGORITHM_2, Renderer, Scene, ours
 from .render_reference import RINGS, TEXTURES
