@@ -20,7 +20,6 @@ from blender_addon.scene.session import LightMemory, Session
 from blender_addon.vehicles import find_vehicle
 from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import Progress, Quality, VehicleSource, Weather, find_preset, in_rendering_order
-from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.color import TRAIN, Color, recolor, srgb_to_linear
 from rauca_core.contract.files import write_json
 from rauca_core.contract.seeding import named_seed
@@ -251,7 +250,7 @@ def main(settings: dict[str, Any], out: str) -> None:
         add("fog_curve", measure_fog(studio, chosen, light, density), f"fog {density:g}, {light}")
     samples = {kind: naive_samples([entry for entry in rows["entries"] if entry["kind"] == kind]) for kind in KINDS}
     for preset, view in sets:
-        weathers = find_preset(preset, assets_folder() / "weathers")
+        weathers = find_preset(preset)
         ours, naive = ours_of_a_set(studio, view, weathers), naive_of_a_set(studio, view, weathers, samples)
         row = {"preset": preset, "view": view, "frames": len(weathers) * len(TRAIN), "naive_samples": samples}
         add("sets", row | {"ours_s": ours, "naive_s": naive, "speedup": naive / ours}, f"{preset}, view {view}")

@@ -22,10 +22,10 @@ from rauca_core.contract import (
     Weather,
     find_preset,
     load_vehicle,
+    save_weathers,
 )
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
-from rauca_core.contract.presets import PRESET_FORMAT
 from rauca_core.runtime.blender import require_bpy, run_blender, run_command
 from rauca_core.runtime.images import read_image
 
@@ -78,8 +78,7 @@ class Wanted(NamedTuple):
 
 def weathers_of(names: Sequence[str]) -> tuple[Weather, ...]:
     """Weathers by name, from the presets ``base`` and ``unseen``."""
-    folder = assets_folder() / "weathers"
-    known = {w.name: w for preset in ("unseen", "base") for w in find_preset(preset, folder)}
+    known = {w.name: w for preset in ("unseen", "base") for w in find_preset(preset)}
     return tuple(known[name] for name in names)
 
 
@@ -88,10 +87,9 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
     out = folder / wanted.folder_name
     found = Dataset(out) if (out / "dataset.json").is_file() else None
     # Occluded frames are never there, and asking for them again is cheap.
-    if found is None or len(found.frames()) < len(found.plan.frame_ids()):
-        name, version = PRESET_FORMAT
+    if found is None or len(found.frames()) < len(found.plan.frames()):
         preset = folder / f"{wanted.folder_name}.json"
-        write_json(preset, {"format": name, "version": version, "weathers": [w.to_json() for w in wanted.weathers]})
+        save_weathers(preset, wanted.weathers)
         chosen = ["--out", str(out), "--vehicle", wanted.vehicle, "--weathers", str(preset), *wanted.options.split()]
         with goes_on_by_itself(), progress_bar(f"rendering {wanted.name}") as move:
             run_blender(dataset_job(dataset_parser().parse_args(chosen)), move)

@@ -140,7 +140,7 @@ def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, 
     plan = Plan(
         name="jobs", vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=SIZE,
         quality=Quality(1, denoise=False), light=True,
-        weathers=tuple(find_preset("demo", assets_folder() / "weathers")),
+        weathers=tuple(find_preset("demo")),
         ring=Ring(tuple(i * 360 / views for i in range(views)), (15.0,), (6.0,)), locations=4,
         reference_srgb=(140, 140, 140), min_visible=0.0, seed=0, blender="",
     )  # fmt: skip

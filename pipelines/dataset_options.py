@@ -22,7 +22,6 @@ from rauca_core.contract import (
     find_preset,
     preset_notes,
 )
-from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.job import (
     DEVICES,
     RECYCLE,
@@ -37,7 +36,6 @@ from rauca_core.contract.schema import read_json
 
 def dataset_job(options: argparse.Namespace) -> MakeDataset:
     """What :func:`dataset_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
-    presets = assets_folder() / "weathers"
     vehicle = _vehicle(options)
     if options.plan:
         plan = _plan_of_file(options)
@@ -45,7 +43,7 @@ def dataset_job(options: argparse.Namespace) -> MakeDataset:
         if not options.vehicle and beside.is_dir():
             vehicle = VehicleSource(str(beside), options.paint_mask, options.paint_material)
     else:
-        plan = _plan_of(options, presets)
+        plan = _plan_of(options)
     plan.check("options")
     return MakeDataset(
         out=options.out,
@@ -58,7 +56,7 @@ def dataset_job(options: argparse.Namespace) -> MakeDataset:
         recycle=options.recycle,
         retry_quarantined=options.retry_quarantined,
         device=options.render_device,
-        notes=() if options.plan else tuple(preset_notes(options.weathers, presets)),
+        notes=() if options.plan else tuple(preset_notes(options.weathers)),
     )
 
 
@@ -67,7 +65,7 @@ def render_job(options: argparse.Namespace) -> RenderCamouflages:
     frames = None
     if options.only or options.every > 1:
         dataset = Dataset(options.dataset)
-        ids = [frame_id for frame_id, *_ in dataset.plan.frame_ids()]
+        ids = [frame.id for frame in dataset.plan.frames()]
         named = frozenset(_named_frames(options.only, dataset.plan) if options.only else ids)
         frames = tuple(frame.id for frame in dataset.frames()[:: options.every] if frame.id in named)
     return RenderCamouflages(
@@ -87,7 +85,7 @@ def _vehicle(options: argparse.Namespace) -> VehicleSource:
     return VehicleSource(options.vehicle or "sedan", options.paint_mask, options.paint_material)
 
 
-def _plan_of(options: argparse.Namespace, presets: Path) -> Plan:
+def _plan_of(options: argparse.Namespace) -> Plan:
     """The plan that the options spell out; the vehicle's part of it is known in Blender."""
     ring = Ring(
         options.azimuths, options.elevations, options.distances, options.jitter_azimuth, options.jitter_elevation,
@@ -96,7 +94,7 @@ def _plan_of(options: argparse.Namespace, presets: Path) -> Plan:
     quality = Quality(
         options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
     )
-    weathers = tuple(find_preset(options.weathers, presets))
+    weathers = tuple(find_preset(options.weathers))
     return Plan(
         "", "", "", options.size, quality, options.light, weathers, ring, options.locations, options.reference,
         options.min_visible, options.seed, "", finish=options.finish, recolor_share=options.recolor_share,

@@ -20,8 +20,8 @@ from rauca_core.contract import (
     RaucaError,
     Ring,
     Weather,
+    find_preset,
     frame_folder,
-    load_weathers,
 )
 from rauca_core.contract.assets import assets_folder
 from rauca_core.runtime.blender import run_blender
@@ -40,7 +40,7 @@ def shipped_weathers() -> list[Weather]:
     """
     known: dict[str, Weather] = {}
     for path in sorted((assets_folder() / "weathers").glob("*.json")):
-        for weather in load_weathers(path):
+        for weather in find_preset(path.stem):
             if known.setdefault(weather.name, weather) != weather:
                 raise RaucaError(f"{path}: {weather.name} is another weather in another list; rename one")
     return list(known.values())

@@ -90,7 +90,7 @@ def make_dataset(
     )
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
-    for frame_id, _, view, weather in plan.frame_ids():
+    for frame_id, _, view, weather in plan.frames():
         frame, passes = draw_frame(vehicle, look.camera(azimuths[view], size), frame_id, view, weather, look)
         save_frame(folder / "frames" / frame_id, frame, passes)
         append_line(folder / "ledger.jsonl", frame_id)

@@ -161,7 +161,7 @@ def _wrong_end(dtype: torch.dtype) -> str:
 def _stored_maps(dtype: torch.dtype, value: float, wanted: str) -> str:
     with TemporaryDirectory() as folder:
         dataset = make_dataset(Path(folder) / "data", painted_box(), 16, (40.0,))
-        frame_id = next(iter(dataset.plan.frame_ids()))[0]
+        frame_id = next(iter(dataset.plan.frames()))[0]
         where = dataset.frame_folder(frame_id)
         stored = np.load(where / "passes.npz")
         A, B = stored["A"].astype(np.float32), stored["B"].astype(np.float32)

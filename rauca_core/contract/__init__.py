@@ -16,20 +16,23 @@ from .job import (
     ImportVehicle,
     Job,
     MakeDataset,
+    OptimizeProgress,
+    Progress,
     RenderCamouflages,
     RenderFrames,
     UnwrapVehicle,
     VehicleSource,
+    format_duration,
     load_job,
+    parse_optimize_progress,
+    parse_progress,
     save_job,
 )
-from .plan import MIN_VISIBLE, REFERENCE_SRGB, Plan, Quality, Ring, Scenery, claim_folder, read_plan
-from .presets import find_preset, load_weathers, preset_notes, save_weathers, weather_from_carla
-from .progress import OptimizeProgress, Progress, format_duration, parse_optimize_progress, parse_progress
+from .plan import MIN_VISIBLE, REFERENCE_SRGB, Plan, PlannedFrame, Quality, Ring, Scenery, claim_folder, read_plan
 from .semantics import Box, Instance
 from .vehicle import MAX_EXTENT_M, Material, Vehicle, load_vehicle
-from .weather import Weather
-from .work import PlannedFrame, Shard, balanced_frames, cameras_of, chunks, in_rendering_order, planned_frames
+from .weather import Weather, find_preset, preset_notes, save_weathers, weather_from_carla
+from .work import Shard, balanced_frames, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
     "MAX_EXTENT_M",
@@ -79,7 +82,6 @@ __all__ = [
     "load_job",
     "load_passes",
     "load_vehicle",
-    "load_weathers",
     "parse_optimize_progress",
     "parse_progress",
     "planned_frames",

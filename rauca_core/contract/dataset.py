@@ -45,7 +45,7 @@ class Dataset:
     def frames(self) -> list[Frame]:
         """Finished frames in plan order; frames kept out as occluded have no folder and do not appear."""
         there = self.begun()
-        planned = (self.frame_folder(frame_id) for frame_id, *_ in self.plan.frame_ids() if frame_id in there)
+        planned = (self.frame_folder(frame.id) for frame in self.plan.frames() if frame.id in there)
         return [load_frame(folder) for folder in planned if (folder / "frame.json").is_file()]
 
     def begun(self) -> frozenset[str]:

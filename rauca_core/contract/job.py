@@ -1,25 +1,27 @@
-"""What a Blender process is started for: one file, written by whoever wants the work, read by the Blender that does it.
+"""What a process is started for, and how it tells how far it is.
 
-::
+A job is one file, written by whoever wants the work, read by the Blender that does it::
 
     {"format": "rauca-job", "version": 1, "task": "make_dataset", "out": "set", "plan": {...}, ...}
 
 The fields beside ``format``, ``version`` and ``task`` are those of the task's class below. Paths are relative to the
-folder that the process is started in.
+folder that the process is started in. Progress is a JSON object a line, on standard output.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, get_args
 
 from .errors import RaucaError
 from .files import write_json
-from .plan import Plan
+from .plan import Plan, PlannedFrame
+from .reading import parse_json
 from .schema import Record, read_json
-from .work import WHOLE, PlannedFrame, Shard, planned_frames
+from .work import WHOLE, Shard, planned_frames
 
 DEVICES = ("cpu", "gpu", "auto")
 RECYCLE = 200
@@ -167,7 +169,7 @@ TASKS: dict[str, type[Job]] = {kind.task: kind for kind in get_args(Job)}
 def require_planned(frames: Iterable[str], plan: Plan, where: str) -> None:
     """Raise :class:`RaucaError` naming ``where`` if there is no frame, or one that a plan does not have."""
     asked = frozenset(frames)
-    strangers = asked.difference(frame_id for frame_id, *_ in plan.frame_ids())
+    strangers = asked.difference(frame.id for frame in plan.frames())
     if strangers or not asked:
         stranger = min(strangers, default="no frame at all")
         raise RaucaError(f"{where}: names {stranger}, which the data set does not plan; one id per line")
@@ -185,3 +187,78 @@ def load_job(path: Path) -> Job:
     read.format(*_FORMAT)
     kind = TASKS[read.choice("task", tuple(TASKS))]
     return kind.from_json(read)
+
+
+_MARK = "rauca-progress "
+
+
+@dataclass(frozen=True)
+class Progress:
+    """``done`` of ``total`` items; ``last`` names the newest, ``left_s`` estimates the seconds left, if known."""
+
+    done: int
+    total: int
+    last: str
+    left_s: float | None = None
+
+    def line(self) -> str:
+        """The line to print."""
+        return _MARK + json.dumps(asdict(self))
+
+
+def parse_progress(line: str) -> Progress | None:
+    """The progress a line tells, or None for any other line."""
+    if not line.startswith(_MARK):
+        return None
+    try:
+        return Progress(**parse_json(line.removeprefix(_MARK), "progress"))
+    except (RaucaError, TypeError):  # two processes wrote at once, or it is none of ours
+        return None
+
+
+@dataclass(frozen=True)
+class OptimizeProgress:
+    """One line on standard output.
+
+    Attributes:
+        step: steps done, ``of`` so many; a resumed run goes on counting where it stopped.
+        of: steps in all.
+        loss: Eq. 8; ``attack`` and ``smooth`` are its terms without their weights.
+        score: max H_d, mean over the batch: how well the detectors still see the vehicle, in [0, 1].
+        seconds: that the step took.
+        left_s: estimate of the seconds left.
+        preview: path of a PNG that shows the UV map and a frame in the paint, side by side; replaced as the run goes.
+        uv_map: path of a PNG of the UV map alone, at most 512 texels a side; replaced likewise.
+    """
+
+    step: int
+    of: int
+    loss: float
+    attack: float
+    smooth: float
+    score: float
+    seconds: float
+    left_s: float
+    preview: str
+    uv_map: str
+
+    def line(self) -> str:
+        """The line to print."""
+        return json.dumps(asdict(self), allow_nan=False)
+
+
+def parse_optimize_progress(line: str) -> OptimizeProgress | None:
+    """The progress that a line tells, or None for any other line; fields of later versions are left out."""
+    try:
+        told = parse_json(line, "progress")
+        return OptimizeProgress(**{name: told[name] for name in OptimizeProgress.__dataclass_fields__})
+    except (RaucaError, KeyError, TypeError):
+        return None
+
+
+def format_duration(seconds: float) -> str:
+    """A duration for people: ``45 s``, ``12 min``, ``3 h 20 min``."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -6,7 +6,7 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from .errors import RaucaError
 from .files import write_json
@@ -116,6 +116,20 @@ class Ring(Record):
             raise RaucaError(f"{where}: distances_m must be above 0, not {min(self.distances_m):g}")
 
 
+class PlannedFrame(NamedTuple):
+    """One frame before it is rendered."""
+
+    id: str
+    location: int
+    view: int
+    weather: Weather
+
+    @property
+    def camera(self) -> tuple[int, int]:
+        """Location and view."""
+        return self.location, self.view
+
+
 @dataclass(frozen=True)
 class Plan(Record):
     """What a data set consists of, before anything is rendered.
@@ -157,10 +171,10 @@ class Plan(Record):
     recolor_share: Annotated[float, (0, 1)] = 0.0
     device: str = CPU
 
-    def frame_ids(self) -> list[tuple[str, int, int, Weather]]:
-        """Every planned frame as (id, location, view, weather), in rendering order."""
+    def frames(self) -> list[PlannedFrame]:
+        """Every planned frame, in rendering order."""
         return [
-            (f"L{location:02d}-V{view:03d}-{weather.name}", location, view, weather)
+            PlannedFrame(f"L{location:02d}-V{view:03d}-{weather.name}", location, view, weather)
             for location in range(self.locations)
             for weather in self.weathers
             for view in range(len(self.ring))

@@ -18,26 +18,29 @@ from numpy.typing import NDArray
 
 from .schema import Record
 
-CLASSES = (
-    "unlabeled",
-    "sky",
-    "road",
-    "marking",
-    "kerb",
-    "pavement",
-    "terrain",
-    "building",
-    "window",
-    "vegetation",
-    "pole",
-    "paint",
-    "glass",
-    "tyre",
-    "vehicle_part",
-    "other_vehicle",
-    "other",
-)
+_COLORS = {
+    "unlabeled": (0, 0, 0),
+    "sky": (112, 170, 214),
+    "road": (98, 92, 104),
+    "marking": (236, 232, 220),
+    "kerb": (164, 158, 150),
+    "pavement": (196, 160, 176),
+    "terrain": (148, 176, 112),
+    "building": (128, 116, 104),
+    "window": (78, 108, 136),
+    "vegetation": (70, 122, 62),
+    "pole": (190, 170, 90),
+    "paint": (226, 74, 51),
+    "glass": (60, 196, 206),
+    "tyre": (44, 40, 60),
+    "vehicle_part": (244, 160, 60),
+    "other_vehicle": (120, 84, 190),
+    "other": (150, 150, 150),
+}
+CLASSES = tuple(_COLORS)
 """Names by id; ids are part of the format and never change meaning."""
+PALETTE: NDArray[np.uint8] = np.array(list(_COLORS.values()), np.uint8)
+"""(classes, 3) sRGB colors for people; Cityscapes' hues where a class exists there, the vehicle's parts loud."""
 
 CLASS_IDS = {name: number for number, name in enumerate(CLASSES)}
 VEHICLE_CLASSES = ("paint", "glass", "tyre", "vehicle_part")
@@ -50,31 +53,6 @@ CATEGORY_PROPERTY = "rauca_category"
 NO_INSTANCE = 0
 TARGET_INSTANCE = 255
 """The data set's own vehicle in ``instances.png``; others are 1 to 254."""
-
-PALETTE: NDArray[np.uint8] = np.array(
-    [
-        (0, 0, 0),
-        (112, 170, 214),
-        (98, 92, 104),
-        (236, 232, 220),
-        (164, 158, 150),
-        (196, 160, 176),
-        (148, 176, 112),
-        (128, 116, 104),
-        (78, 108, 136),
-        (70, 122, 62),
-        (190, 170, 90),
-        (226, 74, 51),
-        (60, 196, 206),
-        (44, 40, 60),
-        (244, 160, 60),
-        (120, 84, 190),
-        (150, 150, 150),
-    ],
-    dtype=np.uint8,
-)
-"""(classes, 3) sRGB colors for people; Cityscapes' hues where a class exists there, the vehicle's parts loud."""
-
 
 Box = tuple[float, float, float, float]
 MIN_BOX_PIXELS = 16

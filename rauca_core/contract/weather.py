@@ -1,16 +1,33 @@
-"""Weather in CARLA's terms, and its physical meaning here."""
+"""Weather in CARLA's terms, and its physical meaning here; preset files, which are named lists of weathers.
+
+::
+
+    {"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [{"name": ..., ...}, ...]}
+
+With ``"convention": "carla"`` the entries are CARLA's own parameters (`carla.WeatherParameters`); without it they are
+ours. Names, ranges and defaults are CARLA 0.9.15's. Two things are converted or ignored, never silently:
+
+- CARLA's world is left-handed, so its azimuth grows clockwise seen from above, ours counter-clockwise: ours is minus
+  CARLA's. CARLA leaves the direction of azimuth zero open; it is taken as the world's +x here.
+- Scattering parameters and dust storms have no counterpart. At CARLA's own defaults they change nothing; at another
+  value the reader gets a note.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .assets import assets_folder
 from .errors import RaucaError
-from .schema import MAX_NAME, Record
+from .files import write_json
+from .schema import MAX_NAME, Fields, Record, read_json
 
 NIGHT_ALTITUDE_DEG = -18.0  # the end of astronomical twilight: a lower sun lights nothing
 LAMPS_FULL_ALTITUDE_DEG = -6.0  # the end of civil twilight
@@ -29,7 +46,7 @@ class Weather(Record):
         name: identifies the weather in folders and reports.
         sun_altitude_angle: degrees above the horizon, -90 to 90; the light fades from 0 to -18, where night begins.
         sun_azimuth_angle: degrees counter-clockwise from world +x, seen from above. CARLA's runs clockwise: its world
-            is left-handed (`presets.py` converts).
+            is left-handed (:func:`weather_from_carla` converts).
         fog_density: 0 to 100; see :attr:`extinction`.
         cloudiness: 0 (clear) to 100 (overcast, no sun).
         precipitation: 0 to 100; rain of :attr:`rain_rate_mm_h`.
@@ -134,3 +151,81 @@ class Weather(Record):
             )
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", self.name):
             raise RaucaError(f"{where}: name {self.name!r} may hold only letters, digits, '_', '.' and '-'")
+
+
+_FORMAT = ("rauca-weathers", 1)
+_CARLA_DEFAULTS = {"sun_altitude_angle": 0.0, "sun_azimuth_angle": 0.0, "fog_falloff": 0.2}  # others are ours
+# Values at which a parameter without a counterpart says nothing: CARLA's two defaults (Python, and the C++ structure).
+_WITHOUT_COUNTERPART = {
+    "scattering_intensity": (1.0, 0.0),
+    "mie_scattering_scale": (0.03, 0.0),
+    "rayleigh_scattering_scale": (0.0331,),
+    "dust_storm": (0.0,),
+}
+
+
+def weather_from_carla(
+    parameters: dict[str, Any], name: str, where: str = "CARLA weather"
+) -> tuple[Weather, list[str]]:
+    """A CARLA weather in our terms.
+
+    Args:
+        parameters: any of the attributes of ``carla.WeatherParameters``; what is missing has CARLA's default.
+        where: names the source in errors and notes.
+
+    Returns:
+        The weather and notes: a line for each parameter given that has no effect here.
+
+    Raises:
+        RaucaError: an unknown parameter, or a value outside CARLA's range.
+    """
+    ours = {parameter: value for parameter, value in parameters.items() if parameter not in _WITHOUT_COUNTERPART}
+    weather = Weather.from_json(Fields(_CARLA_DEFAULTS | ours | {"name": name}, where))
+    fields = Fields(parameters, where)
+    notes = [
+        f"{where}: {parameter} {fields.number(parameter):g} has no counterpart here and is ignored"
+        for parameter, silent in _WITHOUT_COUNTERPART.items()
+        if fields.has(parameter) and fields.number(parameter) not in silent
+    ]
+    return replace(weather, sun_azimuth_angle=-weather.sun_azimuth_angle % 360.0), notes
+
+
+def find_preset(name_or_path: str) -> list[Weather]:
+    """The weathers of a shipped preset, by name, or of a JSON file; an unknown name lists what there is."""
+    return _read_preset(name_or_path)[0]
+
+
+def preset_notes(name_or_path: str) -> list[str]:
+    """What a preset asks for that has no effect here, a line each; for the caller to tell the user."""
+    return _read_preset(name_or_path)[1]
+
+
+def save_weathers(path: Path, weathers: Sequence[Weather]) -> None:
+    """Write a preset file in place of the one that may be there."""
+    name, version = _FORMAT
+    write_json(path, {"format": name, "version": version, "weathers": [weather.to_json() for weather in weathers]})
+
+
+def _read_preset(name_or_path: str) -> tuple[list[Weather], list[str]]:
+    """Weathers, whose names are unique, and notes."""
+    path = Path(name_or_path)
+    if path.suffix != ".json":
+        shipped = {found.stem: found for found in sorted((assets_folder() / "weathers").glob("*.json"))}
+        if name_or_path not in shipped:
+            raise RaucaError(
+                f"weather preset {name_or_path!r} is unknown; choose one of {', '.join(shipped)} or a .json file"
+            )
+        path = shipped[name_or_path]
+    fields = read_json(path)
+    fields.format(*_FORMAT)
+    carla = fields.has("convention") and fields.choice("convention", ("rauca", "carla")) == "carla"
+    items = fields.objects("weathers")
+    fields.done()
+    if carla:
+        read = [weather_from_carla(item.without("name"), item.text("name"), item.where) for item in items]
+    else:
+        read = [(Weather.from_json(item), []) for item in items]
+    weathers = [weather for weather, _ in read]
+    if not weathers or len({w.name for w in weathers}) != len(weathers):
+        raise RaucaError(f"{path}: weathers must be a list of at least one, each with a name of its own")
+    return weathers, [note for _, notes in read for note in notes]

@@ -13,30 +13,15 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, groupby
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RaucaError
-from .plan import Plan
+from .plan import Plan, PlannedFrame
 from .schema import Record
 from .seeding import named_rng
 from .weather import Weather
-
-
-class PlannedFrame(NamedTuple):
-    """One frame before it is rendered."""
-
-    id: str
-    location: int
-    view: int
-    weather: Weather
-
-    @property
-    def camera(self) -> tuple[int, int]:
-        """Location and view."""
-        return self.location, self.view
 
 
 @dataclass(frozen=True)
@@ -82,8 +67,7 @@ def cameras_of(plan: Plan, shard: Shard) -> tuple[int, int]:
 def planned_frames(plan: Plan, shard: Shard = WHOLE) -> list[PlannedFrame]:
     """The frames of a shard, in the plan's order; the shards of any split together are the plan."""
     views, (first, end) = len(plan.ring), cameras_of(plan, shard)
-    frames = (PlannedFrame(*frame) for frame in plan.frame_ids())
-    return [frame for frame in frames if first <= frame.location * views + frame.view < end]
+    return [frame for frame in plan.frames() if first <= frame.location * views + frame.view < end]
 
 
 def in_rendering_order(weathers: Collection[Weather]) -> list[Weather]:
@@ -129,7 +113,7 @@ def balanced_frames(plan: Plan, count: int) -> list[str]:
     """
     ring, weathers = plan.ring, len(plan.weathers)
     shape = (plan.locations, weathers, len(ring.distances_m), len(ring.elevations_deg), len(ring.azimuths_deg))
-    every = [frame_id for frame_id, *_ in plan.frame_ids()]  # in just this order of axes
+    every = [frame.id for frame in plan.frames()]  # in just this order of axes
     chosen = range(len(every)) if count >= len(every) else sorted(_even_choice(shape, count, plan.seed).tolist())
     return [every[index] for index in chosen]
 

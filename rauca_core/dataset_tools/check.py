@@ -157,7 +157,7 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
     left += [f"frames/{name}" for name in dataset.begun() if name.startswith(TEMPORARY_PREFIX)]
     for name in sorted(left):
         yield Finding(name, "left by a killed job", "run the same `rauca dataset make` again")
-    known = {frame_id for frame_id, *_ in dataset.plan.frame_ids()}
+    known = {frame.id for frame in dataset.plan.frames()}
     for name in sorted(dataset.begun()):
         if name not in known and not name.startswith(TEMPORARY_PREFIX):
             yield Finding(f"frames/{name}", "is no frame of the plan", "remove it")

@@ -117,7 +117,7 @@ def _page(dataset: Dataset, sheet: Image.Image, overlays: dict[str, Image.Image]
     states = Counter(frame_states(dataset.folder).values())
     facts = {
         "vehicle": plan.vehicle_name,
-        "frames": f"{states['done']} of {len(plan.frame_ids())}, {plan.size}x{plan.size} pixels",
+        "frames": f"{states['done']} of {len(plan.frames())}, {plan.size}x{plan.size} pixels",
         "kept out": f"{states['occluded']} with less than {100 * plan.min_visible:.0f} % of their paint visible",
         "weathers": len(plan.weathers),
         "cameras": f"{len(plan.ring)} views of {plan.locations} places",

@@ -132,7 +132,7 @@ def _views(body: Artifact, size: DemoScale, label: str, ring: Ring, locations: i
         label, choice.name, choice.atlas_id, size.size, Quality(size.samples), training, weathers_named("demo"), ring,
         locations, (140, 140, 140), 0.5, SEED if training else SEED + 1, "",
     )  # fmt: skip
-    return recipes.data_set(label, plan, body, [frame for frame, *_ in plan.frame_ids()])
+    return recipes.data_set(label, plan, body, [frame.id for frame in plan.frames()])
 
 
 def _agreement(engine: Engine, train: Artifact, folder: Path, paint: Path) -> Path:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Plan, Quality, RaucaError, Ring, Weather, find_preset, preset_notes
-from ..contract.assets import assets_folder
 
 LOG = logging.getLogger(__name__)
 
@@ -113,7 +112,7 @@ def weather_sets(names: Sequence[str]) -> list[str]:
 
 def weathers_named(name: str) -> tuple[Weather, ...]:
     """The weathers of a set; raises :class:`RaucaError` listing all presets when there is none of that name."""
-    preset, folder = PRESETS.get(name, name), assets_folder() / "weathers"
-    for note in preset_notes(preset, folder):
+    preset = PRESETS.get(name, name)
+    for note in preset_notes(preset):
         LOG.warning("note: %s", note)
-    return tuple(find_preset(preset, folder))
+    return tuple(find_preset(preset))

@@ -119,12 +119,12 @@ def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, t
     from dataclasses import replace
 
     from blender_addon.scene.frame import render_frame
-    from rauca_core.contract import PlannedFrame, load_frame, load_passes
+    from rauca_core.contract import load_frame, load_passes
     from rauca_core.contract.color import TEST, linear_to_srgb, recolor
     from rauca_core.runtime.images import read_image
 
     session.plan = replace(session.plan, recolor_share=1.0)
-    task = PlannedFrame(*session.plan.frame_ids()[0])
+    task = session.plan.frames()[0]
     seen = session.annotations(0, [0])[0]
     render_frame(session, tmp_path, task, seen)
     folder = tmp_path / "frames" / task.id

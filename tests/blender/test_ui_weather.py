@@ -156,7 +156,7 @@ def test_cycles_sees_what_the_dataset_sees(addon, weather):
 
 def test_next_goes_round_the_list(addon, weather):
     weather.preset = "demo"
-    names = [listed.name for listed in find_preset("demo", assets_folder() / "weathers")]
+    names = [listed.name for listed in find_preset("demo")]
     seen = []
     for _ in range(len(names) + 1):
         seen.append(weather.picked)
@@ -168,7 +168,7 @@ def test_next_goes_round_the_list(addon, weather):
 
 @pytest.mark.parametrize("name", ["demo", "base", "enhanced", "unseen", "carla", "single"])
 def test_a_picked_weather_is_the_lists_own_to_the_last_digit(weather, name):
-    for listed in find_preset(name, assets_folder() / "weathers"):
+    for listed in find_preset(name):
         weather.preset = name
         weather.pick(listed)
         assert weather.current() == listed

@@ -80,7 +80,7 @@ def test_a_plan_is_taken_from_another_data_set(tmp_path):
 
 
 def test_frames_that_are_not_planned_are_refused(tmp_path):
-    known = PLAN.frame_ids()[0][0]
+    known = PLAN.frames()[0].id
     (tmp_path / "some.txt").write_text(f"{known}\n")
     claim_folder(tmp_path, PLAN)
     taken = options("--plan", tmp_path / "dataset.json", "--only", tmp_path / "some.txt")

@@ -13,6 +13,7 @@ from rauca_core.contract import (
     Frame,
     FramePasses,
     Plan,
+    Progress,
     Quality,
     RaucaError,
     Ring,
@@ -23,13 +24,12 @@ from rauca_core.contract import (
     load_frame,
     load_passes,
     load_vehicle,
+    parse_progress,
     save_camouflage,
     save_frame,
 )
-from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.contract.files import png_bytes
-from rauca_core.contract.progress import Progress, parse_progress
 from rauca_core.contract.seeding import named_rng, named_seed
 from rauca_core.runtime.images import read_image
 
@@ -156,7 +156,7 @@ def test_a_moved_frame_is_noticed(tmp_path):
 
 
 def test_the_plan_names_every_frame_once():
-    ids = [frame_id for frame_id, *_ in PLAN.frame_ids()]
+    ids = [frame.id for frame in PLAN.frames()]
     assert len(ids) == len(set(ids)) == 2 * 2 * 4
     assert {PLAN.ring.nominal(view) for view in range(4)} == {(a, e, 5.0) for a in (0, 90) for e in (10, 30)}
 
@@ -217,12 +217,12 @@ def test_camouflage_round_trip_and_fit(tmp_path):
 
 
 def test_weather_presets_and_fog():
-    weathers = find_preset("base", assets_folder() / "weathers")
+    weathers = find_preset("base")
     assert len(weathers) == 16
     assert Weather("x", 45).extinction == 0
     assert Weather("x", 45, 0, 50).extinction == pytest.approx(0.015)
     with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, carla, demo"):
-        find_preset("sunny", assets_folder() / "weathers")
+        find_preset("sunny")
 
 
 def test_transfer_function_inverts_itself():

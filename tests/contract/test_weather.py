@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rauca_core.contract import RaucaError, Weather, find_preset, load_weathers, preset_notes, weather_from_carla
-from rauca_core.contract.assets import assets_folder
+from rauca_core.contract import RaucaError, Weather, find_preset, preset_notes, weather_from_carla
 from rauca_core.contract.schema import Fields
 from rauca_core.contract.weather import FOG_TOP_M
-
-FOLDER = assets_folder() / "weathers"
 
 
 def physics(weather):
@@ -21,27 +18,27 @@ def physics(weather):
 
 def test_presets_are_what_they_are_called():
     for preset, suns in (("base", {-90, -30, 30, 90}), ("enhanced", {-90, 10, 45, 90})):
-        weathers = find_preset(preset, FOLDER)
+        weathers = find_preset(preset)
         pairs = {(w.sun_altitude_angle, w.fog_density) for w in weathers}
         assert pairs == {(sun, fog) for sun in suns for fog in (0, 25, 50, 90)}
-    assert len(find_preset("single", FOLDER)) == 1
+    assert len(find_preset("single")) == 1
 
 
 def test_no_unseen_weather_is_in_another_preset():
-    unseen = find_preset("unseen", FOLDER)
+    unseen = find_preset("unseen")
     assert len(unseen) == 16
     assert sum(w.precipitation > 0 for w in unseen) >= 4
     assert any(w.film > 0 and w.precipitation == 0 for w in unseen)
     keys, names = {w.light_key() for w in unseen}, {w.name for w in unseen}
     assert len(keys) == 16
     for preset in ("base", "enhanced", "single", "demo"):
-        for other in find_preset(preset, FOLDER):
+        for other in find_preset(preset):
             assert other.light_key() not in keys
             assert other.name not in names
 
 
 def test_a_weather_survives_its_json_and_may_leave_out_what_has_a_default():
-    weather = find_preset("unseen", FOLDER)[-1]
+    weather = find_preset("unseen")[-1]
     assert Weather.from_json(Fields(weather.to_json(), "w")) == weather
     assert Weather.from_json(Fields({"name": "x", "sun_altitude_angle": 45}, "w")) == Weather("x", 45.0)
 
@@ -65,23 +62,23 @@ def test_bad_numbers_are_named(change, message):
 
 
 def test_carlas_own_presets_are_brought_over():
-    weathers = {w.name: w for w in find_preset("carla", FOLDER)}
+    weathers = {w.name: w for w in find_preset("carla")}
     assert len(weathers) == 21
     hard = weathers["HardRainNight"]
     wet = (hard.precipitation, hard.precipitation_deposits, hard.wind_intensity, hard.fog_density)
     assert wet == (100, 90, 100, 100)
     assert (hard.sun_altitude_angle, hard.cloudiness, hard.wetness, hard.fog_falloff) == (-90, 100, 100, 0.1)
     assert weathers["ClearNoon"].sun_azimuth_angle == 1.0  # CARLA's -1, clockwise
-    assert preset_notes("carla", FOLDER) == []
+    assert preset_notes("carla") == []
 
 
 def test_what_carla_has_and_we_have_not_is_told(tmp_path):
     entry = {"name": "storm", "sun_altitude_angle": 45, "dust_storm": 100, "mie_scattering_scale": 0.03}
     path = tmp_path / "w.json"
     path.write_text(json.dumps({"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [entry]}))
-    (weather,) = load_weathers(path)
+    (weather,) = find_preset(str(path))
     assert weather == Weather("storm", 45.0, 0.0, fog_falloff=0.2)
-    (note,) = preset_notes(str(path), FOLDER)
+    (note,) = preset_notes(str(path))
     assert note.endswith("weathers[0]: dust_storm 100 has no counterpart here and is ignored")
     with pytest.raises(RaucaError, match=r"mine: unknown field cloud\b"):
         weather_from_carla({"cloud": 3}, "x", "mine")

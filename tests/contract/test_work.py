@@ -41,7 +41,7 @@ def test_shards_of_any_split_are_the_plan(count, locations):
     plan = replace(PLAN, locations=locations)
     parts = [planned_frames(plan, Shard(i, count)) for i in range(1, count + 1)]
     together = [frame.id for part in parts for frame in part]
-    assert sorted(together) == sorted(frame_id for frame_id, *_ in plan.frame_ids())
+    assert sorted(together) == sorted(frame.id for frame in plan.frames())
     cameras = [{frame.camera for frame in part} for part in parts]
     assert sum(map(len, cameras)) == locations * 6  # no camera is in two shards
     assert max(map(len, cameras)) - min(map(len, cameras)) <= 1

@@ -61,7 +61,7 @@ def draw_dataset(folder: Path, vehicle: Vehicle, category: str = "car", light: b
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
     camera = Camera.look_at(np.array([7.0, 0, 2]), np.zeros(3), 45, SIZE, SIZE)
-    for frame_id, location, view, _ in plan.frame_ids():
+    for frame_id, location, view, _ in plan.frames():
         left, top = 10 + 14 * view, 20 + 8 * location
         box, other = (left, top, left + 24, top + 14), (2, 2, 12, 10)
         paint = np.zeros((SIZE, SIZE), np.float32)

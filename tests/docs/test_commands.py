@@ -162,7 +162,7 @@ def _check_detectors(names: str) -> None:
 
 def _check_preset(name: str) -> None:
     if not _is_open(name):
-        find_preset(name, assets_folder() / "weathers")
+        find_preset(name)
 
 
 def _check_vehicle(name: str) -> None:

@@ -57,7 +57,7 @@ def draw_dataset(
     )  # fmt: skip
     claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
-    for frame_id, location, view, weather in plan.frame_ids():
+    for frame_id, location, view, weather in plan.frames():
         camera, sun = around(40 + 360 * view / views, size), location * 1.3
         passes = draw_frame(vehicle, camera, np.array([np.cos(sun), np.sin(sun), 0.6]) / 1.2, weather.fog_density / 160)
         rows, columns = np.nonzero(passes.vehicle)

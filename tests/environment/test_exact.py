@@ -32,7 +32,7 @@ def plan(light: bool) -> Plan:
 
 def write(folder: Path, A: np.ndarray | None, B: np.ndarray | None, light: bool = True) -> tuple[Dataset, str]:
     claim_folder(folder, plan(light))
-    (frame_id, location, view, weather) = plan(light).frame_ids()[0]
+    (frame_id, location, view, weather) = plan(light).frames()[0]
     camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, SIZE, SIZE)
     frame = Frame(frame_id, location, view, camera, np.eye(4), weather, 0, 10, 5, None, 1.0, 0)
     flat = np.zeros((SIZE, SIZE), np.float32)

@@ -107,7 +107,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
     figures["generating"] = measured(desk, "dataset", "4-generating")
     blender.shoot("4-dataset")
     states = frame_states(folder)
-    assert [states.get(frame) for frame, *_ in read_plan(folder).frame_ids()] == ["done"] * FRAMES
+    assert [states.get(frame.id) for frame in read_plan(folder).frames()] == ["done"] * FRAMES
     for image in folder.glob("frames/*/image.png"):
         assert cv2.imread(str(image)).std() > 5  # a picture, not a grey field
 

@@ -76,7 +76,7 @@ def scene(tmp_path: Path, box_vehicle: Vehicle) -> Scene:
     claim_folder(folder, plan)
     box_vehicle.save(folder / "vehicle")
     dataset = Dataset(folder)
-    for number, (frame_id, _, view, weather) in enumerate(plan.frame_ids()):
+    for number, (frame_id, _, view, weather) in enumerate(plan.frames()):
         _draw_frame(dataset, frame_id, view, weather, number, tmp_path / "noise")
     camouflage = Camouflage("noise", "box", box_vehicle.atlas_id, 64, "random")
     pixels = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)

@@ -54,9 +54,7 @@ class Kit:
         return Engine(Store(self.folder / store, [self.folder / parent for parent in parents]))
 
     def views(self, count: int = 4) -> Artifact:
-        return recipes.data_set(
-            "views", self.plan, self.vehicle, [frame for frame, *_ in self.plan.frame_ids()][:count]
-        )
+        return recipes.data_set("views", self.plan, self.vehicle, [frame.id for frame in self.plan.frames()][:count])
 
     def painted(self, engine: Engine, count: int = 4) -> Artifact:
         """Renders of views in random paint; all that comes before them is made."""

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Plan, RaucaError, balanced_frames, find_preset
-from rauca_core.contract.assets import assets_folder
 from rauca_core.study.views import SCALES, HeldOut, find_ring, frames_of_scale
 
-WEATHERS = find_preset("enhanced", assets_folder() / "weathers")
+WEATHERS = find_preset("enhanced")
 
 
 def the_plan(held_out: HeldOut | None = None) -> Plan:
@@ -20,7 +19,7 @@ def the_plan(held_out: HeldOut | None = None) -> Plan:
 
 def factors(plan: Plan, ids: list[str]) -> np.ndarray:
     """(N, 5): location, weather, azimuth, elevation, distance of each frame, as indices."""
-    where = {frame_id: (location, view, weather) for frame_id, location, view, weather in plan.frame_ids()}
+    where = {frame_id: (location, view, weather) for frame_id, location, view, weather in plan.frames()}
     rows = []
     for frame_id in ids:
         location, view, weather = where[frame_id]
@@ -60,7 +59,7 @@ def test_a_larger_scale_holds_the_smaller_and_the_largest_is_the_whole_plan() ->
     parts = [set(balanced_frames(plan, count)) for count in (32, 128, 200)]
     assert parts[0] < parts[1] < parts[2]
     small = the_plan(HeldOut(locations=1))
-    assert balanced_frames(small, 10**6) == [frame_id for frame_id, *_ in small.frame_ids()]
+    assert balanced_frames(small, 10**6) == [frame.id for frame in small.frames()]
     other_town = the_plan(HeldOut(seed=7))
     assert set(balanced_frames(other_town, 32)) != parts[0]
 

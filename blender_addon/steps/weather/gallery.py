@@ -24,7 +24,7 @@ OWN = "OWN"
 @cache
 def shipped(name: str) -> tuple[contract.Weather, ...]:
     """The weathers of a shipped list."""
-    return tuple(contract.find_preset(name, assets.assets_folder() / "weathers"))
+    return tuple(contract.find_preset(name))
 
 
 def own(path: str) -> tuple[contract.Weather, ...]:
@@ -44,7 +44,7 @@ def own(path: str) -> tuple[contract.Weather, ...]:
 
 @cache
 def _own(path: str, changed: int) -> tuple[contract.Weather, ...]:
-    return tuple(contract.load_weathers(Path(path)))
+    return tuple(contract.find_preset(path))
 
 
 Item = tuple[str, str, str, int | str, int]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import bpy
 
@@ -176,4 +175,4 @@ class RaucaWeather(bpy.types.PropertyGroup):
         if self.preset != gallery.OWN:
             return gallery.shipped(self.preset), ()
         path = bpy.path.abspath(self.file) if self.file else ""
-        return gallery.own(path), contract.preset_notes(path, Path())
+        return gallery.own(path), contract.preset_notes(path)
