@@ -13,11 +13,10 @@ from ..study.families import in_table_order
 from ..study.results import MEAN, Estimate
 from ..study.study import Entry
 from .figures import paint_styles
-from .frames import FramePicker
-from .page import Bullets, Facts, Grid, Heading, Page, Part, Picture, Section
+from .frames import FramePicker, Grid, Picture
+from .page import write_study_page
 from .pictures import maps_of
 from .published import PaperTable, paper_tables
-from .sections import published_aside, write_study_page
 from .study_tables import detector_columns, sourced, unique, weathers_title
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
@@ -37,25 +36,29 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
     study, experiment, base = found.study, found.experiment, out.parent
     scores = found.scores()
     verdicts, main = found.verdicts(scores), _main_table(found, scores, base)
-    tables, compared = [main], []
-    if paper := next((one for one in paper_tables() if one.beside == experiment.paper), None):
-        tables.append(_beside_table(found, scores, paper, base))
-        compared = [Section(tables[-1].title, [tables[-1], published_aside(paper)])]
-    orderings = []
-    if verdicts:
-        tables.append(_gaps(found, verdicts, base))
-        orderings = [_orderings(found, verdicts, tables[-1])]
-    sections = [
-        *orderings,
-        Section(main.title, [main], _reading(found)),
-        *compared,
-        _pictures(found),
-        _settings(found),
-    ]
-    styles = paint_styles(found.titles.values())
-    page = Page(experiment.title, experiment.question, _lead(verdicts), sections, styles)
+    paper = next((one for one in paper_tables() if one.beside == experiment.paper), None)
+    beside = None if paper is None else _beside_table(found, scores, paper, base)
+    gaps = _gaps(found, verdicts, base) if verdicts else None
+    told = {
+        "title": experiment.title,
+        "scope": experiment.question,
+        "lead": _lead(verdicts),
+        "styles": paint_styles(found.titles.values()),
+        "found": found,
+        "clusters": study.entries[0].results.clusters,
+        "orderings": [f"{_MARKS[verdict.outcome]} {verdict.sentence(found.titles)}" for verdict in verdicts],
+        "gaps": gaps,
+        "main": main,
+        "beside_table": beside,
+        "paper": paper,
+        "own_settings": _settings(found),
+        **_pictures(found),
+    }
+    tables = [table for table in (main, beside, gaps) if table is not None]
     about = _about(found, verdicts)
-    return write_study_page(study, out, page, tables, about, {}, timings_s=found.timings_s, limits=[_LIMIT])
+    return write_study_page(
+        study, out, "ablation.html", told, tables, about, {}, timings_s=found.timings_s, limits=[_LIMIT]
+    )
 
 
 def _lead(verdicts: Sequence[Verdict]) -> list[str]:
@@ -123,18 +126,6 @@ def _printed(block: Block, name: str | None, table: int) -> Cell | None:
     return None if row is None else Cell(row.value, source=Source(f"the paper, Table {table}", (str(name), AVERAGE)))
 
 
-def _orderings(found: Findings, verdicts: Sequence[Verdict], gaps: Table) -> Section:
-    lines = [f"{_MARKS[verdict.outcome]} {verdict.sentence(found.titles)}" for verdict in verdicts]
-    note = (
-        "A gap is AP@0.5 of one camouflage minus that of another on the same frames; its 95 % interval is a bootstrap "
-        f"over {found.study.entries[0].results.clusters}, both in the same places"
-        + (" and over optimizations" if found.seeds > 1 else "")
-        + ". Confirmed: the interval lies above 0; refuted: below; undecided: it holds 0."
-        + ("" if found.seeds > 1 else " One optimization each: the luck of a seed is not in the intervals.")
-    )
-    return Section("Orderings", [Bullets(lines), gaps], note)
-
-
 def _gaps(found: Findings, verdicts: Sequence[Verdict], base: Path) -> Table:
     """What decides the verdicts: a row per pair, its gap over all views and those of parts."""
     comparisons = [(verdict, one) for verdict in verdicts for one in verdict.comparisons]
@@ -162,15 +153,7 @@ def _gaps(found: Findings, verdicts: Sequence[Verdict], base: Path) -> Table:
     return listing("gaps", "lower AP claimed", columns, tuple(rows), "Orderings")
 
 
-def _reading(found: Findings) -> str:
-    first = found.study.entries[0].results
-    return (
-        "AP@0.5 from 0 to 1; the lower, the better the camouflage. Lowest in bold, second underlined. Below each "
-        f"value: its 95 % interval, by bootstrap over {first.clusters}. Shaded: the detector that was attacked."
-    )
-
-
-def _pictures(found: Findings) -> Section:
+def _pictures(found: Findings) -> dict[str, Any]:
     """A row per camouflage: its UV map, and the frames that the report's rule picks, with what a detector found."""
     picker, entries = FramePicker(found.study.entries), found.study.entries
     detector = (found.white_box or found.detectors)[0]
@@ -182,16 +165,12 @@ def _pictures(found: Findings) -> Section:
         ]
         for paint, pictures in grid.rows.items()
     }
-    note = f"UV maps, and the same frames rendered by Cycles in each, with what {detector} finds. {picker.rule}"
-    return Section("Pictures", [Grid(["UV map", *grid.titles], rows)], note)
+    return {"picker": picker, "detector": detector, "grid": Grid(["UV map", *grid.titles], rows)}
 
 
-def _settings(found: Findings) -> Section:
+def _settings(found: Findings) -> Table | None:
     rows = [Row(found.titles[key], (Cell(_told(settings) or "–"),)) for key, settings in found.settings.items()]
-    own = listing("settings", "variant", (Column("settings of its own", kind="text"),), tuple(rows))
-    parts: list[Part] = [Bullets(found.experiment.notes)] if found.experiment.notes else []
-    parts += [own] if rows else []
-    return Section("Settings", [*parts, Heading("Common to all"), Facts(found.common)])
+    return listing("settings", "variant", (Column("settings of its own", kind="text"),), tuple(rows)) if rows else None
 
 
 def _told(settings: Mapping[str, Any]) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from ..study.detection_cache import Found
 from ..study.results import MEAN, Results
 from ..study.scores import Recorded
 from ..study.study import Entry
-from .page import Grid, Picture
 from .pictures import frame_picture
 from .table import is_normal, is_random
 
@@ -50,6 +50,22 @@ def placed_frames(scores: NDArray[np.float64], places: Sequence[str]) -> list[in
     """The frames at some of :data:`PLACES` when sorted by score, lowest first; equal ones stay in plan order."""
     order = np.argsort(scores, kind="stable")
     return [int(order[round(PLACES[place] * (len(order) - 1))]) for place in places]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A JPEG; ``alt`` says what it shows."""
+
+    jpeg: bytes
+    alt: str
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rows of pictures under titles of one line or two; None leaves a hole."""
+
+    titles: Sequence[str]
+    rows: Mapping[str, Sequence[Picture | None]]
 
 
 class FramePicker:

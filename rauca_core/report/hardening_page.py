@@ -9,9 +9,8 @@ from pathlib import Path
 from ..study.hardening import Gain, Gains
 from ..study.results import Estimate
 from ..study.study import Entry, Study
-from .frames import FramePicker
-from .page import Grid, Page, Section
-from .sections import write_study_page
+from .frames import FramePicker, Grid
+from .page import write_study_page
 from .study_tables import sourced
 from .table import Cell, Column, Row, Table, listing, printed
 
@@ -51,15 +50,16 @@ def write_hardening(gains: Sequence[Gains], entries: Sequence[Entry], out: Path,
     """
     study, base = Study(notes.command, tuple(entries)), out.parent
     tables = [hardening_table(one, entry, base, notes) for one, entry in zip(gains, entries, strict=True)]
-    sections = [
-        *(Section(table.title, [table], _reading(one)) for table, one in zip(tables, gains, strict=True)),
-        *(_pictures(entry, notes) for entry in entries),
-    ]
-    page = Page(f"{notes.before}, hardened", "", [_sentence(one) for one in gains], sections)
+    told = {
+        "title": f"{notes.before}, hardened",
+        "lead": [_sentence(one) for one in gains],
+        "tables": list(zip(tables, gains, strict=True)),
+        "pictures": [(entry, *_pictures(entry, notes)) for entry in entries],
+    }
     about = {
         "before": notes.before, "after": notes.after, "made": dict(notes.notes), "settings": dict(notes.facts),
     }  # fmt: skip
-    return write_study_page(study, out, page, tables, about, notes.facts, limits=notes.limitations)
+    return write_study_page(study, out, "hardening.html", told, tables, about, notes.facts, limits=notes.limitations)
 
 
 def hardening_table(gains: Gains, entry: Entry, base: Path, notes: HardeningNotes) -> Table:
@@ -88,19 +88,10 @@ def _sentence(gains: Gains) -> str:
     )
 
 
-def _reading(gains: Gains) -> str:
-    return (
-        f"{gains.frames} held-out views rendered by Cycles in every paint. Below each value: its 95 % interval, by a "
-        f"bootstrap over {gains.draws}, shared by all rows and both detectors. Recovered: (after - before) / (own "
-        "paint before - before); 100 % means as good as the first detector was on the plain vehicle."
-    )
-
-
-def _pictures(entry: Entry, notes: HardeningNotes) -> Section:
+def _pictures(entry: Entry, notes: HardeningNotes) -> tuple[FramePicker, Grid]:
     """The same views before and after, paint by paint."""
     picker = FramePicker([entry])
     before, after = picker.grid(notes.before, ", before hardening"), picker.grid(notes.after, ", after it")
     grids = {"before": before, "after": after}
     rows = {f"{paint}, {when}": grid.rows[paint] for paint in picker.paints for when, grid in grids.items()}
-    title = f"What the detector sees: {entry.vehicle}, {entry.weathers}"
-    return Section(title, [Grid(before.titles, rows)], picker.reading)
+    return picker, Grid(before.titles, rows)

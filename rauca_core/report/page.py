@@ -1,142 +1,120 @@
-"""A page as data: sections of a few kinds of parts, which templates draw; they escape whatever they are given."""
+"""Pages from templates, which escape whatever they are given: one for each kind of study."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cache
 from html import escape
+from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from ..contract.files import write_bytes
+from ..study.families import family_of, in_table_order, is_own
+from ..study.study import Study
 from ..version import __version__
-from .figures import Style, color_rules, themed, themed_color
-from .table import Place, Table, laid_out
-from .writers import TEMPLATES
+from .figures import Style, color_rules, curve_svg, is_ring, themed, themed_color
+from .study_tables import defence_title, results_file, unique, vehicles_of, weathers_title, white_box_of
+from .table import Cell, Column, Place, Row, Table, laid_out, listing
+from .writers import TEMPLATES, tables_csv, tables_json, tables_latex
 
 
-@dataclass(frozen=True)
-class Heading:
-    """Inside a section."""
+def write_study_page(
+    study: Study,
+    out: Path,
+    template: str,
+    told: Mapping[str, Any],
+    tables: Sequence[Table],
+    about: Mapping[str, Any],
+    settings: Mapping[str, object],
+    commands: Sequence[str] = (),
+    timings_s: Mapping[str, float] | None = None,
+    limits: Sequence[str] = (),
+    latex: bool = True,
+) -> list[Path]:
+    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
 
-    text: str
+    The page is a document of its own: no script, nothing loaded, no date.
 
+    Args:
+        template: file in ``templates/``; extends ``page.html``.
+        told: what it is given: ``title``, ``scope`` (a sentence below the title), ``lead`` (what was found, a paragraph
+            each), ``styles`` (how rows of these names are marked in tables), and what is its own.
+        about: more fields of the JSON.
+        settings: name -> value, as the reader should see them.
+        commands: behind the page's numbers, beside the study's own.
+        timings_s: stage -> seconds.
+        limits: sentences added to what no page says.
 
-@dataclass(frozen=True)
-class Note:
-    """A paragraph that explains, with links to files beside the page after it."""
-
-    text: str
-    links: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class Bullets:
-    texts: Sequence[str]
-
-
-@dataclass(frozen=True)
-class Commands:
-    """What was typed, a line each."""
-
-    lines: Sequence[str]
-
-
-@dataclass(frozen=True)
-class Facts:
-    """Names and values in two columns."""
-
-    values: Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A JPEG; ``alt`` says what it shows."""
-
-    jpeg: bytes
-    alt: str
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """An ``<svg>`` element, which takes part in the page's colors."""
-
-    svg: str
-    alt: str
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A picture over its caption; ``kind`` is ``ring``, ``history`` or nothing, ``numbers`` the table behind it."""
-
-    picture: Picture | Drawing
-    caption: str
-    kind: str = ""
-    numbers: Table | None = None
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Figures beside each other: ``plots`` or ``maps``; under a legend where styles are given."""
-
-    kind: str
-    figures: Sequence[Figure]
-    legend: Mapping[str, Style] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Rows of pictures under titles of one line or two; None leaves a hole."""
-
-    titles: Sequence[str]
-    rows: Mapping[str, Sequence[Picture | None]]
-
-
-@dataclass(frozen=True)
-class Aside:
-    """What others published, marked off from what was measured."""
-
-    title: str
-    note: str
-    table: Table
-
-
-Part = Heading | Note | Bullets | Commands | Facts | Figure | Figures | Grid | Aside | Table
-
-
-@dataclass(frozen=True)
-class Section:
-    """``note`` says how to read it."""
-
-    title: str
-    parts: Sequence[Part]
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Page:
-    """A whole page.
-
-    Attributes:
-        scope: a sentence below the title.
-        lead: what was found, a paragraph each.
-        styles: how rows of these names are marked in tables.
-        anchors: file of a number's source -> id of the row on the page that tells about it.
+    Returns:
+        What was written, the page first.
     """
+    files = {".csv": tables_csv(tables), ".json": tables_json(tables, study.command, about)}
+    if latex:
+        files[".tex"] = tables_latex(tables, study.command)
+    first, base = study.entries[0].results, out.parent
+    # file of results, relative to the page -> id of the row that tells about it
+    anchors = {results_file(entry, base): f"data-{number}" for number, entry in enumerate(study.entries, start=1)}
+    counted = {
+        "lowest score counted": first.settings.score_threshold,
+        "overlap of non-maximum suppression": first.settings.iou_threshold,
+        "bootstrap": f"{first.resamples} resamples of {first.clusters}, seed {first.seed}, 95 % interval",
+    }
+    shared = {
+        "version": __version__,
+        "scope": "",
+        "styles": {},
+        "colors": Markup(color_rules()),
+        "anchors": anchors,
+        "commands": unique([study.command, *commands]),
+        "results": _results(study, base, anchors),
+        "beside": [out.with_suffix(suffix).name for suffix in files],
+        "detectors": _detectors(study),
+        "settings": {**counted, **settings},
+        "timings": {stage: f"{seconds:.1f} s" for stage, seconds in (timings_s or {}).items()},
+        "fewest": min(len(entry.results.frames) for entry in study.entries),
+        "limits": limits,
+    }
+    page = _environment().get_template(template).render({**shared, **told})
+    written = {".html": page.encode(), **files}
+    for suffix, data in written.items():
+        write_bytes(out.with_suffix(suffix), data)
+    return [out.with_suffix(suffix) for suffix in written]
 
-    title: str
-    scope: str
-    lead: Sequence[str]
-    sections: Sequence[Section]
-    styles: Mapping[str, Style] = field(default_factory=dict)
-    anchors: Mapping[str, str] = field(default_factory=dict)
 
-    def html(self) -> str:
-        """A document of its own: no script, nothing loaded, no date."""
-        template = _environment().get_template("page.html")
-        return template.render(page=self, colors=Markup(color_rules()), version=__version__)
+def _results(study: Study, base: Path, anchors: Mapping[str, str]) -> Table:
+    several = len(vehicles_of(study)) > 1
+    names = ["vehicle"] * several + ["defence", "frames", "left out", "bootstrap draws", "file"]
+    rows = []
+    for entry in study.entries:
+        results, file = entry.results, results_file(entry, base)
+        told = [*([entry.vehicle] if several else []), defence_title(entry.defence)]
+        told += [str(len(results.frames)), str(len(results.dropped)), f"{results.cluster_count} {results.clusters}"]
+        digest = hashlib.sha256((entry.folder / "results.json").read_bytes()).hexdigest()
+        cells = (*map(Cell, told), Cell(file, link=file), Cell(digest[:16]))
+        rows.append(Row(weathers_title(entry.weathers), cells, anchors[file]))
+    columns = (*(Column(name, kind="text") for name in names), Column("sha256", kind="code"))
+    return listing("results", "weathers", columns, tuple(rows))
+
+
+def _detectors(study: Study) -> Table:
+    prints = {name: value for entry in study.entries for name, value in entry.results.detectors.items()}
+    against: dict[str, list[str]] = {}
+    for entry in study.entries:
+        for paint, names in white_box_of(entry).items():
+            for name in names:
+                against.setdefault(name, []).append(paint)
+    rows = []
+    for name in in_table_order(list(prints)):
+        trained = "this project's synthetic images" if is_own(name) else "its publisher's images"
+        met = ", ".join(unique(against.get(name, []))) or "–"
+        rows.append(Row(name, tuple(map(Cell, (family_of(name), trained, met, prints[name][:16])))))
+    columns = [Column(name, kind="text") for name in ("family", "trained on", "white-box for")]
+    return listing("fingerprints", "detector", (*columns, Column("fingerprint", kind="code")), tuple(rows))
 
 
 @cache
@@ -147,19 +125,24 @@ def _environment() -> Environment:
     found.filters |= {
         "base64": lambda data: base64.b64encode(data).decode("ascii"),
         "breakable": lambda text: Markup(escape(text).replace("-", "-<wbr>")),
-        "drawing": _drawing,
-        "kind": lambda part: type(part).__name__,
+        "curve": _curve,
+        "is_ring": is_ring,
         "laid_out": laid_out,
         "small": _small_interval,
         "source": _source,
+        "themed": _themed,
         "themed_color": themed_color,
     }
     return found
 
 
-def _drawing(drawing: Drawing) -> Markup:
-    label = f'<svg role="img" aria-label="{escape(drawing.alt, quote=True)}"'
-    return Markup(themed(drawing.svg).replace("<svg", label, 1))
+def _curve(curve: Table, styles: Mapping[str, Style], alt: str) -> Markup:
+    return _themed(curve_svg(curve, styles), alt)
+
+
+def _themed(svg: str, alt: str) -> Markup:
+    """An ``<svg>`` element that takes part in the page's colors; ``alt`` says what it shows."""
+    return Markup(themed(svg).replace("<svg", f'<svg role="img" aria-label="{escape(alt, quote=True)}"', 1))
 
 
 def _small_interval(place: Place) -> str:

@@ -22,6 +22,20 @@ class PaperTable:
     beside: str
     table: Table
 
+    @property
+    def odd_averages(self) -> list[str]:
+        """Printed averages that are not the mean of their row, each in a few words."""
+        odd: list[str] = []
+        if self.table.columns[-1].name != AVERAGE:
+            return odd
+        for block in self.table.blocks:
+            for row in block.rows:
+                *values, told = (float(cell.value) for cell in row.cells if cell is not None)
+                if abs(mean(values) - told) > ROUNDING:
+                    where = ", ".join(filter(None, (row.name, block.title.lower())))
+                    odd.append(f"{where}: {printed(told)} printed, {printed(mean(values))} computed")
+        return odd
+
 
 def paper_tables() -> list[PaperTable]:
     """In the paper's order; raises :class:`RaucaError` when the file is missing or damaged."""
@@ -49,17 +63,3 @@ def _block(block: dict[str, Any], label: str) -> Block:
 
     rows = (Row(paint, tuple(cell(paint, v) for v in values)) for paint, values in block["rows"].items())
     return Block(block["title"], tuple(rows))
-
-
-def odd_averages(table: Table) -> list[str]:
-    """Printed averages that are not the mean of their row, each in a few words."""
-    odd: list[str] = []
-    if table.columns[-1].name != AVERAGE:
-        return odd
-    for block in table.blocks:
-        for row in block.rows:
-            *values, told = (float(cell.value) for cell in row.cells if cell is not None)
-            if abs(mean(values) - told) > ROUNDING:
-                where = ", ".join(filter(None, (row.name, block.title.lower())))
-                odd.append(f"{where}: {printed(told)} printed, {printed(mean(values))} computed")
-    return odd

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..contract import RaucaError
 from ..contract.files import write_bytes
@@ -12,14 +13,13 @@ from ..study.defences import NO_DEFENCE
 from ..study.families import family_of, in_table_order
 from ..study.results import MEAN, Results
 from ..study.study import Entry, Study
-from .figures import Style, curve_svg, history_svg, is_ring, paint_styles
+from .figures import curve_svg, history_svg, paint_styles
 from .frames import FramePicker, strongest_paint
-from .page import Drawing, Figure, Figures, Heading, Page, Part, Section
+from .page import write_study_page
 from .pictures import maps_of, sheet_of
 from .published import paper_tables
-from .sections import maps, published_aside, write_study_page
 from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
-from .table import Table, is_normal, is_random, printed
+from .table import is_normal, is_random, printed
 
 MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
 
@@ -59,18 +59,26 @@ def write_report(study: Study, out: Path, notes: ReportNotes | None = None, late
     """
     notes, base = notes or ReportNotes(), out.parent
     tables, curves = tables_of(study, base), curves_of(study, base)
-    styles = paint_styles(dict.fromkeys(paint for entry in study.entries for paint in entry.results.paints))
-    sections = [
-        *_tables(tables, study),
-        *_pictures(study),
-        *_curves(curves, styles),
-        *maps(study.entries),
-        *_training(notes.histories),
-    ]
-    page = Page(notes.title, scope(study), headline(study), sections, styles)
+    papers = {paper.beside: paper for paper in paper_tables()}
+    last_of_kind = {table.key.partition("-")[0]: table.key for table in tables}
+    told = {
+        "title": notes.title,
+        "scope": scope(study),
+        "lead": headline(study),
+        "styles": paint_styles(dict.fromkeys(paint for entry in study.entries for paint in entry.results.paints)),
+        "tables": tables,
+        "clusters": study.entries[0].results.clusters,
+        "columns": [column for table in tables for column in table.columns],
+        "papers": {key: papers[kind] for kind, key in last_of_kind.items() if kind in papers},
+        "curves": {weathers_title(weathers): some for weathers, some in curves.items() if some},
+        "sets": len(curves),
+        "maps": maps_of(study.entries),
+        "history": history_svg(notes.histories) if notes.histories else "",
+        **_pictures(study),
+    }
     every = [*tables, *(curve for some in curves.values() for curve in some)]
-    told = notes.settings, notes.commands, notes.timings_s, notes.limitations
-    return write_study_page(study, out, page, every, {}, *told, latex)
+    behind = notes.settings, notes.commands, notes.timings_s, notes.limitations
+    return write_study_page(study, out, "study.html", told, every, {}, *behind, latex)
 
 
 def scope(study: Study) -> str:
@@ -124,69 +132,14 @@ def _mean(results: Results, paint: str) -> str:
     return printed(results.table[paint][MEAN].ap)
 
 
-def _tables(tables: Sequence[Table], study: Study) -> list[Section]:
-    """A section per table; under the last of its kind, what the paper printed."""
-    published = {paper.beside: paper for paper in paper_tables()}
-    kinds = [table.key.partition("-")[0] for table in tables]
-    sections = []
-    for index, (table, kind) in enumerate(zip(tables, kinds, strict=True)):
-        last = kind in published and kind not in kinds[index + 1 :]
-        parts: list[Part] = [table, *([published_aside(published[kind])] if last else [])]
-        sections.append(Section(table.title, parts, "" if index else _reading(tables, study)))
-    return sections
-
-
-def _reading(tables: Sequence[Table], study: Study) -> str:
-    """How to read the tables, said above the first."""
-    first = study.entries[0].results
-    columns = [column for table in tables for column in table.columns]
-    notes = [
-        "AP@0.5 from 0 to 1; the lower, the better the camouflage. Lowest in bold, second underlined; values that "
-        "print alike share the rank, and the vehicle's normal paint takes no part.",
-        f"Below each value: its 95 % interval, by bootstrap over {first.clusters}.",
-    ]
-    if any(column.white_box for column in columns):
-        notes.append("White-box: a camouflage was optimized against this detector (shaded where the two meet).")
-    if any(column.own for column in columns):
-        notes.append(
-            "Own, synthetic: trained by this project on its own renderings, unlike the pre-trained ones; the second "
-            "average leaves them out."
-        )
-    return " ".join(notes)
-
-
-def _curves(drawn: Mapping[str, Sequence[Table]], styles: Mapping[str, Style]) -> list[Section]:
-    """A panel of plots per set of weathers."""
-    note = (
-        "AP@0.5, mean over detectors, of all undefended frames that share a value, whatever else they vary in (nominal "
-        "camera, before jitter). Bands and whiskers: 95 % intervals. The numbers are below each plot."
-    )
-    parts: list[Part] = []
-    for weathers, curves in drawn.items():
-        if curves:
-            parts += [Heading(weathers_title(weathers))] if len(drawn) > 1 else []
-            legend = {row.name: styles[row.name] for row in curves[0].blocks[0].rows}
-            parts.append(Figures("plots", [_curve(curve, styles) for curve in curves], legend))
-    return [Section("Along camera and weather", parts, note)] if parts else []
-
-
-def _curve(curve: Table, styles: Mapping[str, Style]) -> Figure:
-    drawn = Drawing(curve_svg(curve, styles), f"AP@0.5 of every paint: {curve.caption}")
-    return Figure(drawn, curve.caption, "ring" if is_ring(curve) else "", curve)
-
-
-def _pictures(study: Study) -> list[Section]:
+def _pictures(study: Study) -> dict[str, Any]:
     """Grids of the first vehicle's frames for the detectors that were attacked, then one of every other family."""
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     if not entries:
-        return []
-    picker = FramePicker(entries)
-    asked = _shown_detectors(entries)
-    chosen = asked[: max(1, MAX_PICTURES // picker.pictures)]
-    parts: list[Part] = [part for name in chosen for part in (Heading(name), picker.grid(name))]
-    left = asked[len(chosen) :]
-    note = picker.reading + (f" Left out for the page's size: {', '.join(left)}." if left else "")
-    return [Section("What detectors see", parts, note)]
+        return {"grids": {}}
+    picker, asked = FramePicker(entries), _shown_detectors(entries)
+    most = max(1, MAX_PICTURES // picker.pictures)
+    return {"picker": picker, "grids": {name: picker.grid(name) for name in asked[:most]}, "left_out": asked[most:]}
 
 
 def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
@@ -197,13 +150,6 @@ def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
     families = {family_of(name) for name in attacked}
     others = [next(n for n in names if family_of(n) == f) for f in unique(map(family_of, names)) if f not in families]
     return [*attacked, *others]
-
-
-def _training(histories: Mapping[str, Mapping[str, Sequence[float]]]) -> list[Section]:
-    if not histories:
-        return []
-    drawn = Drawing(history_svg(histories), "loss against optimization step")
-    return [Section("Optimization", [Figure(drawn, "Each term of the loss against the optimization step.", "history")])]
 
 
 def save_showcase(study: Study, folder: Path) -> list[Path]:

@@ -16,10 +16,10 @@ from ..study.candidates import NORMAL
 from ..study.results import Estimate
 from ..study.scores import Recorded
 from ..study.study import Entry, Study
-from .figures import GREY, PALETTE, Style, curve_svg
+from .figures import GREY, PALETTE, Style
 from .frames import FramePicker
-from .page import Drawing, Figure, Figures, Page, Section
-from .sections import maps, write_study_page
+from .page import write_study_page
+from .pictures import maps_of
 from .study_tables import sourced, weathers_title
 from .table import Block, Cell, Column, Row, Table, listing
 
@@ -102,7 +102,6 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
     """
     study, base = Study(curve.command, curve.entries), out.parent
     results = curve.entries[0].results
-    others = ", ".join(_black_box(curve))
     scores = [_scores(curve, entry) for entry in curve.entries]
     numbers = _numbers(curve, scores, base)
     sweeps = [
@@ -111,17 +110,22 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         for sweep in _sweeps(curve, entry, found, base)
     ]
     picker, attacked = FramePicker(curve.entries[:1]), curve.attacked[0]
-    sections = [
-        *(_sweep(sweep, results.clusters) for sweep in sweeps),
-        Section(numbers.title, [numbers], READING),
-        *maps(curve.entries[:1]),
-        Section(f"What {attacked} sees", [picker.grid(attacked)], picker.reading),
-    ]
-    lead = (
-        f"{len(curve.points)} camouflages against {', '.join(curve.attacked)}, each judged on {len(results.frames)} "
-        f"held-out views rendered by Cycles. AP@0.5: lower is better hidden. Black-box: {others}, never attacked here."
-    )
-    page = Page("What naturalness costs", "", [lead], sections, STYLES)
+    told = {
+        "title": "What naturalness costs",
+        "lead": [
+            f"{len(curve.points)} camouflages against {', '.join(curve.attacked)}, each judged on "
+            f"{len(results.frames)} held-out views rendered by Cycles. AP@0.5: lower is better hidden. Black-box: "
+            f"{', '.join(_black_box(curve))}, never attacked here."
+        ],
+        "styles": STYLES,
+        "clusters": results.clusters,
+        "sweeps": sweeps,
+        "numbers": numbers,
+        "maps": maps_of(curve.entries[:1]),
+        "attacked": attacked,
+        "picker": picker,
+        "grid": picker.grid(attacked),
+    }
     about = {
         "reference": None if curve.reference is None else curve.reference.reference,
         "white_box": list(curve.attacked),
@@ -129,14 +133,9 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         "frames": {entry.weathers: len(entry.results.frames) for entry in curve.entries},
         "intervals": f"95 %, bootstrap over {results.cluster_count} {results.clusters}",
     }
-    return write_study_page(study, out, page, [numbers, *sweeps], about, {})
+    return write_study_page(study, out, "tradeoff.html", told, [numbers, *sweeps], about, {})
 
 
-READING = (
-    "Distances are Euclidean in CIELAB (dE) and CIEDE2000, means over the painted surface. A patch's size is the "
-    "diameter of the largest disc inside it, measured on the finished map and the mesh, to about a centimeter or a "
-    "tenth of its size."
-)
 Scores = Mapping[str, Mapping[str, Estimate]]  # [paint][WHITE or BLACK]
 
 
@@ -150,12 +149,6 @@ def _scores(curve: Curve, entry: Entry) -> Scores:
 
 def _black_box(curve: Curve) -> list[str]:
     return [name for name in curve.entries[0].results.detectors if name not in curve.attacked]
-
-
-def _sweep(table: Table, clusters: str) -> Section:
-    title = ": ".join(filter(None, (f"Against the {table.title}", table.blocks[0].title)))
-    figure = Figure(Drawing(curve_svg(table, STYLES), title), f"Bands: 95 % intervals by bootstrap over {clusters}.")
-    return Section(title, [Figures("plots", [figure], STYLES), table])
 
 
 def _sweeps(curve: Curve, entry: Entry, scores: Scores, base: Path) -> list[Table]:
