@@ -4,7 +4,7 @@ from .check import CheckResult, check_dataset, remove_damaged
 from .check_frame import Finding
 from .export import FORMATS, export_dataset
 from .recoloring import recolor_dataset
-from .vehicles import load_vehicle
+from .stored import load_vehicle
 from .view import view_dataset
 
 __all__ = [

@@ -18,7 +18,7 @@ from ..contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Vehicle, 
 from ..contract.color import linear_to_srgb, recolor, srgb_to_linear
 from ..contract.files import SUMS_FILE, file_digest, read_sums
 from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES, find_instances, mask_box
-from .stored_frame import GREY, StoredFrame
+from .stored import GREY, StoredFrame
 
 RENDER_AGAIN = "check with --remove-damaged and run the same `rauca dataset make` again"
 MAKE_AGAIN = "make the data set again in another folder"
@@ -62,85 +62,73 @@ class FrameResult:
         squared_error, values: of the recoloring check in display space; zero values without one.
     """
 
-    findings: tuple[Finding, ...] = ()
+    findings: list[Finding]
     squared_error: float = 0.0
     values: int = 0
 
 
 def check_frame(dataset: Dataset, planned: PlannedFrame, vehicle: Vehicle | None) -> FrameResult:
     """Read every byte of a frame and hold its files against each other and the plan."""
-    return _Examination(dataset, planned, vehicle).result()
+    folder, name, findings = dataset.frame_folder(planned.id), f"frames/{planned.id}", list[Finding]()
+
+    def report(file: str, what: str) -> None:
+        findings.append(Finding(f"{name}/{file}", what, RENDER_AGAIN, again=name))
+
+    checksums(report, folder)
+    if findings:  # bytes that changed would only be found again under other names
+        return FrameResult(findings)
+    try:
+        stored = StoredFrame(folder, load_frame(folder))
+        findings += _of_own_class(stored.frame, vehicle)
+        return FrameResult(findings, *_contents(report, stored, planned, dataset.plan, vehicle))
+    except RaucaError as error:
+        told = str(error).removeprefix(f"{folder}/")
+        file, _, what = told.partition(": ")
+        report(file if what else "", what or told)
+        return FrameResult(findings)
 
 
-class _Examination:
-    def __init__(self, dataset: Dataset, planned: PlannedFrame, vehicle: Vehicle | None) -> None:
-        self._dataset, self._planned, self._vehicle = dataset, planned, vehicle
-        self._folder = dataset.frame_folder(planned.id)
-        self._findings: list[Finding] = []
+def _of_own_class(frame: Frame, vehicle: Vehicle | None) -> list[Finding]:
+    """No other vehicle is of the vehicle's own class; a scene has it, so rendering again would not help."""
+    own = None if vehicle is None else vehicle.category
+    if all(other.category != own for other in frame.instances):
+        return []
+    what = f"another vehicle is a {own}, as the data set's own is: whoever finds it is said to be wrong"
+    return [Finding(f"frames/{frame.id}/frame.json", what, OTHER_SCENE)]
 
-    def result(self) -> FrameResult:
-        checksums(self._report, self._folder)
-        if self._findings:  # bytes that changed would only be found again under other names
-            return FrameResult(tuple(self._findings))
-        try:
-            squared_error, values = self._contents()
-        except RaucaError as error:
-            told = str(error).removeprefix(f"{self._folder}/")
-            file, _, what = told.partition(": ")
-            self._report(file if what else "", what or told)
-            return FrameResult(tuple(self._findings))
-        return FrameResult(tuple(self._findings), squared_error, values)
 
-    def _report(self, file: str, what: str) -> None:
-        frame = f"frames/{self._planned.id}"
-        self._findings.append(Finding(f"{frame}/{file}", what, RENDER_AGAIN, again=frame))
-
-    def _contents(self) -> tuple[float, int]:
-        """Hold the files against each other; returns the recoloring check's squared error and number of values."""
-        frame, plan = load_frame(self._folder), self._dataset.plan
-        check_metadata(self._report, frame, self._planned, plan, self._vehicle)
-        self._only_one(frame)
-        images = self._images(frame)
-        stored = StoredFrame(self._folder, frame)
-        maps = stored.maps("distance", *(LIGHT_MAPS if plan.light else ()))
-        if not self._right_shapes(images, maps):
-            return 0.0, 0
-        vehicle, paint, semantic = images["vehicle.png"], images["paint.png"], images["semantic.png"]
-        check_coverage(self._report, frame, vehicle, paint)
-        check_ids(self._report, frame, semantic, images["instances.png"], vehicle)
-        check_distances(self._report, maps["distance"], semantic)
-        check_picture(self._report, "image.png", images["image.png"])
-        if not plan.light:
-            return 0.0, 0
-        check_light(self._report, plan, maps, paint, images["image.png"])
-        if frame.check_srgb is None:
-            return 0.0, 0
-        check_picture(self._report, "check.png", images["check.png"])
-        return squared_error(frame, maps, paint, images["check.png"])
-
-    def _only_one(self, frame: Frame) -> None:
-        """No other vehicle is of the vehicle's own class; a scene has it, so rendering again would not help."""
-        own = None if self._vehicle is None else self._vehicle.category
-        if any(other.category == own for other in frame.instances):
-            what = f"another vehicle is a {own}, as the data set's own is: whoever finds it is said to be wrong"
-            self._findings.append(Finding(f"frames/{frame.id}/frame.json", what, OTHER_SCENE))
-
-    def _images(self, frame: Frame) -> dict[str, NDArray[np.uint8]]:
-        names = ["image.png", *GREY] + ([] if frame.check_srgb is None else ["check.png"])
-        return {name: StoredFrame(self._folder, frame).image(name) for name in names}
-
-    def _right_shapes(self, images: dict[str, NDArray[np.uint8]], maps: dict[str, NDArray[np.generic]]) -> bool:
-        size = self._dataset.plan.size
-        before = len(self._findings)
-        for name, image in images.items():
-            wanted = (size, size) if name in GREY else (size, size, 3)
-            if image.shape != wanted:
-                self._report(name, f"has shape {image.shape}, expected {wanted}")
-        for name, array in maps.items():
-            wanted = (size, size) if name == "distance" else (size, size, 3)
-            if array.shape != wanted or array.dtype != np.float16:
-                self._report("passes.npz", f"{name} is {array.dtype} {array.shape}, expected float16 {wanted}")
-        return len(self._findings) == before
+def _contents(
+    report: Report, stored: StoredFrame, planned: PlannedFrame, plan: Plan, vehicle: Vehicle | None
+) -> tuple[float, int]:
+    """Hold the files against each other; returns the recoloring check's squared error and number of values."""
+    frame = stored.frame
+    check_metadata(report, frame, planned, plan, vehicle)
+    pictures = ["image.png"] + (["check.png"] if frame.check_srgb is not None else [])
+    images = {name: stored.image(name) for name in (*pictures, *GREY)}
+    maps = stored.maps("distance", *(LIGHT_MAPS if plan.light else ()))
+    wrong = 0
+    for name, array in (images | maps).items():
+        shape = (plan.size, plan.size) if name in (*GREY, "distance") else (plan.size, plan.size, 3)
+        if name in images and array.shape != shape:
+            report(name, f"has shape {array.shape}, expected {shape}")
+        elif name in maps and (array.shape != shape or array.dtype != np.float16):
+            report("passes.npz", f"{name} is {array.dtype} {array.shape}, expected float16 {shape}")
+        else:
+            continue
+        wrong += 1
+    if wrong:
+        return 0.0, 0
+    coverage, paint, semantic = images["vehicle.png"], images["paint.png"], images["semantic.png"]
+    check_coverage(report, frame, coverage, paint)
+    check_ids(report, frame, semantic, images["instances.png"], coverage)
+    check_distances(report, maps["distance"], semantic)
+    for name in pictures if plan.light else pictures[:1]:
+        check_picture(report, name, images[name])
+    if plan.light:
+        check_light(report, plan, maps, paint, images["image.png"])
+    if not plan.light or frame.check_srgb is None:
+        return 0.0, 0
+    return squared_error(frame, maps, paint, images["check.png"])
 
 
 def checksums(report: Report, folder: Path, names: set[str] | None = None) -> None:

@@ -9,22 +9,22 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Progress, RaucaError
+from ..contract import Dataset, Frame, Progress, RaucaError
 from ..contract.files import disk_errors, write_bytes, write_json
-from .stored_frame import StoredFrame, Target, categories_of, coco_id, target_category, targets_of
+from .stored import StoredFrame, Target, categories_of, coco_id, load_vehicle, targets_of
 
 FORMATS = ("coco", "yolo")
-Moved = Callable[[Progress], None]
+Exported = Iterable[tuple[Frame, list[Target]]]
 
 
-def export_dataset(folder: Path, form: str, out: Path, progress: Moved = lambda _: None) -> int:
+def export_dataset(folder: Path, form: str, out: Path, progress: Callable[[Progress], None] = lambda _: None) -> int:
     """Write a data set's frames and ground truth in another layout, with copies of the images.
 
     Args:
@@ -43,31 +43,30 @@ def export_dataset(folder: Path, form: str, out: Path, progress: Moved = lambda 
     frames = StoredFrame.all_of(dataset)
     if not frames:
         raise RaucaError(f"{folder}: no finished frame to export; make the data set first")
-    own = target_category(dataset)
+    own = load_vehicle(dataset.vehicle_folder).category
     categories = categories_of(frames, own)
-    write = _Coco(out, dataset, categories) if form == "coco" else _Yolo(out, dataset, categories)
-    written = 0
+    write = _write_coco if form == "coco" else _write_yolo
+    return write(out, dataset.plan.name, categories, _copied(frames, own, out, progress))
+
+
+def _copied(
+    frames: list[StoredFrame], own: str, out: Path, progress: Callable[[Progress], None]
+) -> Iterator[tuple[Frame, list[Target]]]:
+    """Every frame with its targets, one at a time, its image copied."""
     for done, stored in enumerate(frames, 1):
-        _copy(stored.folder / "image.png", out / "images" / f"{stored.frame.id}.png")
-        targets = list(targets_of(stored, own))
-        write.frame(stored, targets)
-        written += len(targets)
+        image = out / "images" / f"{stored.frame.id}.png"
+        with disk_errors(image):  # a copy, not a link: a tool that edits its images must not reach the data set
+            image.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(stored.folder / "image.png", image)
+        yield stored.frame, list(targets_of(stored, own))
         progress(Progress(done, len(frames), stored.frame.id))
-    write.finish()
-    return written
 
 
-class _Coco:
+def _write_coco(out: Path, name: str, categories: list[str], exported: Exported) -> int:
     """COCO detection JSON; masks are exact run lengths, holes and occlusion included."""
-
-    def __init__(self, out: Path, dataset: Dataset, categories: list[str]) -> None:
-        self._out, self._dataset, self._categories = out, dataset, categories
-        self._images: list[dict[str, Any]] = []
-        self._annotations: list[dict[str, Any]] = []
-
-    def frame(self, stored: StoredFrame, targets: list[Target]) -> None:
-        frame, number = stored.frame, len(self._images) + 1
-        self._images.append(
+    images, annotations = [], []
+    for number, (frame, targets) in enumerate(exported, 1):
+        images.append(
             {
                 "id": number,
                 "file_name": f"images/{frame.id}.png",
@@ -80,60 +79,46 @@ class _Coco:
         )
         for target in targets:
             left, top, right, bottom = target.box_xyxy
-            self._annotations.append(
+            annotations.append(
                 {
-                    "id": len(self._annotations) + 1,
+                    "id": len(annotations) + 1,
                     "image_id": number,
-                    "category_id": coco_id(self._categories, target.category),
+                    "category_id": coco_id(categories, target.category),
                     "bbox": [left, top, right - left, bottom - top],
                     "area": int(target.mask.sum()),
                     "segmentation": encode_mask(target.mask),
                     "iscrowd": 0,
                 }
             )
-
-    def finish(self) -> None:
-        names = [
-            {"id": coco_id(self._categories, name), "name": name, "supercategory": "vehicle"}
-            for name in self._categories
-        ]
-        description = {"description": f"{self._dataset.plan.name}, made with rauca", "version": "1"}
-        everything = {"info": description, "licenses": [], "categories": names}
-        write_json(
-            self._out / "annotations.json", everything | {"images": self._images, "annotations": self._annotations}
-        )
+    everything = {
+        "info": {"description": f"{name}, made with rauca", "version": "1"},
+        "licenses": [],
+        "categories": [{"id": coco_id(categories, c), "name": c, "supercategory": "vehicle"} for c in categories],
+        "images": images,
+        "annotations": annotations,
+    }
+    write_json(out / "annotations.json", everything)
+    return len(annotations)
 
 
-class _Yolo:
+def _write_yolo(out: Path, name: str, categories: list[str], exported: Exported) -> int:
     """YOLO text: class, then center and size of the box as shares of the image's width and height."""
-
-    def __init__(self, out: Path, dataset: Dataset, categories: list[str]) -> None:
-        self._out, self._categories = out, categories
-
-    def frame(self, stored: StoredFrame, targets: list[Target]) -> None:
-        width, height = stored.frame.camera.width, stored.frame.camera.height
+    written = 0
+    for frame, targets in exported:
+        width, height = frame.camera.width, frame.camera.height
         lines = []
         for target in targets:
             left, top, right, bottom = target.box_xyxy
             center = (left + right) / 2 / width, (top + bottom) / 2 / height
             size = (right - left) / width, (bottom - top) / height
             numbers = " ".join(f"{value:.6f}" for value in (*center, *size))
-            lines.append(f"{self._categories.index(target.category)} {numbers}\n")
-        write_bytes(self._out / "labels" / f"{stored.frame.id}.txt", "".join(lines).encode())
-
-    def finish(self) -> None:
-        names = "".join(f"  {number}: {name}\n" for number, name in enumerate(self._categories))
-        text = (
-            f"# train and val are the same images: split them by location\ntrain: images\nval: images\nnames:\n{names}"
-        )
-        write_bytes(self._out / "data.yaml", text.encode())
-
-
-def _copy(source: Path, target: Path) -> None:
-    """A copy, not a link: a tool that edits its images in place must not reach the data set."""
-    with disk_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, target)
+            lines.append(f"{categories.index(target.category)} {numbers}\n")
+        write_bytes(out / "labels" / f"{frame.id}.txt", "".join(lines).encode())
+        written += len(lines)
+    names = "".join(f"  {number}: {category}\n" for number, category in enumerate(categories))
+    text = f"# train and val are the same images: split them by location\ntrain: images\nval: images\nnames:\n{names}"
+    write_bytes(out / "data.yaml", text.encode())
+    return written
 
 
 def encode_mask(mask: NDArray[np.bool_]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from ..contract import Dataset, Progress, RaucaError
 from ..contract.color import Color, hex_name, linear_to_srgb, recolor, to_bytes
 from ..contract.files import disk_errors, png_bytes, read_sums, require_space, write_bytes, write_json
 from ..contract.schema import read_json
-from .stored_frame import StoredFrame
+from .stored import StoredFrame
 
 BYTES_PER_PIXEL = 3
 NOTE = "recolor.json"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ..contract.semantics import CLASSES, PALETTE
-from .stored_frame import StoredFrame, Target
+from .stored import StoredFrame, Target
 
 TILE = 240
 GAP = 6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import string
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -14,20 +15,11 @@ from PIL import Image
 from ..contract import Dataset, Plan, Progress, RaucaError, frame_states
 from ..contract.files import write_bytes
 from .sheets import contact_sheet, frame_sheet
-from .stored_frame import StoredFrame, target_category, targets_of
+from .stored import StoredFrame, load_vehicle, targets_of
 
 MOST_COLUMNS = 4
 OVERLAYS = 6
 GOLDEN = 0.6180339887
-
-STYLE = """
-body { margin: 0; background: #f5f7f9; color: #1d2430; font: 16px/1.6 system-ui, "Segoe UI", Arial, sans-serif; }
-main { max-width: 1500px; margin: 0 auto; padding: 36px 24px 72px; }
-h1 { font-size: 2rem; letter-spacing: -0.02em; margin: 0; } p { color: #5b6675; margin: 4px 0 0; }
-section { background: #fff; border: 1px solid #dfe4ea; border-radius: 12px; padding: 20px 24px; margin-top: 22px; }
-h2 { font-size: 1.2rem; margin: 0 0 10px; } img { display: block; max-width: 100%; height: auto; }
-td, th { padding: 2px 22px 2px 0; text-align: left; font-weight: 400; } th { color: #5b6675; }
-"""
 
 
 def view_dataset(
@@ -56,12 +48,12 @@ def view_dataset(
     chosen = _chosen(folder, stored, frames)
     progress(Progress(0, len(chosen) + 1, "contact sheet"))
     sheet = _sheet(dataset, stored, views)
-    write_bytes(out / "contact-sheet.jpg", _jpeg(sheet))
-    own, overlays = target_category(dataset), {}
+    write_bytes(out / "contact-sheet.jpg", _encoded(sheet, "JPEG", quality=88))
+    own, overlays = load_vehicle(dataset.vehicle_folder).category, {}
     for done, found in enumerate(chosen, 1):
         progress(Progress(done, len(chosen) + 1, found.frame.id))
         overlays[found.frame.id] = frame_sheet(found, list(targets_of(found, own)))
-        write_bytes(out / "overlays" / f"{found.frame.id}.png", _png(overlays[found.frame.id]))
+        write_bytes(out / "overlays" / f"{found.frame.id}.png", _encoded(overlays[found.frame.id], "PNG"))
     page = _page(dataset, sheet, overlays)
     write_bytes(out / "index.html", page.encode())
     progress(Progress(len(chosen) + 1, len(chosen) + 1, ""))
@@ -122,29 +114,21 @@ def _page(dataset: Dataset, sheet: Image.Image, overlays: dict[str, Image.Image]
         "weathers": len(plan.weathers),
         "cameras": f"{len(plan.ring)} views of {plan.locations} places",
     }
-    rows = "".join(f"<tr><th>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in facts.items())
-    shown = "".join(_figure(_jpeg(picture), name) for name, picture in overlays.items())
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(plan.name)}</title><style>{STYLE}</style></head>\n<body><main><h1>{escape(plan.name)}</h1>"
-        f"<p>A multi-weather data set made with rauca.</p>\n<section><table>{rows}</table></section>\n"
-        f"<section><h2>Weathers and views</h2>{_figure(_jpeg(sheet), 'contact sheet')}</section>\n"
-        f"<section><h2>Frames laid open</h2>{shown}</section>\n</main></body></html>\n"
+    page = string.Template(Path(__file__).with_name("view.html").read_text(encoding="utf-8"))
+    return page.substitute(
+        name=escape(plan.name),
+        facts="".join(f"<tr><th>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in facts.items()),
+        sheet=_figure(sheet, "contact sheet"),
+        frames="".join(_figure(picture, name) for name, picture in overlays.items()),
     )
 
 
-def _figure(jpeg: bytes, name: str) -> str:
-    return f'<img src="data:image/jpeg;base64,{b64encode(jpeg).decode()}" alt="{escape(name, quote=True)}">\n'
+def _figure(picture: Image.Image, name: str) -> str:
+    data = b64encode(_encoded(picture, "JPEG", quality=88)).decode()
+    return f'<img src="data:image/jpeg;base64,{data}" alt="{escape(name, quote=True)}">\n'
 
 
-def _jpeg(picture: Image.Image) -> bytes:
+def _encoded(picture: Image.Image, form: str, **options: int) -> bytes:
     stream = io.BytesIO()
-    picture.save(stream, "JPEG", quality=88, optimize=True)
-    return stream.getvalue()
-
-
-def _png(picture: Image.Image) -> bytes:
-    stream = io.BytesIO()
-    picture.save(stream, "PNG", optimize=True)
+    picture.save(stream, form, optimize=True, **options)
     return stream.getvalue()

@@ -13,12 +13,19 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from ..contract import RaucaError
 from ..contract.files import disk_errors, open_to_append
 from ..contract.reading import parse_json
-from ..contract.schema import Fields
+from ..contract.schema import Fields, Record
+
+try:
+    import fcntl
+except ImportError:  # Windows, which has no such locks: nothing is held there
+    fcntl = None  # type: ignore[assignment]
 
 LOCK_FILE = ".lock"
 EVERYTHING = 1 << 40  # more things than any folder has; this byte guards the opening of the file, and shared writing
@@ -92,85 +99,86 @@ def hold_range(
         refusal: what they are told, with the holder for ``{who}``.
         patience_s: how long to try.
     """
-    folder = Path(folder)
-    handle = _hold(folder, name, (first, end), label, refusal, wait, patience_s)
+    path = Path(folder) / name
+    handle: int | str | None = None
+    note = _Note(os.getpid(), socket.gethostname(), label, first, end)
+    deadline = time.monotonic() + patience_s
+    while fcntl is not None and handle is None:
+        handle = _try_to_hold(path, note, wait)
+        if isinstance(handle, str):
+            if time.monotonic() >= deadline:
+                raise RaucaError(f"{folder}: {refusal.format(who=handle)}")
+            time.sleep(0.1)
+            handle = None
     try:
         yield HeldRange(handle, first, end)
     finally:
         if handle is not None:
-            # The last one to leave removes the file, while it holds everything; who has it open notices in `_hold`.
+            # The last one to leave removes the file, while it holds everything; who has it open notices.
             if _lock(handle, 0, 0):
-                (folder / name).unlink(missing_ok=True)
+                path.unlink(missing_ok=True)
             os.close(handle)
         with contextlib.suppress(OSError):
-            folder.rmdir()
+            path.parent.rmdir()
 
 
-def _hold(
-    folder: Path,
-    name: str,
-    wanted: tuple[int, int],
-    label: str,
-    refusal: str,
-    wait: Callable[[str], None] | None,
-    patience_s: float,
-) -> int | None:
-    """The lock's file with the range locked, and not a file that its last holder has removed; None without locks."""
+@dataclass(frozen=True)
+class _Note(Record):
+    """Who holds a range, a line in the lock's file."""
+
+    pid: int
+    host: Annotated[str, "plain_name"]
+    label: str
+    first: Annotated[int, (0, EVERYTHING)]
+    end: Annotated[int, (0, EVERYTHING)]
+
+    def __str__(self) -> str:
+        part = f" ({self.label})" if self.label and self.label.isprintable() else ""
+        return f"process {self.pid} on {self.host}{part}"
+
+
+def _try_to_hold(path: Path, note: _Note, wait: Callable[[str], None] | None) -> int | str | None:
+    """The lock's file with the range locked; who holds some of it; None where its last holder has removed the file."""
+    handle, length = _open(path), note.end - note.first
     try:
-        import fcntl  # noqa: F401 - there is none on Windows
-    except ImportError:
-        return None
-    first, end = wanted
-    deadline = time.monotonic() + patience_s
-    while True:
-        handle = _open(folder, name)
-        try:
-            if first < end and not _lock(handle, first, end - first):  # a length of 0 would mean everything
-                if wait is not None:
-                    wait(_holder(handle, first, end))
-                    _lock(handle, first, end - first, wait=True)
-                elif time.monotonic() < deadline:
-                    time.sleep(0.1)
-                    os.close(handle)
-                    continue
-                else:
-                    raise RaucaError(f"{folder}: {refusal.format(who=_holder(handle, first, end))}")
-            _lock(handle, EVERYTHING, 1, wait=True)
-            if _is_still_there(handle, folder / name):
-                with disk_errors(folder):
-                    _sign(handle, first, end, label)
-                _unlock(handle, EVERYTHING, 1)
-                return handle
-        except BaseException:
+        if length > 0 and not _lock(handle, note.first, length):  # a length of 0 would mean everything
+            holder = _holder(handle, note.first, note.end)
+            if wait is None:
+                os.close(handle)
+                return holder
+            wait(holder)
+            _lock(handle, note.first, length, wait=True)
+        _lock(handle, EVERYTHING, 1, wait=True)
+        if not _is_still_there(handle, path):
             os.close(handle)
-            raise
+            return None
+        with disk_errors(path.parent):
+            if length == EVERYTHING:
+                os.ftruncate(handle, 0)  # nobody else's note is true
+            os.write(handle, (json.dumps(note.to_json()) + "\n").encode())
+        _unlock(handle, EVERYTHING, 1)
+        return handle
+    except BaseException:
         os.close(handle)
+        raise
 
 
-def _open(folder: Path, name: str) -> int:
+def _open(path: Path) -> int:
     while True:
-        with disk_errors(folder):
+        with disk_errors(path.parent):
             try:
-                folder.mkdir(parents=True, exist_ok=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
             except (FileExistsError, NotADirectoryError) as error:
                 raise RaucaError(f"{error.filename}: is a file; choose another output folder") from error
             with contextlib.suppress(FileNotFoundError):  # its last holder has just removed the folder
-                return open_to_append(folder / name)
+                return open_to_append(path)
 
 
 def _is_still_there(handle: int, path: Path) -> bool:
     try:
-        return os.fstat(handle).st_ino == path.stat().st_ino
+        return os.path.samestat(os.fstat(handle), path.stat())
     except FileNotFoundError:
         return False
-
-
-def _sign(handle: int, first: int, end: int, label: str) -> None:
-    """Leave a note of who holds the range."""
-    if first == 0 and end == EVERYTHING:
-        os.ftruncate(handle, 0)  # nobody else's note is true
-    note = {"pid": os.getpid(), "host": socket.gethostname(), "label": label, "first": first, "end": end}
-    os.write(handle, (json.dumps(note) + "\n").encode())
 
 
 def _holder(handle: int, first: int, end: int) -> str:
@@ -178,26 +186,16 @@ def _holder(handle: int, first: int, end: int) -> str:
     text = os.pread(handle, 1 << 20, 0).decode(errors="replace")
     for line in reversed(text.splitlines()):
         with contextlib.suppress(RaucaError):
-            note = Fields(parse_json(line, LOCK_FILE), LOCK_FILE)
-            begin, stop = note.integer("first", maximum=EVERYTHING), note.integer("end", maximum=EVERYTHING)
-            if max(begin, first) < min(stop, end) and not _is_free(handle, begin, stop - begin):
-                label = note.text("label")
-                part = f" ({label})" if label and label.isprintable() else ""
-                return f"process {note.integer('pid')} on {note.plain_name('host')}{part}"
+            note = _Note.from_json(Fields(parse_json(line, LOCK_FILE), LOCK_FILE))
+            if max(note.first, first) < min(note.end, end):
+                if not _lock(handle, note.first, note.end - note.first):
+                    return str(note)
+                _unlock(handle, note.first, note.end - note.first)
     return "another process"
-
-
-def _is_free(handle: int, start: int, length: int) -> bool:
-    if not _lock(handle, start, length):
-        return False
-    _unlock(handle, start, length)
-    return True
 
 
 def _lock(handle: int, start: int, length: int, wait: bool = False) -> bool:
     """Lock bytes; False where another process has some and we do not wait. A length of 0 means all that follow."""
-    import fcntl
-
     try:
         fcntl.lockf(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), length, start)
     except (BlockingIOError, PermissionError):
@@ -206,6 +204,4 @@ def _lock(handle: int, start: int, length: int, wait: bool = False) -> bool:
 
 
 def _unlock(handle: int, start: int, length: int) -> None:
-    import fcntl
-
     fcntl.lockf(handle, fcntl.LOCK_UN, length, start)

@@ -12,7 +12,7 @@ from rauca_core.contract import RaucaError, load_passes
 from rauca_core.contract.color import TEST, linear_to_srgb, recolor, to_bytes
 from rauca_core.dataset_tools import export_dataset, recolor_dataset, recoloring
 from rauca_core.dataset_tools.export import encode_mask
-from rauca_core.dataset_tools.stored_frame import StoredFrame
+from rauca_core.dataset_tools.stored import StoredFrame
 from rauca_core.runtime.images import read_image
 from tests.hostile.nasty import DEEP
 

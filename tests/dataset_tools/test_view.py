@@ -14,7 +14,7 @@ from rauca_core.contract.semantics import CLASS_IDS, PALETTE
 from rauca_core.dataset_tools import sheets as drawing
 from rauca_core.dataset_tools import view_dataset
 from rauca_core.dataset_tools.sheets import GAP, HEAD, LABEL, MARGIN, TILE, contact_sheet
-from rauca_core.dataset_tools.stored_frame import StoredFrame, targets_of
+from rauca_core.dataset_tools.stored import StoredFrame, targets_of
 from rauca_core.dataset_tools.view import columns_of
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from rauca_core.contract import Camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.report.published import odd_averages, paper_tables
+from rauca_core.report.published import paper_tables
 from rauca_core.report.study_page import headline
 from rauca_core.report.study_tables import curves_of, tables_of
 from rauca_core.report.table import BEST, SECOND, Block, Cell, Column, Row, Table, printed
@@ -246,11 +246,11 @@ def test_the_papers_averages_and_their_oddities() -> None:
     ablations = {8: "ablation-renderer", 9: "ablation-dataset", 10: "ablation-beta", 12: "ablation-augmentation"}
     kinds = {3: "detectors", 4: "defences", 7: "vehicles", **ablations}
     assert {paper.number: paper.beside for paper in papers} == kinds
-    assert odd_averages(papers[0].table) == [
+    assert papers[0].odd_averages == [
         "Random, seen-weather: 0.554 printed, 0.597 computed",
         "DTA, unseen-weather: 0.287 printed, 0.334 computed",
     ]
-    odd = {paper.number: odd_averages(paper.table) for paper in papers[1:]}
+    odd = {paper.number: paper.odd_averages for paper in papers[1:]}
     assert {number: sentences for number, sentences in odd.items() if sentences} == {
         9: ["Base multi-weather Dataset: 0.170 printed, 0.270 computed"]
     }

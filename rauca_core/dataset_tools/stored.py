@@ -1,4 +1,4 @@
-"""A finished frame's images, and what a detector should find in them."""
+"""What is read from disk with Pillow: vehicles, a finished frame's images, what a detector should find in them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Box, Dataset, Frame, load_passes, load_vehicle
+from .. import contract
+from ..contract import Box, Dataset, Frame, RaucaError, Vehicle, load_passes
+from ..contract.assets import assets_folder
 from ..contract.semantics import MIN_BOX_PIXELS
 from ..runtime.images import read_image
 
 GREY = ("vehicle.png", "paint.png", "semantic.png", "instances.png")
+
+
+def load_vehicle(vehicle: Path | str) -> Vehicle:
+    """A shipped vehicle by its name, or one in a folder, such as a data set's ``vehicle/``.
+
+    Raises:
+        RaucaError: no such vehicle, or its files are damaged. An .obj, .glb or .blend has to be read by Blender first:
+            `make_dataset` takes it, and leaves its folder in the data set.
+    """
+    shipped = assets_folder() / "vehicles"
+    names = sorted(path.parent.name for path in shipped.glob("*/vehicle.json"))
+    if str(vehicle) in names:
+        return contract.load_vehicle(shipped / str(vehicle), read_image)
+    folder = Path(vehicle)
+    if not (folder / "vehicle.json").is_file():
+        raise RaucaError(
+            f"{vehicle}: neither a vehicle folder nor one of {', '.join(names)}; an .obj, .glb or .blend is read by "
+            "`rauca dataset make --vehicle FILE`, which leaves its folder in the data set"
+        )
+    return contract.load_vehicle(folder, read_image)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +86,6 @@ class Target:
     category: str
     box_xyxy: Box
     mask: NDArray[np.bool_]
-
-
-def target_category(dataset: Dataset) -> str:
-    """Class of the data set's own vehicle."""
-    return load_vehicle(dataset.vehicle_folder, read_image).category
 
 
 def targets_of(stored: StoredFrame, category: str) -> Iterator[Target]:
