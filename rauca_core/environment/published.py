@@ -11,15 +11,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import safetensors.torch
 import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.schema import read_json
 from ..render import saturate
-from ..runtime.carded_weights import read_carded, require_weights, save_carded
-from ..runtime.checkpoint_files import TENSOR_DAMAGE
+from ..runtime.carded_weights import load_carded, save_carded
 
 WIDTHS = (64, 128, 256, 512, 1024)
 
@@ -118,13 +116,7 @@ def load_published(path: Path) -> PublishedEfe:
         raise RaucaError(f"{path}: no such weights with a card; {REMEDY}")
     fields = read_json(card)
     fields.format(*FORMAT)
-    widths, data = fields.items("widths"), read_carded(path, fields.text("sha256"), REMEDY)
+    widths = fields.items("widths")
     if not 2 <= len(widths) <= 8 or not all(type(w) is int and 1 <= w <= 4096 for w in widths):
         raise RaucaError(f"{card}: widths must be 2 to 8 whole numbers up to 4096; {REMEDY}")
-    require_weights(lambda: PublishedEfe(tuple(widths)), data, path, REMEDY)
-    net = PublishedEfe(tuple(widths))
-    try:
-        net.load_state_dict(safetensors.torch.load(data))
-    except TENSOR_DAMAGE as error:
-        raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
-    return net.eval()
+    return load_carded(lambda: PublishedEfe(tuple(widths)), path, fields.text("sha256"), REMEDY).eval()

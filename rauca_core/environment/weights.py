@@ -6,14 +6,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import safetensors.torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Fields, read_json
-from ..runtime.carded_weights import read_carded, require_weights, save_carded
-from ..runtime.checkpoint_files import TENSOR_DAMAGE
+from ..runtime.carded_weights import load_carded, save_carded
 from ..version import __version__
 from .extractor import LightSplitter
 
@@ -72,19 +70,8 @@ def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:
         RaucaError: missing, damaged, or not what their card describes.
     """
     path = shipped_weights() if path is None else Path(path)
-    if not path.is_file():
-        raise RaucaError(f"{path}: no such weights; {REMEDY}")
     card, digest = read_card(card_path(path))
-    data = read_carded(path, digest, REMEDY)
-    require_weights(lambda: LightSplitter(card.widths, card.detail), data, path, REMEDY)
-    try:
-        net = LightSplitter(card.widths, card.detail)
-        net.load_state_dict(safetensors.torch.load(data))
-    except TENSOR_DAMAGE as error:
-        raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
-    if not all(p.isfinite().all() for p in net.parameters()):
-        raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
-    return net.eval(), card
+    return load_carded(lambda: LightSplitter(card.widths, card.detail), path, digest, REMEDY).eval(), card
 
 
 def read_card(path: Path) -> tuple[ModelCard, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import safetensors.torch
 import torch
@@ -14,7 +14,9 @@ from torch import Tensor, nn
 from ..contract import RaucaError
 from ..contract.files import write_bytes, write_json
 from ..contract.reading import read_limited
-from .checkpoint_files import MAX_TENSOR_BYTES
+from .checkpoint_files import MAX_TENSOR_BYTES, TENSOR_DAMAGE
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def save_carded(
@@ -32,21 +34,27 @@ def save_carded(
     write_json(card_path, {"format": name, "version": version, "sha256": digest, **card})
 
 
-def read_carded(path: Path, sha256: str, remedy: str) -> bytes:
-    """The weights file as its card describes it; raises :class:`RaucaError` when it is another."""
+def load_carded(build: Callable[[], Network], path: Path, sha256: str, remedy: str) -> Network:
+    """The network that a card describes, on the CPU, with its weights.
+
+    Raises:
+        RaucaError: no weights; others than those of the card; a network larger than its file (found before any of it is
+            made); weights that do not fit, or are not finite.
+    """
+    if not path.is_file():
+        raise RaucaError(f"{path}: no such weights; {remedy}")
     data = read_limited(path, MAX_TENSOR_BYTES, "weights")
     if hashlib.sha256(data).hexdigest() != sha256:
         raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {remedy}")
-    return data
-
-
-def require_weights(build: Callable[[], nn.Module], data: bytes, path: Path, remedy: str) -> None:
-    """Refuse a card whose network is larger than its file, before any of it is made. Weights are half floats at least.
-
-    Raises:
-        RaucaError: more parameters than the file can hold.
-    """
     with torch.device("meta"):
         wanted = sum(parameter.numel() for parameter in build().parameters())
-    if 2 * wanted > len(data):
+    if 2 * wanted > len(data):  # half floats at least
         raise RaucaError(f"{path}: does not hold the {wanted} parameters that its card describes; {remedy}")
+    network = build()
+    try:
+        network.load_state_dict(safetensors.torch.load(data))
+    except TENSOR_DAMAGE as error:
+        raise RaucaError(f"{path}: does not hold the network that its card describes; {remedy}") from error
+    if not all(tensor.isfinite().all() for tensor in network.state_dict().values()):
+        raise RaucaError(f"{path}: holds NaN or infinity; {remedy}")
+    return network

@@ -8,14 +8,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import safetensors.torch
-import torch
 from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ...contract.schema import Fields, Record, read_json
-from ...runtime.carded_weights import read_carded, save_carded
-from ...runtime.checkpoint_files import TENSOR_DAMAGE
+from ...runtime.carded_weights import load_carded, save_carded
 from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names
@@ -141,18 +138,7 @@ def as_detector(card: DetectorCard, network: nn.Module, fingerprint: str = "") -
 def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
     """The network of a weights file, ready to learn on, its card, and the file's sha256; see :func:`load_weights`."""
     card, digest = read_card(path.with_suffix(".json"))
-    if not path.is_file():
-        raise RaucaError(f"{path}: no such weights; {REMEDY}")
-    data = read_carded(path, digest, REMEDY)
-    network = build_network(card.name, len(card.class_names))
-    try:
-        tensors = safetensors.torch.load(data)
-        network.load_state_dict({name: t.float() if t.dtype == torch.half else t for name, t in tensors.items()})
-    except TENSOR_DAMAGE as error:
-        raise RaucaError(f"{path}: does not hold the network that its card describes; {REMEDY}") from error
-    if not all(t.isfinite().all() for t in network.state_dict().values()):
-        raise RaucaError(f"{path}: holds NaN or infinity; {REMEDY}")
-    return network, card, digest
+    return load_carded(lambda: build_network(card.name, len(card.class_names)), path, digest, REMEDY), card, digest
 
 
 def read_card(path: Path) -> tuple[DetectorCard, str]:
