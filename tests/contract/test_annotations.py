@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camera, Frame, FramePasses, RaucaError, Weather, load_frame, save_frame
+from rauca_core.contract import FramePasses, RaucaError, load_frame, save_frame
 from rauca_core.contract.color import TEST, TRAIN, check_color, find_colors, hex_name, recolor, srgb_to_linear
 from rauca_core.contract.files import file_digest, read_sums
 from rauca_core.contract.semantics import (
@@ -19,25 +19,15 @@ from rauca_core.contract.semantics import (
 )
 from rauca_core.runtime.images import read_image
 
-SIZE = 32
+from .samples import SIZE, a_frame, some_passes
+
 TRUCK = Instance(7, "truck", (0.0, 0.0, 4.0, 6.0), 24)
 
 
-def a_frame(**changes: object) -> Frame:
-    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, SIZE, SIZE)
-    frame = Frame(
-        "f", 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 30.0, 20.0), 1.0, 3, (TRUCK,)
-    )
-    return replace(frame, **changes)
-
-
-def some_passes() -> FramePasses:
-    rng = np.random.default_rng(0)
-    grey, color = rng.random((SIZE, SIZE), np.float32), rng.random((3, SIZE, SIZE, 3), np.float32)
-    semantic = rng.integers(0, len(CLASSES), (SIZE, SIZE), np.uint8)
-    instances = np.zeros((SIZE, SIZE), np.uint8)
-    instances[:6, :4] = 7
-    return FramePasses(color[0], grey, grey, grey * 10, color[1], color[2], semantic, instances, color[0])
+def labeled(**changes: object) -> FramePasses:
+    """Every class, and a truck."""
+    passes = some_passes(semantic=np.random.default_rng(0).integers(0, len(CLASSES), (SIZE, SIZE), np.uint8), **changes)
+    return replace(passes, instances=np.pad(np.full((6, 4), 7, np.uint8), ((0, SIZE - 6), (0, SIZE - 4))))
 
 
 def test_classes_have_a_color_each():
@@ -48,7 +38,9 @@ def test_classes_have_a_color_each():
 
 
 def test_labels_instances_and_check_survive_the_disk(tmp_path):
-    frame, passes = a_frame(check_srgb=(1, 2, 3)), some_passes()
+    passes = labeled()
+    passes.check_linear = passes.image_linear
+    frame = a_frame(id="f", check_srgb=(1, 2, 3), instances=(TRUCK,))
     save_frame(tmp_path / "f", frame, passes)
     assert load_frame(tmp_path / "f").to_json() == frame.to_json()
     assert load_frame(tmp_path / "f").instances == (TRUCK,)
@@ -59,14 +51,14 @@ def test_labels_instances_and_check_survive_the_disk(tmp_path):
 
 def test_ids_are_read_as_ids_by_opencv_too(tmp_path):
     cv2 = pytest.importorskip("cv2")
-    passes = some_passes()
-    save_frame(tmp_path / "f", a_frame(), replace(passes, check_linear=None))
+    passes = labeled()
+    save_frame(tmp_path / "f", a_frame(id="f"), passes)
     for flag in (cv2.IMREAD_UNCHANGED, cv2.IMREAD_GRAYSCALE):
         assert np.array_equal(cv2.imread(str(tmp_path / "f" / "semantic.png"), flag), passes.semantic)
 
 
 def test_coverage_stands_in_for_labels(tmp_path):
-    passes = replace(some_passes(), semantic=None, instances=None)
+    passes = some_passes()
     semantic, instances = passes.labels()
     assert (semantic[passes.paint >= 0.5] == CLASS_IDS["paint"]).all()
     assert (semantic[passes.vehicle < 0.5] == CLASS_IDS["unlabeled"]).all()
@@ -74,7 +66,7 @@ def test_coverage_stands_in_for_labels(tmp_path):
 
 
 def test_every_file_of_a_frame_has_its_checksum(tmp_path):
-    save_frame(tmp_path / "f", a_frame(), replace(some_passes(), check_linear=None))
+    save_frame(tmp_path / "f", a_frame(id="f"), labeled())
     files = {path.name: file_digest(path) for path in (tmp_path / "f").iterdir() if path.name != "SHA256SUMS"}
     assert read_sums(tmp_path / "f") == files
     (tmp_path / "f" / "SHA256SUMS").write_text("nonsense\n")
@@ -84,7 +76,7 @@ def test_every_file_of_a_frame_has_its_checksum(tmp_path):
 
 def test_a_check_needs_its_color_and_its_render(tmp_path):
     with pytest.raises(ValueError, match="both"):
-        save_frame(tmp_path / "f", a_frame(check_srgb=(1, 2, 3)), replace(some_passes(), check_linear=None))
+        save_frame(tmp_path / "f", a_frame(check_srgb=(1, 2, 3)), labeled())
     assert not list(tmp_path.iterdir())
 
 

@@ -24,7 +24,7 @@ from rauca_core.contract import (
     save_job,
 )
 from rauca_core.contract.job import DEVICES
-from tests.contract.test_records import PLAN
+from tests.contract.samples import PLAN
 
 CAR = VehicleSource("car.glb", paint_material="Body")
 JOBS = [

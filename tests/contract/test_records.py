@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import (
-    Camera,
     Camouflage,
     Dataset,
-    Frame,
-    FramePasses,
-    Plan,
-    Progress,
-    Quality,
     RaucaError,
     Ring,
     Weather,
@@ -24,7 +18,6 @@ from rauca_core.contract import (
     load_frame,
     load_passes,
     load_vehicle,
-    parse_progress,
     save_camouflage,
     save_frame,
 )
@@ -33,32 +26,7 @@ from rauca_core.contract.files import png_bytes
 from rauca_core.contract.seeding import named_rng, named_seed
 from rauca_core.runtime.images import read_image
 
-PLAN = Plan(
-    name="p",
-    vehicle_name="box",
-    atlas_id="abc",
-    size=32,
-    quality=Quality(4),
-    light=True,
-    weathers=(Weather("day", 45), Weather("fog", 45, 60, 50)),
-    ring=Ring((0.0, 90.0), (10.0, 30.0), (5.0,), jitter_distance=0.1),
-    locations=2,
-    reference_srgb=(140, 140, 140),
-    min_visible=0.5,
-    seed=7,
-    blender="5.0.1",
-)
-
-
-def a_frame(frame_id: str = "L00-V000-day") -> Frame:
-    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, 32, 32)
-    return Frame(frame_id, 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 30.0, 20.0), 1.0, 3)
-
-
-def some_passes() -> FramePasses:
-    rng = np.random.default_rng(0)
-    grey, color = rng.random((32, 32), np.float32), rng.random((3, 32, 32, 3), np.float32)
-    return FramePasses(color[0], grey, grey, grey * 10, color[1], color[2] * 1e6)
+from .samples import PLAN, a_frame, some_passes
 
 
 def test_vehicle_round_trip(tmp_path, box_vehicle):
@@ -136,15 +104,15 @@ def test_frame_round_trip(tmp_path):
 
 
 def test_a_frame_without_light_has_no_light_maps(tmp_path):
-    frame, passes = a_frame(), some_passes()
-    save_frame(tmp_path / frame.id, frame, replace(passes, A=None, B=None))
+    frame = a_frame()
+    save_frame(tmp_path / frame.id, frame, some_passes(A=None, B=None))
     assert load_passes(tmp_path / frame.id, ("distance",))["distance"].shape == (32, 32)
     with pytest.raises(RaucaError, match=r"passes\.npz"):
         load_passes(tmp_path / frame.id)
 
 
 def test_a_frame_without_a_box(tmp_path):
-    frame = replace(a_frame(), box_xyxy=None)
+    frame = a_frame(box_xyxy=None)
     save_frame(tmp_path / frame.id, frame, some_passes())
     assert load_frame(tmp_path / frame.id).box_xyxy is None
 
@@ -235,8 +203,3 @@ def test_seeds_depend_on_names_alone():
     assert named_seed(1, "a") == named_seed(1, "a")
     assert len({named_seed(s, n) for s in range(10) for n in "abc"}) == 30
     assert named_rng(1, "x").random() == named_rng(1, "x").random()
-
-
-def test_progress_lines():
-    assert parse_progress(Progress(3, 9, "x").line()) == Progress(3, 9, "x")
-    assert parse_progress("Saved: file") is None

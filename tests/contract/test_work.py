@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 
 from rauca_core.contract import (
     LedgerEntry,
-    Plan,
-    Quality,
     RaucaError,
     Ring,
     Shard,
@@ -26,14 +24,12 @@ from rauca_core.contract import (
     read_ledger,
 )
 
+from .samples import PLAN as SAMPLE
+
 WEATHERS = tuple(
     Weather(f"sun{altitude}-fog{fog}", altitude, fog_density=fog) for fog in (90, 0, 25) for altitude in (45, -90, -30)
 )
-PLAN = Plan(
-    name="work", vehicle_name="box", atlas_id="0" * 16, size=64, quality=Quality(), light=True, weathers=WEATHERS,
-    ring=Ring((0.0, 90.0, 180.0), (10.0,), (6.0, 9.0)), locations=3, reference_srgb=(140, 140, 140), min_visible=0.5,
-    seed=0, blender="test",
-)  # fmt: skip
+PLAN = replace(SAMPLE, weathers=WEATHERS, ring=Ring((0.0, 90.0, 180.0), (10.0,), (6.0, 9.0)), locations=3)
 
 
 @given(st.integers(1, 40), st.integers(1, 4))

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,8 @@ import pytest
 from benchmarks.stability.drawn import make_dataset, painted_box
 from rauca_core.detect.darknet_network import DarknetNetwork
 from tests.detect.conftest import write_random_weights
-from tests.faults.jobs import Content, Inputs, Job
-from tests.faults.running import Running, ensure_server, rauca
+from tests.faults.jobs import Begun, GoesOn, Inputs, Job, Whole
+from tests.faults.running import ORDINARY, Running, Surroundings, ensure_server, rauca
 from tests.faults.small_disk import SmallDisk, small_disk
 
 # Two layers and a head: what detectors find is of no interest here, that they are alike from run to run is.
@@ -98,13 +99,13 @@ def finished(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Callab
 
 
 @pytest.fixture(scope="session")
-def whole(finished: Callable[[Job], Path]) -> Callable[[Job], Content]:
+def whole(finished: Callable[[Job], Path]) -> Whole:
     """What lies in that folder."""
     return lambda job: job.content(finished(job))
 
 
 @pytest.fixture(scope="session")
-def begun(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Job, Path], Path]:
+def begun(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Begun:
     """Puts a folder in place in which a job was stopped by SIGTERM half-way; stopped once, copied for each test."""
     stopped: dict[str, Path] = {}
 
@@ -121,6 +122,20 @@ def begun(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Callable[
         return out
 
     return copy
+
+
+@pytest.fixture
+def goes_on(inputs: Inputs, whole: Whole, tmp_path: Path) -> GoesOn:
+    """Runs a job to its end: it leaves what one makes that nothing happens to, and nothing half-written."""
+
+    def run(job: Job, out: Path, around: Surroundings = ORDINARY, seen: Path | None = None, data: Path | None = None):
+        words = job.words(replace(inputs, data=data or inputs.data), out, seen)
+        ended = rauca(words, tmp_path / "log", around)
+        assert ended.code == 0, ended.said
+        assert job.content(seen or out) == whole(job)
+        assert not list((seen or out).rglob(".partial-*"))
+
+    return run
 
 
 @pytest.fixture

@@ -12,6 +12,10 @@ from typing import Any
 import pytest
 
 Content = dict[str, Any]
+Whole = Callable[["Job"], Content]
+Begun = Callable[["Job", Path], Path]
+GoesOn = Callable[..., None]
+"""What fixtures hand out, see `conftest`."""
 POINTER = "checkpoints/checkpoint.json"
 NO_BLENDER = pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="the bpy wheel is not installed")
 
@@ -53,11 +57,15 @@ class Job:
     resumes: bool = False
     marks: tuple[pytest.MarkDecorator, ...] = ()
 
-    def words(self, inputs: Inputs, out: Path) -> list[str]:
-        """What a user types after ``rauca``, the first time or after a fault: resuming where there is something."""
+    def words(self, inputs: Inputs, out: Path, seen: Path | None = None) -> list[str]:
+        """What a user types after ``rauca``, the first time or after a fault: resuming where there is something.
+
+        Args:
+            seen: where we find the folder, if that is not where the job does.
+        """
         given = [str(inputs.data)] if self.reads else []
         given += [self.detector, str(inputs.detector)] if self.detector else []
-        given += ["--resume"] if self.resumes and (out / POINTER).is_file() else []
+        given += ["--resume"] if self.resumes and ((seen or out) / POINTER).is_file() else []
         return [*self.name.split(), *given, *self.options.split(), "--out", str(out)]
 
 

@@ -15,10 +15,10 @@ from rauca_core.contract import RaucaError
 from rauca_core.dataset_tools import check_dataset
 from rauca_core.environment import load_extractor
 from rauca_core.runtime.images import read_image
-from tests.faults.jobs import EVALUATE, MAKE, NO_BLENDER, OPTIMIZE, POINTER, TRAIN, Content, Inputs, Job
+from tests.faults.jobs import EVALUATE, MAKE, NO_BLENDER, OPTIMIZE, POINTER, TRAIN, Begun, GoesOn, Inputs, Job
 from tests.faults.running import rauca
 
-Whole, Folder = Callable[[Job], Content], Callable[[Job], Path]
+Folder = Callable[[Job], Path]
 WRITTEN = "its bytes are not those that were written"
 
 
@@ -43,7 +43,7 @@ def check(folder: Path, *options: str) -> list[str]:
 
 
 @NO_BLENDER
-def test_frames_of_a_data_set(inputs: Inputs, whole: Whole, begun: Callable[[Job, Path], Path], tmp_path: Path) -> None:
+def test_frames_of_a_data_set(goes_on: GoesOn, begun: Begun, tmp_path: Path) -> None:
     """`check` names every damaged file and removes its frame when asked; the same command renders it again."""
     out = begun(MAKE, tmp_path / "out")
     frame = next(out.glob("frames/*"))
@@ -56,23 +56,19 @@ def test_frames_of_a_data_set(inputs: Inputs, whole: Whole, begun: Callable[[Job
     for name in damaged:
         assert any(line.startswith(f"{name}: {WRITTEN}") for line in found), (name, found)
     assert not frame.exists()
-    ended = rauca(MAKE.words(inputs, out), tmp_path / "log")
-    assert ended.code == 0, ended.said
-    assert MAKE.content(out) == whole(MAKE)
+    goes_on(MAKE, out)
     assert check(out) == []
 
 
 @NO_BLENDER
-def test_vehicle_of_a_data_set(inputs: Inputs, finished: Folder, whole: Whole, tmp_path: Path) -> None:
+def test_vehicle_of_a_data_set(goes_on: GoesOn, finished: Folder, tmp_path: Path) -> None:
     """It comes back to the byte, although no frame is missing and so no worker is started."""
     out = tmp_path / "out"
     shutil.copytree(finished(MAKE), out)
     flip(out / "vehicle" / "mesh.npz")
     check(out, "--remove-damaged")
     assert not (out / "vehicle").exists()
-    ended = rauca(MAKE.words(inputs, out), tmp_path / "log")
-    assert ended.code == 0, ended.said
-    assert MAKE.content(out) == whole(MAKE)
+    goes_on(MAKE, out)
     assert check(out) == []
 
 
@@ -85,7 +81,7 @@ def test_vehicle_of_a_data_set(inputs: Inputs, finished: Folder, whole: Whole, t
     ],
 )
 def test_frames_that_are_read(
-    job: Job, name: str, spoil: Callable[[Path], None], inputs: Inputs, whole: Whole, tmp_path: Path
+    job: Job, name: str, spoil: Callable[[Path], None], inputs: Inputs, goes_on: GoesOn, tmp_path: Path
 ) -> None:
     """A job that meets a damaged frame names the file; `check` does too; it goes on once the frame is whole."""
     data, out = tmp_path / "data", tmp_path / "out"
@@ -97,21 +93,17 @@ def test_frames_that_are_read(
     (found,) = (f for f in check_dataset(data).findings if WRITTEN in f.what)
     assert data / found.file == victim
     shutil.copy(inputs.data / victim.relative_to(data), victim)
-    ended = rauca(job.words(replace(inputs, data=data), out), tmp_path / "log")
-    assert ended.code == 0, ended.said
-    assert job.content(out) == whole(job)
+    goes_on(job, out, data=data)
 
 
-def test_camouflage(inputs: Inputs, finished: Folder, whole: Whole, tmp_path: Path) -> None:
+def test_camouflage(goes_on: GoesOn, finished: Folder, tmp_path: Path) -> None:
     """A finished run makes its products again, from a checkpoint that knows its own bytes."""
     out = tmp_path / "out"
     shutil.copytree(finished(OPTIMIZE), out)
     flip(out / "camouflage.png")
     with pytest.raises(RaucaError, match=r"camouflage\.png: not a readable image"):
         read_image(out / "camouflage.png")
-    ended = rauca(OPTIMIZE.words(inputs, out), tmp_path / "log")
-    assert ended.code == 0, ended.said
-    assert OPTIMIZE.content(out) == whole(OPTIMIZE)
+    goes_on(OPTIMIZE, out)
 
 
 @pytest.mark.parametrize("job", [OPTIMIZE, TRAIN], ids=["optimize", "efe-train"])
@@ -135,12 +127,10 @@ def test_weights(finished: Folder, tmp_path: Path) -> None:
         load_extractor(out / "light-splitter.safetensors")
 
 
-def test_what_an_evaluation_keeps(inputs: Inputs, finished: Folder, whole: Whole, tmp_path: Path) -> None:
+def test_what_an_evaluation_keeps(goes_on: GoesOn, finished: Folder, tmp_path: Path) -> None:
     """Defended images and detections are made again where they are damaged."""
     out = tmp_path / "out"
     shutil.copytree(finished(EVALUATE), out)
     flip(next(out.glob("store/defended/*/*.png")))
     cut(next(out.glob("store/detections/*/*.jsonl")))
-    ended = rauca(EVALUATE.words(inputs, out), tmp_path / "log")
-    assert ended.code == 0, ended.said
-    assert EVALUATE.content(out) == whole(EVALUATE)
+    goes_on(EVALUATE, out)

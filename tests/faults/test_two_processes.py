@@ -8,17 +8,14 @@ from __future__ import annotations
 import os
 import signal
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from rauca_core.contract import RaucaError
 from rauca_core.runtime.folder_lock import LOCK_FILE, alone_in
-from tests.faults.jobs import LEARNING, Content, Inputs, Job, each
+from tests.faults.jobs import LEARNING, Begun, Inputs, Job, Whole, each
 from tests.faults.running import Running, rauca
-
-Whole, Begun = Callable[[Job], Content], Callable[[Job, Path], Path]
 
 
 @each(*LEARNING)

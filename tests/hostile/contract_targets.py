@@ -11,15 +11,8 @@ from PIL import Image
 from rauca_core.attack import read_history
 from rauca_core.attack.naturalness.palette import read_palette
 from rauca_core.contract import (
-    Camera,
     Camouflage,
     Dataset,
-    Frame,
-    FramePasses,
-    Plan,
-    Quality,
-    Ring,
-    Weather,
     find_preset,
     load_camouflage,
     load_frame,
@@ -41,25 +34,11 @@ from rauca_core.runtime.images import read_image
 from rauca_core.study.detection_cache import DetectionCache, DetectionSettings
 from rauca_core.study.results import load_results
 from rauca_core.study.study import load_study
+from tests.contract.samples import PLAN, a_frame, some_passes
 
 from .mutate import mutate_json, mutate_lines, mutate_text
 from .target import Target
 
-PLAN = Plan(
-    name="p",
-    vehicle_name="box",
-    atlas_id="abc",
-    size=32,
-    quality=Quality(4),
-    light=True,
-    weathers=(Weather("day", 45), Weather("fog", 45, 60, 50)),
-    ring=Ring((0.0, 90.0), (10.0,), (5.0,), jitter_distance=0.1),
-    locations=2,
-    reference_srgb=(140, 140, 140),
-    min_visible=0.5,
-    seed=7,
-    blender="5.0.1",
-)
 FRAME = "L00-V000-day"
 ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
 RESULTS = {
@@ -91,10 +70,7 @@ def _plan(folder: Path) -> None:
 
 
 def _frame(folder: Path) -> None:
-    camera = Camera.look_at(np.array([5.0, 0, 1]), np.zeros(3), 60, 8, 8)
-    frame = Frame(FRAME, 0, 0, camera, np.eye(4), Weather("day", 45), 0.0, 10.0, 5.0, (1.0, 2.0, 8.0, 8.0), 1.0, 3)
-    grey, color = np.full((8, 8), 0.5, np.float32), np.full((8, 8, 3), 0.5, np.float32)
-    save_frame(folder / FRAME, frame, FramePasses(color, grey, grey, grey, color, color))
+    save_frame(folder / FRAME, a_frame(), some_passes())
 
 
 def _read_frame(folder: Path) -> None:

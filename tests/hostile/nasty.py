@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from .contract_targets import PLAN
+from tests.contract.samples import PLAN
+
 from .mutate import DEPTH, LONG_NUMBER
 
 DEEP = b"[" * DEPTH + b"]" * DEPTH
