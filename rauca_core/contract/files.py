@@ -30,29 +30,29 @@ from .reading import read_text
 TEMPORARY_PREFIX = ".partial-"
 
 
+_FULL = "no space left on the disk; free some and run the same command again"
+_NOT_WRITABLE = "not writable; choose another output folder"
+_REFUSALS = {
+    errno.ENOSPC: _FULL,
+    errno.EDQUOT: _FULL,
+    errno.EACCES: _NOT_WRITABLE,
+    errno.EPERM: _NOT_WRITABLE,
+    errno.EROFS: _NOT_WRITABLE,
+    errno.EFBIG: "larger than files may be here; raise the limit (`ulimit -f`) or choose another disk, and run the "
+    "same command again",
+    errno.EIO: "the disk fails (input/output error); choose another one",
+}
+
+
 @contextlib.contextmanager
 def disk_errors(target: Path) -> Iterator[None]:
-    """Turn the disk's refusals into a :class:`RaucaError` that names ``target``.
-
-    They are: full, read-only, not permitted, a file too large, failing.
-    """
+    """Turn the disk's refusals into a :class:`RaucaError` that names ``target``."""
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise RaucaError(
-                f"{_lasting(target)}: no space left on the disk; free some and run the same command again"
-            ) from error
-        if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-            raise RaucaError(f"{_lasting(target)}: not writable; choose another output folder") from error
-        if error.errno == errno.EFBIG:
-            raise RaucaError(
-                f"{_lasting(target)}: larger than files may be here; raise the limit (`ulimit -f`) or choose another "
-                "disk, and run the same command again"
-            ) from error
-        if error.errno == errno.EIO:
-            raise RaucaError(f"{_lasting(target)}: the disk fails (input/output error); choose another one") from error
-        raise
+        if error.errno not in _REFUSALS:
+            raise
+        raise RaucaError(f"{_lasting(target)}: {_REFUSALS[error.errno]}") from error
 
 
 def require_space(folder: Path, needed_bytes: int) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from .errors import RaucaError
-from .files import write_json
+from .files import file_digest, write_json
 from .schema import Record, Rgb8, read_json
 from .weather import Weather
 
@@ -53,8 +52,7 @@ class Scenery(Record):
         path = Path(path)
         if path.suffix.lower() != ".blend" or not path.is_file():
             raise RaucaError(f"{path}: no such scene; give a .blend file, or leave --scene out for the town")
-        with path.open("rb") as stream:
-            return Scenery("blend", path.name, hashlib.file_digest(stream, "sha256").hexdigest())
+        return Scenery("blend", path.name, file_digest(path))
 
     def _check_whole(self, where: str) -> None:
         whole = re.fullmatch(r"[0-9a-f]{64}", self.sha256) is not None and bool(self.name)

@@ -29,7 +29,6 @@ from .files import atomic_folder, png_bytes, write_bytes, write_json
 from .reading import require_file
 from .schema import Record, read_json
 
-FORMAT = ("rauca-vehicle", 1)
 # What a flipped byte makes of an archive; the last two: it seems encrypted, or packed in another way.
 _DAMAGED = (
     *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError),
@@ -41,7 +40,14 @@ MAX_EXTENT_M = 1e5
 """From the vehicle's origin; float32 is exact to a centimetre there, and no vehicle is longer."""
 MAX_UV = 1e4
 """Tiles from the origin: beyond, float32 no longer tells texels apart."""
-_KINDS_OF_NUMBER = {"positions": "f", "triangles": "iu", "uvs": "f", "normals": "f", "material": "iu"}  # numpy's
+_ARRAYS = {
+    "positions": ("f", (3,)),
+    "triangles": ("iu", (3,)),
+    "uvs": ("f", (3, 2)),
+    "normals": ("f", (3, 3)),
+    "material": ("iu", ()),
+}
+"""Of a mesh: numpy's kinds of number, and the shape of what belongs to one vertex (``positions``) or face."""
 NOTHING = 1e-9
 """Parts of a unit normal below this are what rounding left of a zero, and every processor leaves something else."""
 NORMAL_STEPS = 2**16
@@ -150,7 +156,7 @@ class Vehicle:
         """In what another vehicle would render otherwise than this one; last digits are the processor's own."""
         same = {
             name: one.shape == two.shape and np.allclose(one, two, rtol=0, atol=_LAST_DIGITS)
-            for name in _KINDS_OF_NUMBER
+            for name in _ARRAYS
             for one, two in [(getattr(self, name), getattr(other, name))]
         }
         same["category"] = self.category == other.category
@@ -166,19 +172,13 @@ class Vehicle:
         faces = len(self.triangles) if self.triangles.ndim else 0
         if faces == 0:
             raise RaucaError(f"{where}: the mesh has no faces; export it with its geometry")
-        for name, kinds in _KINDS_OF_NUMBER.items():
-            if getattr(self, name).dtype.kind not in kinds:
-                raise RaucaError(f"{where}: {name} holds values of type {getattr(self, name).dtype}; make it again")
-        shapes = {
-            "positions": (self.positions.shape, (len(self.positions) if self.positions.ndim else 0, 3)),
-            "uvs": (self.uvs.shape, (faces, 3, 2)),
-            "normals": (self.normals.shape, (faces, 3, 3)),
-            "material": (self.material.shape, (faces,)),
-            "triangles": (self.triangles.shape, (faces, 3)),
-        }
-        for name, (found, wanted) in shapes.items():
-            if found != wanted:
-                raise RaucaError(f"{where}: {name} has shape {found}, expected {wanted}")
+        for name, (kinds, shape) in _ARRAYS.items():
+            array = getattr(self, name)
+            if array.dtype.kind not in kinds:
+                raise RaucaError(f"{where}: {name} holds values of type {array.dtype}; make it again")
+            wanted = (len(array) if name == "positions" and array.ndim else faces, *shape)
+            if array.shape != wanted:
+                raise RaucaError(f"{where}: {name} has shape {array.shape}, expected {wanted}")
         bad = int((~np.isfinite(self.positions)).any(axis=1).sum())
         if bad:
             raise RaucaError(f"{where}: {bad} of {len(self.positions)} vertices are NaN or infinite; repair the mesh")
@@ -202,38 +202,36 @@ class Vehicle:
     def save(self, folder: Path) -> None:
         """Write the vehicle folder atomically; what rounding left of a normal's zeros is written as 0."""
         self.check(str(folder))
-        normals = np.where(np.abs(self.normals) < NOTHING, np.float32(0), self.normals)
+        stored = {name: getattr(self, name) for name in _ARRAYS}
+        stored["normals"] = np.where(np.abs(self.normals) < NOTHING, np.float32(0), self.normals)
         arrays = io.BytesIO()
-        np.savez_compressed(
-            arrays,
-            positions=self.positions,
-            triangles=self.triangles,
-            uvs=self.uvs,
-            normals=normals,
-            material=self.material,
-        )
+        np.savez_compressed(arrays, **stored)
+        metadata = _Metadata(
+            self.name, self.category, self.source, self.licence, tuple(self.notes), self.atlas_id, self.padding_texels,
+            self.base_texture is not None, tuple(self.materials),
+        )  # fmt: skip
         with atomic_folder(Path(folder)) as temporary:
             write_bytes(temporary / "mesh.npz", arrays.getvalue())
             write_bytes(temporary / "paint_mask.png", png_bytes(self.paint_mask))
             if self.base_texture is not None:
                 write_bytes(temporary / "base.png", png_bytes(self.base_texture))
-            write_json(temporary / "vehicle.json", self._metadata())
+            write_json(temporary / "vehicle.json", metadata.to_json())
 
-    def _metadata(self) -> dict[str, Any]:
-        name, version = FORMAT
-        return {
-            "format": name,
-            "version": version,
-            "name": self.name,
-            "category": self.category,
-            "source": self.source,
-            "licence": self.licence,
-            "notes": self.notes,
-            "atlas_id": self.atlas_id,
-            "padding_texels": self.padding_texels,
-            "base_texture": self.base_texture is not None,
-            "materials": [m.to_json() for m in self.materials],
-        }
+
+@dataclass(frozen=True)
+class _Metadata(Record):
+    """``vehicle.json``; ``base_texture`` says whether there is one."""
+
+    FORMAT = ("rauca-vehicle", 1)
+    name: Annotated[str, "plain_name"]
+    category: str
+    source: str
+    licence: str
+    notes: tuple[str, ...]
+    atlas_id: str
+    padding_texels: int
+    base_texture: bool
+    materials: tuple[Material, ...]
 
 
 def _same_texture(one: NDArray[np.uint8] | None, two: NDArray[np.uint8] | None) -> bool:
@@ -250,26 +248,21 @@ def load_vehicle(folder: Path, read_image: Any) -> Vehicle:
         read_image: ``path -> (H, W) or (H, W, 3) uint8`` (Pillow outside Blender, Blender's reader inside).
     """
     folder = Path(folder)
-    fields = read_json(folder / "vehicle.json")
-    fields.format(*FORMAT)
-    names = ("positions", "triangles", "uvs", "normals", "material")
-    arrays = load_arrays(folder / "mesh.npz", names)
+    told = _Metadata.from_json(read_json(folder / "vehicle.json"))
     vehicle = Vehicle(
-        name=fields.plain_name("name"),
-        category=fields.text("category"),
-        source=fields.text("source"),
-        licence=fields.text("licence"),
-        notes=[str(note) for note in fields.items("notes")],
-        padding_texels=fields.integer("padding_texels"),
-        materials=[Material.from_json(item) for item in fields.objects("materials")],
+        name=told.name,
+        materials=list(told.materials),
         paint_mask=read_image(folder / "paint_mask.png"),
-        base_texture=read_image(folder / "base.png") if fields.flag("base_texture") else None,
-        **arrays,
+        base_texture=read_image(folder / "base.png") if told.base_texture else None,
+        padding_texels=told.padding_texels,
+        category=told.category,
+        source=told.source,
+        licence=told.licence,
+        notes=list(told.notes),
+        **load_arrays(folder / "mesh.npz", tuple(_ARRAYS)),
     )
-    atlas_id = fields.text("atlas_id")
-    fields.done()
     vehicle.check(str(folder))
-    if vehicle.atlas_id != atlas_id:
+    if vehicle.atlas_id != told.atlas_id:
         raise RaucaError(f"{folder}: mesh or mask was changed after vehicle.json was written; import the vehicle again")
     return vehicle
 

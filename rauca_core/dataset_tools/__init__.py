@@ -1,4 +1,4 @@
-"""Looking after data sets: check them, look at them, hand them to other tools. NumPy and Pillow only."""
+"""Looking after data sets: check them, look at them, hand them to other tools. NumPy, Pillow and OpenCV only."""
 
 from .check import CheckResult, check_dataset, remove_damaged
 from .check_frame import Finding

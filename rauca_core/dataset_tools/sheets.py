@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -160,12 +161,8 @@ def with_classes(stored: StoredFrame, side: int) -> Image.Image:
 
 def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Pixels of a mask whose neighbor, above, below or beside, is outside it."""
-    inside = mask.copy()
-    inside[1:] &= mask[:-1]
-    inside[:-1] &= mask[1:]
-    inside[:, 1:] &= mask[:, :-1]
-    inside[:, :-1] &= mask[:, 1:]
-    return mask & ~inside
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    return mask & (cv2.erode(mask.astype(np.uint8), cross) == 0)
 
 
 def legend(classes: list[int], width: int) -> Image.Image:

@@ -11,7 +11,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from .table import BEST, SECOND, Cell, Column, Layout, Table, laid_out
+from .table import BEST, SECOND, Layout, Source, Table, laid_out
 
 FORMAT = ("rauca-tables", 2)
 TEMPLATES = FileSystemLoader(Path(__file__).with_name("templates"), encoding="utf-8")
@@ -53,17 +53,13 @@ def _values(table: Table) -> Iterator[dict[str, Any]]:
         for row, ranks in zip(block.rows, table.ranks(block), strict=True):
             for column, cell, rank in zip(table.columns, row.cells, ranks, strict=True):
                 if cell is not None:
-                    where = {"table": table.key, "block": block.title, "row": row.name}
-                    yield {**where, **_value(column, cell), "rank": RANKS.get(rank, ""), **_source(cell)}
-
-
-def _value(column: Column, cell: Cell) -> dict[str, Any]:
-    told = {"group": column.group, "column": column.name, "kind": column.kind, "own": column.own}
-    return {**told, "white_box": cell.white_box, "value": cell.value, "low": cell.low, "high": cell.high}
-
-
-def _source(cell: Cell) -> dict[str, Any]:
-    return {"file": cell.source.file if cell.source else "", "keys": list(cell.source.keys) if cell.source else []}
+                    source = cell.source or Source("", ())
+                    yield {
+                        "table": table.key, "block": block.title, "row": row.name, "group": column.group,
+                        "column": column.name, "kind": column.kind, "own": column.own, "white_box": cell.white_box,
+                        "value": cell.value, "low": cell.low, "high": cell.high, "rank": RANKS.get(rank, ""),
+                        "file": source.file, "keys": list(source.keys),
+                    }  # fmt: skip
 
 
 _SPECIAL = {
