@@ -37,7 +37,7 @@ from rauca_core.study.study import load_study
 from tests.contract.samples import PLAN, a_frame, some_passes
 
 from .mutate import mutate_json, mutate_lines, mutate_text
-from .target import Target
+from .target import Target, json_lines
 
 FRAME = "L00-V000-day"
 ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
@@ -57,16 +57,27 @@ RESULTS = {
     "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]}, "detections": {"normal": {"one": "detections"}},
     "vehicle": "box", "defence": "none", "clusters": "frames", "cluster_count": 1,
 }  # fmt: skip
+STUDY = {
+    "format": "rauca-study", "version": 1, "command": "x",
+    "entries": [
+        {"weathers": "seen", "defence": "none", "vehicle": "box", "category": "car", "results": "seen/results.json",
+         "views": "seen/views", "camouflages": {"rauca": "c.json"}}
+    ],
+}  # fmt: skip
+LEDGER = json_lines(
+    {"frame": FRAME, "state": "done", "seconds": 1.5},
+    {"frame": "L01-V001-fog", "state": "occluded", "visible": 0.1},
+    {"frame": "L01-V000-fog", "state": "failed", "reason": "lost"},
+)
+STEP = {"loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.9, "seconds": 1.0}
+HISTORY = json_lines(*({"step": i, "steps": 3, **STEP, "prior": 0.0, "stages": {}} for i in (1, 2, 3)))
+PROGRESS = 'rauca-progress {"done": 1, "total": 2, "last": "x", "left_s": 1.0}\n'
+PROGRESS += json_lines({"step": 1, "of": 2, **STEP, "left_s": 1.0, "preview": "a.png", "uv_map": "b.png"})
+FOUND = {"image": "0" * 64, "boxes": [[1.0, 2.0, 3.0, 4.0]], "scores": [0.9], "names": ["car"]}
+NOON = {"name": "noon", "sun_altitude_angle": 75.0, "fog_density": 10.0, "cloudiness": 5.0, "dust_storm": 1.0}
+WEATHERS = {"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [NOON]}
+PALETTE = "#102030\n#a0b0c0, #ffffff\n#000000\n"
 DETECTIONS = DetectionCache(Path("nowhere"), "one", "abc", DetectionSettings()).path.name
-
-
-def _write_json(path: Path, value: object) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(value))
-
-
-def _plan(folder: Path) -> None:
-    _write_json(folder / "dataset.json", PLAN.to_json())
 
 
 def _frame(folder: Path) -> None:
@@ -78,17 +89,8 @@ def _read_frame(folder: Path) -> None:
     load_passes(folder / FRAME)
 
 
-def _vehicle(folder: Path) -> None:
-    load_vehicle(assets_folder() / "vehicles" / "cube", read_image).save(folder / "cube")
-
-
-def _read_vehicle(folder: Path) -> None:
-    load_vehicle(folder / "cube", read_image)
-
-
 def _png(folder: Path) -> None:
-    pixels = np.arange(12 * 9 * 3, dtype=np.uint8).reshape(12, 9, 3)
-    (folder / "image.png").write_bytes(png_bytes(pixels))
+    (folder / "image.png").write_bytes(png_bytes(np.arange(12 * 9 * 3, dtype=np.uint8).reshape(12, 9, 3)))
 
 
 def _jpeg(folder: Path) -> None:
@@ -102,18 +104,8 @@ def _camouflage(folder: Path) -> None:
     save_camouflage(folder / "c.json", record, png_bytes(np.zeros((4, 4, 3), np.uint8)))
 
 
-def _ledger(folder: Path) -> None:
-    lines = [
-        {"frame": FRAME, "state": "done", "seconds": 1.5},
-        {"frame": "L01-V001-fog", "state": "occluded", "visible": 0.1},
-        {"frame": "L01-V000-fog", "state": "failed", "reason": "lost"},
-    ]
-    (folder / "ledger.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-
-
-def _read_ledger(folder: Path) -> None:
-    read_ledger(folder)
-    list(check_ledgers(folder, {FRAME, "L01-V001-fog"}, {FRAME}))
+def _vehicle(folder: Path) -> None:
+    load_vehicle(assets_folder() / "vehicles" / "cube", read_image).save(folder / "cube")
 
 
 def _sums(folder: Path) -> None:
@@ -122,48 +114,20 @@ def _sums(folder: Path) -> None:
     write_sums(folder, ["a.txt", "b.txt"])
 
 
+def _study(folder: Path) -> None:
+    (folder / "seen").mkdir(exist_ok=True)
+    (folder / "seen" / "results.json").write_text(json.dumps(RESULTS))
+    (folder / "study.json").write_text(json.dumps(STUDY))
+
+
+def _read_ledger(folder: Path) -> None:
+    read_ledger(folder)
+    list(check_ledgers(folder, {FRAME, "L01-V001-fog"}, {FRAME}))
+
+
 def _read_sums(folder: Path) -> None:
     found: list[str] = []
     checksums(lambda file, what: found.append(f"{file}: {what}"), folder)
-
-
-def _study(folder: Path) -> None:
-    _write_json(folder / "seen" / "results.json", RESULTS)
-    entry = {"weathers": "seen", "defence": "none", "vehicle": "box", "category": "car"}
-    entry |= {"results": "seen/results.json", "views": "seen/views"}
-    entries = [{**entry, "camouflages": {"rauca": "c.json"}}]
-    _write_json(folder / "study.json", {"format": "rauca-study", "version": 1, "command": "x", "entries": entries})
-
-
-def _history(folder: Path) -> None:
-    row = {"step": 1, "steps": 3, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.9, "prior": 0.0}
-    row |= {"seconds": 1.0, "stages": {}}
-    (folder / "history.jsonl").write_text("".join(json.dumps({**row, "step": i}) + "\n" for i in (1, 2, 3)))
-
-
-def _read_cache(folder: Path) -> None:
-    DetectionCache(folder, "one", "abc", DetectionSettings())
-
-
-def _detections(folder: Path) -> None:
-    row = {"image": "0" * 64, "boxes": [[1.0, 2.0, 3.0, 4.0]], "scores": [0.9], "names": ["car"]}
-    (folder / DETECTIONS).write_text((json.dumps(row) + "\n") * 2)
-
-
-def _weathers(folder: Path) -> None:
-    row = {"name": "noon", "sun_altitude_angle": 75.0, "fog_density": 10.0, "cloudiness": 5.0, "dust_storm": 1.0}
-    _write_json(folder / "w.json", {"format": "rauca-weathers", "version": 1, "convention": "carla", "weathers": [row]})
-
-
-def _palette(folder: Path) -> None:
-    (folder / "p.txt").write_text("#102030\n#a0b0c0, #ffffff\n#000000\n")
-
-
-def _progress(folder: Path) -> None:
-    step = {"step": 1, "of": 2, "loss": 0.5, "attack": 0.5, "smooth": 0.1, "score": 0.1, "seconds": 1.0, "left_s": 1.0}
-    lines = ['rauca-progress {"done": 1, "total": 2, "last": "x", "left_s": 1.0}']
-    lines += [json.dumps({**step, "preview": "a.png", "uv_map": "b.png"})]
-    (folder / "lines").write_text("\n".join(lines))
 
 
 def _read_progress(folder: Path) -> None:
@@ -172,8 +136,16 @@ def _read_progress(folder: Path) -> None:
         parse_optimize_progress(line)
 
 
+def _read_vehicle(folder: Path) -> None:
+    load_vehicle(folder / "cube", read_image)
+
+
+def _read_cache(folder: Path) -> None:
+    DetectionCache(folder, "one", "abc", DetectionSettings())
+
+
 TARGETS = (
-    Target("plan", "dataset.json", _plan, lambda f: planned_frames(Dataset(f).plan), mutate_json),
+    Target("plan", "dataset.json", json.dumps(PLAN.to_json()), lambda f: planned_frames(Dataset(f).plan), mutate_json),
     Target("frame-json", f"{FRAME}/frame.json", _frame, _read_frame, mutate_json),
     Target("frame-npz", f"{FRAME}/passes.npz", _frame, _read_frame),
     Target("vehicle-json", "cube/vehicle.json", _vehicle, _read_vehicle, mutate_json),
@@ -181,13 +153,19 @@ TARGETS = (
     Target("png", "image.png", _png, lambda f: read_image(f / "image.png")),
     Target("jpeg", "image.jpg", _jpeg, lambda f: read_image(f / "image.jpg")),
     Target("camouflage", "c.json", _camouflage, lambda f: load_camouflage(f / "c.json"), mutate_json),
-    Target("ledger", "ledger.jsonl", _ledger, _read_ledger, mutate_lines),
+    Target("ledger", "ledger.jsonl", LEDGER, _read_ledger, mutate_lines),
     Target("checksums", "SHA256SUMS", _sums, _read_sums, mutate_text),
     Target("results", "seen/results.json", _study, lambda f: load_results(f / "seen/results.json"), mutate_json),
     Target("study", "study.json", _study, load_study, mutate_json),
-    Target("history", "history.jsonl", _history, read_history, mutate_lines),
-    Target("detections", DETECTIONS, _detections, _read_cache, mutate_lines, writes=True),
-    Target("weathers", "w.json", _weathers, lambda f: find_preset(str(f / "w.json")), mutate_json),
-    Target("palette", "p.txt", _palette, lambda f: read_palette(str(f / "p.txt"), 4), mutate_text),
-    Target("progress", "lines", _progress, _read_progress, mutate_lines),
+    Target("history", "history.jsonl", HISTORY, read_history, mutate_lines),
+    Target("detections", DETECTIONS, json_lines(FOUND, FOUND), _read_cache, mutate_lines, writes=True),
+    Target("weathers", "w.json", json.dumps(WEATHERS), lambda f: find_preset(str(f / "w.json")), mutate_json),
+    Target(
+        "palette",
+        "p.txt",
+        "#102030\n#a0b0c0, #ffffff\n#000000\n",
+        lambda f: read_palette(str(f / "p.txt"), 4),
+        mutate_text,
+    ),
+    Target("progress", "lines", PROGRESS, _read_progress, mutate_lines),
 )

@@ -68,6 +68,12 @@ MMDET = {
 }  # fmt: skip
 
 
+SCALING = {
+    "size": {"shortest_edge": 800, "longest_edge": 1333}, "resample": 2,
+    "image_mean": [0.4, 0.4, 0.4], "image_std": [0.2, 0.2, 0.2], "do_normalize": True,
+}  # fmt: skip
+
+
 def _darknet(folder: Path) -> None:
     small = EVERY_LAYER.replace("filters=16", "filters=4").replace("filters=8", "filters=4")
     (folder / "net.cfg").write_text(small)
@@ -134,10 +140,6 @@ def _read_onnx(folder: Path) -> None:
     OnnxDetector("net", folder / "net.onnx")
 
 
-def _names(folder: Path) -> None:
-    (folder / "net.names").write_text("boat\ncar\naeroplane\n")
-
-
 def _synth(folder: Path) -> None:
     """A card of ours; the weights behind it are another network's, which is found last."""
     save_file({"x": torch.zeros(2)}, folder / "w.safetensors")
@@ -160,16 +162,6 @@ def _transformers(folder: Path) -> None:
     (folder / "config.json").write_text(json.dumps(DETR))
 
 
-def _scaling(folder: Path) -> None:
-    options = {"size": {"shortest_edge": 800, "longest_edge": 1333}, "resample": 2}
-    options |= {"image_mean": [0.4, 0.4, 0.4], "image_std": [0.2, 0.2, 0.2], "do_normalize": True}
-    (folder / "preprocessor_config.json").write_text(json.dumps(options))
-
-
-def _mmdet(folder: Path) -> None:
-    (folder / "c.json").write_text(json.dumps(MMDET))
-
-
 TARGETS = (
     Target("darknet-cfg", "net.cfg", _darknet, _read_darknet, mutate_text),
     Target("darknet-weights", "net.weights", _darknet, _read_darknet),
@@ -178,7 +170,7 @@ TARGETS = (
     Target("caffe-prototxt", "net.prototxt", _caffe, _read_caffe, mutate_text),
     Target("caffemodel", "net.caffemodel", _caffe, _read_caffe),
     Target("onnx", "net.onnx", _onnx, _read_onnx),
-    Target("names", "net.names", _names, lambda f: read_names(f / "net.names"), mutate_text),
+    Target("names", "net.names", "boat\ncar\naeroplane\n", lambda f: read_names(f / "net.names"), mutate_text),
     Target("detector-card", "w.json", _synth, lambda f: load_network(f / "w.safetensors"), mutate_json),
     Target("state-safetensors", "w.safetensors", _state, lambda f: read_state(f / "w.safetensors")),
     Target("state-pth", "w.pth", _state, lambda f: read_state(f / "w.pth")),
@@ -186,9 +178,9 @@ TARGETS = (
     Target(
         "preprocessor",
         "preprocessor_config.json",
-        _scaling,
+        json.dumps(SCALING),
         lambda f: read_scaling(f / "preprocessor_config.json", Scaling()),
         mutate_json,
     ),
-    Target("mmdet-config", "c.json", _mmdet, lambda f: read_config(f / "c.json"), mutate_json),
+    Target("mmdet-config", "c.json", json.dumps(MMDET), lambda f: read_config(f / "c.json"), mutate_json),
 )

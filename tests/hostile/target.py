@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import resource
 import signal
 from collections.abc import Callable, Iterator
@@ -25,7 +26,7 @@ class Target:
 
     Attributes:
         file: what is damaged, relative to the folder.
-        build: writes the valid folder.
+        build: writes the valid folder; a text is all that the file holds.
         read: reads it; may raise :class:`RaucaError`, nothing else.
         damage: that suits the format.
         writes: the reader's contract is to mend the file in place.
@@ -34,7 +35,7 @@ class Target:
 
     name: str
     file: str
-    build: Callable[[Path], None]
+    build: Callable[[Path], object] | str
     read: Callable[[Path], object]
     damage: Damage = mutate_bytes
     writes: bool = False
@@ -42,9 +43,13 @@ class Target:
 
     def seed(self, folder: Path) -> bytes:
         """Build the valid folder; returns the healthy bytes of the file."""
-        folder.mkdir(parents=True, exist_ok=True)
-        self.build(folder)
-        return (folder / self.file).read_bytes()
+        path = folder / self.file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(self.build, str):
+            path.write_text(self.build)
+        else:
+            self.build(folder)
+        return path.read_bytes()
 
     def try_on(self, folder: Path, data: bytes) -> RaucaError | None:
         """Read ``data`` in place of the healthy file; the complaint, or None when it was read."""
@@ -62,6 +67,10 @@ class Target:
 
     def damaged(self, healthy: bytes, rng: Random) -> bytes:
         return self.damage(healthy, rng)
+
+
+def json_lines(*rows: object) -> str:
+    return "".join(json.dumps(row) + "\n" for row in rows)
 
 
 class TooLongError(BaseException):

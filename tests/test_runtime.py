@@ -1,14 +1,17 @@
-"""Images as people save them: greys of more than 8 bits keep their tones, or are refused."""
+"""What the runtime promises: images keep their tones or are refused, threads come back, large blocks are kept."""
 
 from __future__ import annotations
 
+import platform
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from rauca_core.contract import RaucaError
+from rauca_core.runtime.cpu import keep_large_blocks, threads
 from rauca_core.runtime.images import read_image
 
 GREYS = np.array([[0, 255, 256, 32768, 65535]])
@@ -34,3 +37,24 @@ def test_eight_bits_are_left_alone(tmp_path: Path) -> None:
         pixels = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
         Image.fromarray(pixels).save(tmp_path / "a.png")
         assert np.array_equal(read_image(tmp_path / "a.png"), pixels)
+
+
+def test_threads_come_back_even_after_an_error() -> None:
+    before = torch.get_num_threads()
+
+    def fail() -> None:
+        with threads(before + 1):
+            assert torch.get_num_threads() == before + 1
+            with threads(None):
+                assert torch.get_num_threads() == before + 1
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert torch.get_num_threads() == before
+
+
+def test_glibc_keeps_large_blocks() -> None:
+    if platform.libc_ver()[0] != "glibc":
+        pytest.skip("malloc is not glibc's")
+    assert keep_large_blocks()
