@@ -149,9 +149,15 @@ def _examined(
 def _top_level(dataset: Dataset) -> Iterator[Finding]:
     """Plan and vehicle are the bytes that were written; nothing lies about that does not belong."""
     found: list[Finding] = []
-    vehicle = dataset.vehicle_folder
-    names = {"dataset.json", *(f"vehicle/{path.name}" for path in vehicle.glob("*"))}
-    checksums(lambda file, what: found.append(_of_top_level(file, what)), dataset.folder, names)
+
+    def report(file: str, what: str) -> None:
+        """The plan says what everything is and cannot be made again beside it; the vehicle is written once more."""
+        remedy = (RENDER_AGAIN, "vehicle") if file.startswith("vehicle/") else (MAKE_AGAIN, "")
+        found.append(Finding(file, what, *remedy))
+
+    checksums(
+        report, dataset.folder, {"dataset.json", *(f"vehicle/{p.name}" for p in dataset.vehicle_folder.glob("*"))}
+    )
     yield from found
     left = [path.name for path in dataset.folder.glob(f"{TEMPORARY_PREFIX}*")]
     left += [f"frames/{name}" for name in dataset.begun() if name.startswith(TEMPORARY_PREFIX)]
@@ -161,13 +167,6 @@ def _top_level(dataset: Dataset) -> Iterator[Finding]:
     for name in sorted(dataset.begun()):
         if name not in known and not name.startswith(TEMPORARY_PREFIX):
             yield Finding(f"frames/{name}", "is no frame of the plan", "remove it")
-
-
-def _of_top_level(file: str, what: str) -> Finding:
-    """The plan says what everything is and cannot be made again beside it; the vehicle is written once more."""
-    if file.startswith("vehicle/"):
-        return Finding(file, what, RENDER_AGAIN, again="vehicle")
-    return Finding(file, what, MAKE_AGAIN)
 
 
 def _vehicle(dataset: Dataset, findings: list[Finding]) -> Vehicle | None:
@@ -232,14 +231,11 @@ def _lines(path: Path, planned: Collection[str]) -> Iterator[Finding]:
     if rest:
         yield Finding(path.name, "its last line is cut off", "run the same `rauca dataset make` again")
     for number, line in enumerate(lines, 1):
-        problem = _problem(line, planned)
-        if problem:
-            yield Finding(path.name, f"line {number} {problem}", DROP_LINE)
-
-
-def _problem(line: bytes, planned: Collection[str]) -> str | None:
-    try:
-        frame = LedgerEntry.from_json(Fields(parse_json(line, "ledger"), "ledger")).frame
-    except RaucaError as error:
-        return f"is damaged ({str(error).removeprefix('ledger: ')})"
-    return None if frame in planned else f"names {frame!r}, which is no frame of the plan"
+        try:
+            frame = LedgerEntry.from_json(Fields(parse_json(line, "ledger"), "ledger")).frame
+        except RaucaError as error:
+            told = str(error).removeprefix("ledger: ")
+            yield Finding(path.name, f"line {number} is damaged ({told})", DROP_LINE)
+            continue
+        if frame not in planned:
+            yield Finding(path.name, f"line {number} names {frame!r}, which is no frame of the plan", DROP_LINE)

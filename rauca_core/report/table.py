@@ -165,12 +165,11 @@ def shown(cell: Cell, column: Column) -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """A cell where it stands; ``first`` where its column opens a group."""
+    """A cell where it stands."""
 
     cell: Cell | None
     column: Column
     rank: int
-    first: bool
 
     @property
     def shown(self) -> str:
@@ -224,13 +223,14 @@ def laid_out(table: Table) -> Layout:
     if times > 1:
         strips = [("", _joined(table, [lines for _, lines in strips]))]
     above = titles if any(title for title, _ in titles) else []
-    return Layout(above, groups, table.columns * times, _opening(table) * times, times, strips)
+    opening = [number == 0 for _, width in table.groups() for number in range(width)]
+    return Layout(above, groups, table.columns * times, opening * times, times, strips)
 
 
 def _joined(table: Table, blocks: list[list[Line]]) -> list[Line]:
     """Rows of the same name as one, with empty cells where a block lacks it."""
     found = [{line.name: line.places for line in lines} for lines in blocks]
-    missing = _places(table, (None,) * len(table.columns), [0] * len(table.columns))
+    missing = tuple(Place(None, column, 0) for column in table.columns)
     return [
         Line(name, "", tuple(place for places in found for place in places.get(name, missing)))
         for name in dict.fromkeys(name for places in found for name in places)
@@ -239,12 +239,4 @@ def _joined(table: Table, blocks: list[list[Line]]) -> list[Line]:
 
 def _lines(table: Table, block: Block) -> list[Line]:
     ranked = zip(block.rows, table.ranks(block), strict=True)
-    return [Line(row.name, row.anchor, _places(table, row.cells, ranks)) for row, ranks in ranked]
-
-
-def _places(table: Table, cells: tuple[Cell | None, ...], ranks: list[int]) -> tuple[Place, ...]:
-    return tuple(map(Place, cells, table.columns, ranks, _opening(table)))
-
-
-def _opening(table: Table) -> list[bool]:
-    return [number == 0 for _, width in table.groups() for number in range(width)]
+    return [Line(row.name, row.anchor, tuple(map(Place, row.cells, table.columns, ranks))) for row, ranks in ranked]
