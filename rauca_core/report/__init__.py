@@ -2,8 +2,7 @@
 
 from .ablation_page import write_ablation
 from .hardening_page import HardeningNotes, hardening_table, write_hardening
-from .reporting_study import Study, evaluate
-from .study_page import ReportNotes, save_showcase, write_report
+from .study_page import ReportNotes, Study, evaluate, save_showcase, write_report
 from .tradeoff_page import Curve, measure_points, write_curve
 
 __all__ = [

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 from ..contract import RaucaError
 from ..contract.files import write_bytes
+from ..study import evaluate as evaluation
+from ..study import study as measured
 from ..study.defences import NO_DEFENCE
 from ..study.families import family_of, in_table_order
 from ..study.results import MEAN, Results
-from ..study.study import Entry, Study
+from ..study.study import Entry
 from .figures import curve_svg, history_svg, paint_styles
 from .frames import FramePicker, strongest_paint
 from .page import write_study_page
@@ -21,6 +24,7 @@ from .published import paper_tables
 from .study_tables import curves_of, defence_title, tables_of, unique, vehicles_of, weathers_title, white_box_of
 from .table import is_normal, is_random, printed
 
+P = ParamSpec("P")
 MAX_PICTURES = 100  # keeps the page's size in hand, about 15 kB each
 
 
@@ -45,7 +49,7 @@ class ReportNotes:
     limitations: Sequence[str] = ()
 
 
-def write_report(study: Study, out: Path, notes: ReportNotes | None = None, latex: bool = False) -> list[Path]:
+def write_report(study: measured.Study, out: Path, notes: ReportNotes | None = None, latex: bool = False) -> list[Path]:
     """Write the report of a study to ``out`` (.html) and its numbers beside it (.csv, .json; .tex if asked for).
 
     The page is self-contained: no script, nothing loaded. It links to the results' files, relative to its folder.
@@ -81,7 +85,48 @@ def write_report(study: Study, out: Path, notes: ReportNotes | None = None, late
     return write_study_page(study, out, "study.html", told, every, {}, *behind, latex)
 
 
-def scope(study: Study) -> str:
+@dataclass(frozen=True)
+class Study(measured.Study):
+    """What was evaluated: ``entries`` hold the results of a vehicle, set of weathers and defence each.
+
+    ``table()`` gives all of it as one table, ``report()`` as a page.
+    """
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Study:
+        """Read a study's folder; raises :class:`RaucaError` where there is none, or what it names is damaged."""
+        if not (Path(folder) / measured.FILE_NAME).is_file():
+            raise RaucaError(f"{folder}: has no {measured.FILE_NAME}; run `rauca evaluate` or `rauca demo` first")
+        return cls._of(measured.load_study(Path(folder)))
+
+    def report(self, path: Path | str = "report.html", latex: bool = False) -> Path:
+        """Write the study as one self-contained page, and its numbers beside it as CSV and JSON (LaTeX if asked for).
+
+        Returns:
+            The page's path.
+
+        Raises:
+            RaucaError: images, detections or camouflages that are missing or do not belong to the results.
+        """
+        return write_report(self, Path(path), ReportNotes(**self.notes), latex)[0]
+
+    @classmethod
+    def _of(cls, study: measured.Study) -> Study:
+        return cls(study.command, study.entries, study.notes)
+
+
+def _reporting(make: Callable[P, measured.Study]) -> Callable[P, Study]:
+    @functools.wraps(make)
+    def made(*args: P.args, **kwargs: P.kwargs) -> Study:
+        return Study._of(make(*args, **kwargs))
+
+    return made
+
+
+evaluate = _reporting(evaluation.evaluate)
+
+
+def scope(study: measured.Study) -> str:
     """How much was measured."""
     results = [entry.results for entry in study.entries]
     detectors = unique(name for found in results for name in found.detectors)
@@ -103,7 +148,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def headline(study: Study) -> list[str]:
+def headline(study: measured.Study) -> list[str]:
     """A sentence per set of weathers: how far the most effective paint lowers AP, undefended."""
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     return [_sentence(entry) for entry in entries if any(map(is_normal, entry.results.paints))]
@@ -132,7 +177,7 @@ def _mean(results: Results, paint: str) -> str:
     return printed(results.table[paint][MEAN].ap)
 
 
-def _pictures(study: Study) -> dict[str, Any]:
+def _pictures(study: measured.Study) -> dict[str, Any]:
     """Grids of the first vehicle's frames for the detectors that were attacked, then one of every other family."""
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     if not entries:
@@ -152,7 +197,7 @@ def _shown_detectors(entries: Sequence[Entry]) -> list[str]:
     return [*attacked, *others]
 
 
-def save_showcase(study: Study, folder: Path) -> list[Path]:
+def save_showcase(study: measured.Study, folder: Path) -> list[Path]:
     """Write the main figures as files, for a README or a talk.
 
     ``grid.jpg``, ``table.md``, a ``map-<name>.jpg`` each and, per parameter varied, ``ap-<parameter>.svg``: all of the
