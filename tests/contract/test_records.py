@@ -11,9 +11,7 @@ from rauca_core.contract import (
     Dataset,
     RaucaError,
     Ring,
-    Weather,
     claim_folder,
-    find_preset,
     load_camouflage,
     load_frame,
     load_passes,
@@ -91,11 +89,12 @@ def test_a_changed_mesh_is_noticed(tmp_path, box_vehicle):
         load_vehicle(tmp_path / "v", read_image)
 
 
-def test_frame_round_trip(tmp_path):
-    frame, passes = a_frame(), some_passes()
+@pytest.mark.parametrize("box", [(1.0, 2.0, 30.0, 20.0), None])
+def test_frame_round_trip(tmp_path, box):
+    frame, passes = a_frame(box_xyxy=box), some_passes()
     save_frame(tmp_path / frame.id, frame, passes)
     again = load_frame(tmp_path / frame.id)
-    assert again.to_json() == frame.to_json()
+    assert (again.to_json(), again.box_xyxy) == (frame.to_json(), box)
     stored = load_passes(tmp_path / frame.id)
     assert np.allclose(stored["A"], passes.A, rtol=1e-3, atol=1e-3)
     assert np.isfinite(stored["B"]).all()  # light beyond float16's range is clipped, not infinite
@@ -109,12 +108,6 @@ def test_a_frame_without_light_has_no_light_maps(tmp_path):
     assert load_passes(tmp_path / frame.id, ("distance",))["distance"].shape == (32, 32)
     with pytest.raises(RaucaError, match=r"passes\.npz"):
         load_passes(tmp_path / frame.id)
-
-
-def test_a_frame_without_a_box(tmp_path):
-    frame = a_frame(box_xyxy=None)
-    save_frame(tmp_path / frame.id, frame, some_passes())
-    assert load_frame(tmp_path / frame.id).box_xyxy is None
 
 
 def test_a_moved_frame_is_noticed(tmp_path):
@@ -182,15 +175,6 @@ def test_camouflage_round_trip_and_fit(tmp_path):
     image.unlink()
     with pytest.raises(RaucaError, match=r"c\.png: the camouflage's UV map is missing"):
         load_camouflage(tmp_path / "c.json")
-
-
-def test_weather_presets_and_fog():
-    weathers = find_preset("base")
-    assert len(weathers) == 16
-    assert Weather("x", 45).extinction == 0
-    assert Weather("x", 45, 0, 50).extinction == pytest.approx(0.015)
-    with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, carla, demo"):
-        find_preset("sunny")
 
 
 def test_transfer_function_inverts_itself():

@@ -22,6 +22,8 @@ def test_presets_are_what_they_are_called():
         pairs = {(w.sun_altitude_angle, w.fog_density) for w in weathers}
         assert pairs == {(sun, fog) for sun in suns for fog in (0, 25, 50, 90)}
     assert len(find_preset("single")) == 1
+    with pytest.raises(RaucaError, match="'sunny' is unknown; choose one of base, carla, demo"):
+        find_preset("sunny")
 
 
 def test_no_unseen_weather_is_in_another_preset():
@@ -87,6 +89,7 @@ def test_what_carla_has_and_we_have_not_is_told(tmp_path):
 
 def test_fog_halves_every_ten_metres_at_falloff_one():
     fog = Weather("fog", 45, fog_density=50, fog_falloff=1.0)
+    assert fog.extinction == pytest.approx(0.015)
     heights = np.array([-1.0, 0.0, 10.0, FOG_TOP_M + 0.1])
     assert fog.extinction_at(heights) == pytest.approx([0.0, fog.extinction, fog.extinction / 2, 0.0])
     even = replace(fog, fog_falloff=0.0)
