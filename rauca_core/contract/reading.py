@@ -91,18 +91,13 @@ def parse_json(text: str | bytes, where: str) -> Any:
         value = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise RaucaError(f"{where}: not valid JSON ({error})") from error
-    level = [value]
-    for _ in range(MAX_JSON_DEPTH):
-        level = [inner for outer in level for inner in _inside(outer) if isinstance(inner, dict | list)]
+    level: list[Any] = [[value]]
+    for _ in range(MAX_JSON_DEPTH + 1):
+        inside = (inner for outer in level for inner in (outer.values() if isinstance(outer, dict) else outer))
+        level = [inner for inner in inside if isinstance(inner, dict | list)]
         if not level:
             return value
     raise RaucaError(f"{where}: not valid JSON (nested more than {MAX_JSON_DEPTH} levels deep)")
-
-
-def _inside(value: Any) -> Any:
-    if isinstance(value, dict):
-        return value.values()
-    return value if isinstance(value, list) else ()
 
 
 def declared_size(header: bytes) -> tuple[int, int] | None:

@@ -64,7 +64,8 @@ def _copied(
 
 def _write_coco(out: Path, name: str, categories: list[str], exported: Exported) -> int:
     """COCO detection JSON; masks are exact run lengths, holes and occlusion included."""
-    images, annotations = [], []
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
     for number, (frame, targets) in enumerate(exported, 1):
         images.append(
             {

@@ -100,16 +100,14 @@ def hold_range(
         patience_s: how long to try.
     """
     path = Path(folder) / name
-    handle: int | str | None = None
+    handle: int | None = None
     note = _Note(os.getpid(), socket.gethostname(), label, first, end)
     deadline = time.monotonic() + patience_s
     while fcntl is not None and handle is None:
-        handle = _try_to_hold(path, note, wait)
-        if isinstance(handle, str):
-            if time.monotonic() >= deadline:
-                raise RaucaError(f"{folder}: {refusal.format(who=handle)}")
-            time.sleep(0.1)
-            handle = None
+        handle, holder = _try_to_hold(path, note, wait)
+        if holder and time.monotonic() >= deadline:
+            raise RaucaError(f"{folder}: {refusal.format(who=holder)}")
+        time.sleep(0.1 if holder else 0)
     try:
         yield HeldRange(handle, first, end)
     finally:
@@ -137,27 +135,27 @@ class _Note(Record):
         return f"process {self.pid} on {self.host}{part}"
 
 
-def _try_to_hold(path: Path, note: _Note, wait: Callable[[str], None] | None) -> int | str | None:
-    """The lock's file with the range locked; who holds some of it; None where its last holder has removed the file."""
+def _try_to_hold(path: Path, note: _Note, wait: Callable[[str], None] | None) -> tuple[int | None, str]:
+    """The lock's file with the range locked, or who holds some of it; neither where a last holder removed the file."""
     handle, length = _open(path), note.end - note.first
     try:
         if length > 0 and not _lock(handle, note.first, length):  # a length of 0 would mean everything
             holder = _holder(handle, note.first, note.end)
             if wait is None:
                 os.close(handle)
-                return holder
+                return None, holder
             wait(holder)
             _lock(handle, note.first, length, wait=True)
         _lock(handle, EVERYTHING, 1, wait=True)
         if not _is_still_there(handle, path):
             os.close(handle)
-            return None
+            return None, ""
         with disk_errors(path.parent):
             if length == EVERYTHING:
                 os.ftruncate(handle, 0)  # nobody else's note is true
             os.write(handle, (json.dumps(note.to_json()) + "\n").encode())
         _unlock(handle, EVERYTHING, 1)
-        return handle
+        return handle, ""
     except BaseException:
         os.close(handle)
         raise
