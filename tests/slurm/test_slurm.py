@@ -22,7 +22,7 @@ from rauca_core.contract import (
     claim_folder,
     planned_frames,
 )
-from tests.contract.test_records import PLAN
+from tests.contract.samples import PLAN
 
 PROGRAMS = ("sbatch", "slurmctld", "slurmd", "munged")
 SCRIPT = Path(__file__).parent / "run.sh"
