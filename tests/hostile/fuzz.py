@@ -98,7 +98,7 @@ def fuzz(target: Target, end: float, work: Path) -> None:
         rng = Random(seed)
         if rng.random() < 0.4:
             return bytes(atheris.Mutate(data, largest))
-        return target.damaged(data or healthy, rng)[:largest]
+        return target.damage(data or healthy, rng)[:largest]
 
     # Each file's memory is bounded by the target; atheris keeps what comparisons of arrays gave, which adds up to this.
     limits = ["-rss_limit_mb=4096", "-timeout=60", "-max_len=300000"]

@@ -9,7 +9,6 @@ import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from random import Random
 from types import FrameType
 
 from rauca_core.contract import RaucaError
@@ -64,9 +63,6 @@ class Target:
         except RaucaError as complaint:
             return complaint
         return None
-
-    def damaged(self, healthy: bytes, rng: Random) -> bytes:
-        return self.damage(healthy, rng)
 
 
 def json_lines(*rows: object) -> str:

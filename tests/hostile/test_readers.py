@@ -54,20 +54,26 @@ def read_and_leave_alone(target: Target, folder: Path, data: bytes) -> RaucaErro
     return complaint
 
 
+def for_damaged(target: Target, healthy: bytes, examples: int, read: Callable[[bytes], object]) -> None:
+    """Read the file damaged in some ways, the same in every run."""
+
+    @settings(
+        derandomize=True, deadline=None, max_examples=examples, suppress_health_check=list(HealthCheck), database=None
+    )
+    @given(st.randoms(use_true_random=False))
+    def damaged(rng):
+        read(target.damage(healthy, rng))
+
+    damaged()
+
+
 @pytest.mark.parametrize("name", READERS)
 def test_a_damaged_file_is_read_or_refused(name, built):
     target = READERS[name]
     folder, healthy = built(target)
 
-    @settings(
-        derandomize=True, deadline=None, max_examples=EXAMPLES_IF_SLOW if name in SLOW else EXAMPLES,
-        suppress_health_check=list(HealthCheck), database=None,
-    )  # fmt: skip
-    @given(st.randoms(use_true_random=False))
-    def damaged(rng):
-        read_and_leave_alone(target, folder, target.damaged(healthy, rng))
-
-    damaged()
+    examples = EXAMPLES_IF_SLOW if name in SLOW else EXAMPLES
+    for_damaged(target, healthy, examples, lambda data: read_and_leave_alone(target, folder, data))
 
 
 @pytest.mark.parametrize("name", READERS)
