@@ -13,10 +13,9 @@ from torch import Tensor
 from rauca_core.contract import FramePasses, RaucaError, load_frame, save_frame
 from rauca_core.environment import load_exact
 from rauca_core.environment.estimate import split_light, surroundings
-from rauca_core.environment.extractor import LightSplitter
+from rauca_core.environment.extractor import LightSplitter, PublishedEfe, fuse_published
 from rauca_core.environment.losses import light_loss, weighted_bce, weighted_mse
 from rauca_core.environment.methods import transfer_light
-from rauca_core.environment.published import PublishedEfe, fuse_published
 from rauca_core.render.composite import linear_to_srgb, srgb_to_linear
 
 from . import Checks, expect, wide

@@ -51,7 +51,7 @@ def _no_fragments(dtype: torch.dtype) -> str:
     box = painted_box()
     raster, pyramid = rasterize(box.positions, box.triangles, AWAY), Pyramid.of(box, MAP)
     for sampler in Sampler:
-        found = look_up(box, raster, pyramid, sampler).fragments
+        found = look_up(box, raster, pyramid, sampler)
         expect(len(found.paint) == 0, f"{sampler}: {len(found.paint)} fragments")
         expect((found.index < 0).all(), f"{sampler}: samples point at fragments")
     return f"no fragment with any of {len(Sampler)} samplers"
@@ -108,11 +108,11 @@ def _hard_uvs_near_the_camera(dtype: torch.dtype) -> str:
         for camera in (ASIDE, TOUCHING):
             found = look_up(box, rasterize(box.positions, box.triangles, camera), pyramid, sampler)
             listed = found.inner(levels) if found.inner else levels
-            weights = torch.from_numpy(found.fragments.weights).to(listed)
-            read = (weights[..., None] * listed[torch.from_numpy(found.fragments.texels.astype(np.int64))]).sum(1)
+            weights = torch.from_numpy(found.weights).to(listed)
+            read = (weights[..., None] * listed[torch.from_numpy(found.texels.astype(np.int64))]).sum(1)
             expect(len(read) > 100, f"{sampler}: nothing in the picture")
             expect(torch.isfinite(read).all(), f"{sampler}: colors are not finite")
-            expect(np.isfinite(found.fragments.paint).all(), f"{sampler}: coverage is not finite")
+            expect(np.isfinite(found.paint).all(), f"{sampler}: coverage is not finite")
             expect(float(read.min()) >= 0 and float(read.max()) <= 1 + 1e-5, f"{sampler}: colors outside [0, 1]")
     return f"finite and in range with all {len(Sampler)} samplers"
 

@@ -19,10 +19,11 @@ from torch import Tensor
 from ..contract import Dataset, Frame, RaucaError, Vehicle
 from ..contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from ..environment import Light, estimate, load_exact, load_extractor
+from ..environment.extractor import PublishedEfe
 from ..environment.frames import read_picture
 from ..environment.methods import transfer_light
-from ..environment.published import PublishedEfe, load_published
 from ..environment.shading import PlainShading, plain_shading
+from ..environment.weights import load_published
 
 LightName = Literal["exact", "ours", "published", "transfer", "none"]
 

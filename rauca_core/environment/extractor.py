@@ -1,8 +1,8 @@
-"""Our environment feature extractor: how to split the light of one image into A and B.
+"""Environment feature extractors: networks that split the light of one image into A and B. Ours, and the published one.
 
-The reference image I is known, and so is the albedo r of its paint: A * r + B = I. All that is unknown is which share
-of the light came back through the paint's color. The network predicts that share, B = (1 - share) * I and
-A = share * I / r, per pixel and channel, in linear light. So
+Ours knows the reference image I and the albedo r of its paint: A * r + B = I. All that is unknown is which share of the
+light came back through the paint's color. The network predicts that share, B = (1 - share) * I and A = share * I / r,
+per pixel and channel, in linear light. So
 
 * the reference paint is reproduced exactly, whatever the network says, in channels that are not clipped;
 * A has no upper bound, B is never negative, and a black frame gives black maps;
@@ -16,7 +16,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..render.composite import srgb_to_linear
+from ..render import saturate, srgb_to_linear
 
 DARKEST_ALBEDO = 0.02  # a photograph's "black" paint; below, A = share * I / r would be noise
 CLIPPED = 250.0 / 255.0
@@ -27,11 +27,12 @@ DARKEST_LIGHT = 1e-3  # mean light of the paint, below which a frame stays as da
 LEAST_COVERAGE = 1 / 255
 DARK_SHARE = 0.01  # of the frame is darker than its darkness
 AROUND = 15  # pixels, side of the square whose darkest pixel is told: in fog nothing is darker than the glow before it
+WIDTHS = (64, 128, 256, 512, 1024)  # of the published network
 BRIGHTEST = 16.0  # light in that exposure, beyond which nothing more is told
 
 
 class LightSplitter(nn.Module):
-    """The network.
+    """Our network.
 
     Args:
         widths: channels at 1/2, 1/4, 1/8 and 1/16 of the image's size.
@@ -132,4 +133,64 @@ def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
     """Convolution, group normalization (frames are few per batch) and SiLU."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, 3, stride, padding=1), nn.GroupNorm(4, outputs), nn.SiLU(inplace=True)
+    )
+
+
+class PublishedEfe(nn.Module):
+    """The extractor as published: a U-Net on sRGB values, 34.5 million parameters.
+
+    It reads the masked reference image and gives six channels through a sigmoid, two maps A and B. The textured vehicle
+    of the plain neural renderer, x_nr, is then lit by :func:`fuse_published` (paper, Section III-C). Both maps end at
+    1, so no pixel can come out brighter than the plain render plus one; light in the scene can.
+
+    Args:
+        widths: channels per level; the paper's by default, fewer for tests.
+    """
+
+    def __init__(self, widths: tuple[int, ...] = WIDTHS) -> None:
+        super().__init__()
+        inputs = (3, *widths[:-1])
+        self.down = nn.ModuleList(_double(a, b) for a, b in zip(inputs, widths, strict=True))
+        pairs = list(zip(widths[:0:-1], widths[-2::-1], strict=True))
+        self.up = nn.ModuleList(_enlarge(a, b) for a, b in pairs)
+        self.merge = nn.ModuleList(_double(2 * b, b) for _, b in pairs)
+        self.head = nn.Conv2d(widths[0], 6, 1)
+        self._stride = 2 ** (len(widths) - 1)
+
+    def forward(self, masked_srgb: Tensor) -> tuple[Tensor, Tensor]:
+        """Masked reference image (B, 3, H, W) sRGB -> maps A and B, (B, 3, H, W) each in [0, 1].
+
+        H and W are padded up to a multiple of 16 inside.
+        """
+        height, width = masked_srgb.shape[-2:]
+        below, right = -height % self._stride, -width % self._stride
+        x = nn.functional.pad(masked_srgb, (0, right, 0, below))
+        skips = []
+        for level, block in enumerate(self.down):
+            x = block(x if level == 0 else nn.functional.max_pool2d(x, 2))
+            skips.append(x)
+        for enlarge, merge, skip in zip(self.up, self.merge, skips[-2::-1], strict=True):
+            x = merge(torch.cat([skip, enlarge(x)], dim=1))
+        maps = torch.sigmoid(self.head(x))[..., :height, :width]
+        return maps[:, :3], maps[:, 3:]
+
+
+def fuse_published(x_nr_srgb: Tensor, A: Tensor, B: Tensor) -> Tensor:
+    """``clamp(x_nr * A + B, 0, 1)`` in sRGB values; shapes broadcast."""
+    return saturate(x_nr_srgb * A + B)
+
+
+def _double(inputs: int, outputs: int) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for a in (inputs, outputs):
+        layers += [nn.Conv2d(a, outputs, 3, padding=1), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)
+
+
+def _enlarge(inputs: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Upsample(scale_factor=2),
+        nn.Conv2d(inputs, outputs, 3, padding=1),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
     )

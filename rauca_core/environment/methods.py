@@ -10,9 +10,8 @@ from torch import Tensor
 
 from ..render import linear_to_srgb, srgb_to_linear
 from .estimate import split_light
-from .extractor import DARKEST_ALBEDO, LightSplitter
+from .extractor import DARKEST_ALBEDO, LightSplitter, PublishedEfe, fuse_published
 from .frames import LightFrame
-from .published import PublishedEfe, fuse_published
 from .shading import PlainShading
 
 Render = Callable[[Tensor], Tensor]

@@ -119,8 +119,7 @@ def compare(
         "transfer": lambda i, frame: transfer_render(frame),
         "ours": lambda i, frame: splitter_render(net, frame),
     }
-    errors: dict[tuple[str, str], Error] = {}
-    seconds: dict[tuple[str, str], list[float]] = {}
+    found: list[tuple[str, str, Error, float]] = []
     paints = albedos(colors)
     for index in range(len(frames)):
         frame = frames.get(index)
@@ -129,20 +128,13 @@ def compare(
             started = time.process_time()
             render = method(index, frame)
             spent = time.process_time() - started
-            key = frame.weather, name
-            errors[key] = errors.get(key, Error()) + Error.between(render(paints), truth, frame.paint)
-            seconds.setdefault(key, []).append(spent)
+            found.append((frame.weather, name, Error.between(render(paints), truth, frame.paint), spent))
         progress(Progress(index + 1, len(frames), frame.weather))
-    weathers = sorted({weather for weather, _ in errors})
-    return {
-        weather: {name: _row(errors, seconds, weathers if weather == ALL else [weather], name) for name in methods}
-        for weather in [*weathers, ALL]
-    }
-
-
-def _row(
-    errors: dict[tuple[str, str], Error], seconds: dict[tuple[str, str], list[float]], weathers: list[str], name: str
-) -> dict[str, float]:
-    spent = [s for weather in weathers for s in seconds[weather, name]]
-    found = total(errors[weather, name] for weather in weathers)
-    return {**found.to_json(), "ms": round(1e3 * sum(spent) / len(spent), 3)}
+    table: dict[str, dict[str, dict[str, float]]] = {}
+    for shown in [*sorted({weather for weather, *_ in found}), ALL]:
+        table[shown] = {}
+        for name in methods:
+            rows = [row for row in found if row[1] == name and shown in (row[0], ALL)]
+            ms = round(1e3 * sum(spent for *_, spent in rows) / len(rows), 3)
+            table[shown][name] = {**total(error for _, _, error, _ in rows).to_json(), "ms": ms}
+    return table

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import Camera, Vehicle
@@ -60,12 +59,7 @@ def plain_shading(vehicle: Vehicle, camera_in_vehicle: Camera) -> PlainShading:
     width, height = camera_in_vehicle.width, camera_in_vehicle.height
     rows, columns = np.nonzero(surface.index >= 0)
     down, across = (rows + raster.y0) // SUBSAMPLES, (columns + raster.x0) // SUBSAMPLES
-    image = _mean_per_pixel(down * width + across, values, height * width).reshape(height, width, 5)
+    sums = [np.bincount(down * width + across, column, height * width) for column in values.T]  # sky counts as 0
+    image = (np.stack(sums, 1) / SUBSAMPLES**2).astype(np.float32).reshape(height, width, 5)
     found = torch.from_numpy(image.transpose(2, 0, 1).copy())
     return PlainShading(found[:1], found[1:4], found[4:])
-
-
-def _mean_per_pixel(pixels: NDArray[np.int64], values: NDArray[np.float64], count: int) -> NDArray[np.float32]:
-    """Values (N, C) of samples, averaged over each pixel's subsamples: (count, C); sky counts as 0."""
-    columns = [np.bincount(pixels, column, count) for column in values.T]
-    return np.asarray(np.stack(columns, 1) / SUBSAMPLES**2, np.float32)

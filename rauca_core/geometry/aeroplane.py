@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .assemble import AEROPLANE, assemble, profile_source, read_profile
+from .assemble import AEROPLANE, assemble, read_profile
 from .mesh import MeshParts
 from .solids import add_box, add_tube, lathe, monotone_curve, turned_along_x
 
@@ -32,12 +32,10 @@ def build_aeroplane(name: str) -> Vehicle:
     add_wing(half, np.array(profile["tailplane"]), "tailplane")
     _add_engine(half, profile["engine"])
     _add_wheel(half, profile["gear"]["main"])
-    whole = MeshParts()
-    whole.extend(half)
-    whole.extend(half.mirrored())
+    whole = half.both_sides()
     add_wing(whole, np.array(profile["fin"]), "fin")
     _add_wheel(whole, profile["gear"]["nose"])
-    return assemble(name, "airplane", whole, AEROPLANE, profile_source(name))
+    return assemble(name, "airplane", whole, AEROPLANE)
 
 
 def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:

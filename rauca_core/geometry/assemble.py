@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Collection, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from ..contract import Material, Vehicle
 from ..contract.assets import assets_folder
 from .mesh import MeshParts, crease_normals
-from .unwrap import ATLAS_SIZE, unwrap
+from .unwrap import unwrap
 
 PAINT = Material("paint", "paint", (0.26, 0.26, 0.26), roughness=0.35, coat=0.6)
 GLASS = Material("glass", "glass", (0.012, 0.014, 0.018), roughness=0.04)
@@ -43,10 +44,7 @@ CAR = [
     Material("ink", "other", (0.01, 0.01, 0.012), roughness=0.5),
 ]
 
-SHAPE = [
-    PAINT,
-    Material("bare", "other", (0.05, 0.05, 0.05), roughness=0.8),
-]
+SHAPE = [PAINT, Material("bare", "other", (0.05, 0.05, 0.05), roughness=0.8)]
 
 BOAT = [
     PAINT,
@@ -60,15 +58,7 @@ BOAT = [
     Material("seat", "other", (0.40, 0.38, 0.35), roughness=0.6),
 ]
 
-AEROPLANE = [
-    PAINT,
-    GLASS,
-    GAP,
-    DARK,
-    STEEL,
-    TYRE,
-]
-
+AEROPLANE = [PAINT, GLASS, GAP, DARK, STEEL, TYRE]
 
 CREASE_DEG = 38.0
 GRID_M = 2.0**-16  # vertices are rounded to this, so that every machine hands xatlas the same bits
@@ -77,12 +67,11 @@ LICENCE = "Apache-2.0"
 
 def read_profile(name: str) -> dict[str, Any]:
     """The profile tables of ``assets/vehicles/<name>.toml``."""
-    return tomllib.loads((assets_folder() / "vehicles" / f"{name}.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(_profile(name).read_text(encoding="utf-8"))
 
 
-def profile_source(name: str) -> str:
-    """What a vehicle built from :func:`read_profile` says of where it comes from."""
-    return f"rauca procedural {name} (assets/vehicles/{name}.toml)"
+def _profile(name: str) -> Path:
+    return assets_folder() / "vehicles" / f"{name}.toml"
 
 
 def assemble(
@@ -90,9 +79,7 @@ def assemble(
     category: str,
     parts: MeshParts,
     materials: Sequence[Material],
-    source: str,
     central: Collection[str] = (),
-    size: int = ATLAS_SIZE,
 ) -> Vehicle:
     """Weld, place, shade and unwrap a vehicle; deterministic.
 
@@ -102,12 +89,12 @@ def assemble(
         parts: faces named ``material`` or ``material/panel``; a painted panel is cut from all others in the UV atlas.
         materials: those that ``parts`` name, and perhaps more.
         central: panels that straddle the plane y = 0 whole; every other one is two, left and right.
-        size: of the atlas, texels.
 
     Raises:
         RaucaError: see :func:`unwrap`.
         ImportError: xatlas is not installed.
     """
+    profile = _profile(name)
     positions, triangles, names = parts.welded()
     positions = positions - [_middle(positions[:, 0]), _middle(positions[:, 1]), positions[:, 2].min()]
     positions = np.round(positions / GRID_M) * GRID_M
@@ -124,12 +111,12 @@ def assemble(
         material=np.array([index[kind] for kind in kinds], np.int16),
         materials=used,
         paint_mask=np.zeros((1, 1), np.uint8),
-        source=source,
+        source=f"rauca procedural {name}" + (f" (assets/vehicles/{profile.name})" if profile.is_file() else ""),
         licence=LICENCE,
     )
     left = (positions[triangles][..., 1].sum(axis=1) > 0) & ~np.isin(panels, list(central))
     groups = np.unique(np.char.add(panels, np.where(left, " left", "")), return_inverse=True)[1]
-    return unwrap(vehicle, size=size, groups=groups)
+    return unwrap(vehicle, groups=groups)
 
 
 def _middle(values: NDArray[np.float64]) -> float:

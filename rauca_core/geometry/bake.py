@@ -70,11 +70,11 @@ def carry(
         done += len(found.face)
         progress(0.5 * min(done / expected, 1.0))
     hit = hits > 0
-    fit = fit_texture(colors, hit, n, lambda share: progress(0.5 + 0.4 * share))
-    inside = slice(1, -1), slice(1, -1)
-    linear = fill_gaps(fit.linear[inside], fit.read[inside])
+    fitted, read = fit_texture(colors, hit, n, lambda share: progress(0.5 + 0.4 * share))
+    read = read[1:-1, 1:-1]
+    linear = fill_gaps(fitted[1:-1, 1:-1], read)
     progress(1.0)
-    return Carried(linear, fit.read[inside], float((hits > 1).sum() / max(hit.sum(), 1)))
+    return Carried(linear, read, float((hits > 1).sum() / max(hit.sum(), 1)))
 
 
 def samples_per_texel(

@@ -8,7 +8,6 @@ ask for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +18,9 @@ ITERATIONS = 8  # of conjugate gradients; more change less than 0.02 dB
 HOLD = 0.003  # how strongly a texel is held at its plain average, per sample of a full texel
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """``linear`` (H, W, 3) in [0, 1]; ``read`` (H, W) True on texels that some sample's interpolation reads."""
-
-    linear: NDArray[np.float32]
-    read: NDArray[np.bool_]
-
-
 def fit_texture(
     colors: NDArray[np.float16], hit: NDArray[np.bool_], per_texel: int, progress: Callable[[float], None]
-) -> Fit:
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Fit a texture to samples on a regular grid.
 
     Minimizes ``sum over samples of (bilinear(t) - c)^2 + hold * |t - average|^2`` by conjugate gradients, started from
@@ -40,6 +31,9 @@ def fit_texture(
             may not lie in the outermost texels: half of what it reads would be missing.
         hit: (H * n, W * n) True on samples that lie on the surface.
         progress: called with the finished share in [0, 1]; may raise to give up.
+
+    Returns:
+        The texture (H, W, 3) in [0, 1], and (H, W) True on texels that some sample's interpolation reads.
     """
     coupling = _coupling(hit, per_texel)
     weight = np.sum(list(coupling.values()), axis=0)
@@ -53,24 +47,17 @@ def fit_texture(
         fitted = _solve(coupling, wanted + hold * start, start, hold)
         linear[..., channel] = np.where(read, np.clip(fitted, 0, 1), 0)
         progress((channel + 1) / 3)
-    return Fit(linear, read)
-
-
-def _taps(phase: int, n: int) -> tuple[tuple[int, float], tuple[int, float]]:
-    """Offsets and weights of the two texels, along one axis, that a sample reads; its own texel is 0."""
-    place = (phase + 0.5) / n - 0.5
-    base = -1 if place < 0 else 0
-    return (base, 1 - (place - base)), (base + 1, place - base)
+    return linear, read
 
 
 def _phases(n: int) -> list[tuple[int, int, list[tuple[Offset, float]]]]:
     """For each sample of a texel: its place, and the four texels that it reads with their weights."""
-    result = []
-    for i in range(n):
-        for j in range(n):
-            taps = [((y, x), a * b) for y, a in _taps(i, n) for x, b in _taps(j, n)]
-            result.append((i, j, taps))
-    return result
+    along = []  # offsets and weights of the two texels that each sample reads along one axis
+    for place in ((phase + 0.5) / n - 0.5 for phase in range(n)):
+        base = -1 if place < 0 else 0
+        along.append(((base, 1 - (place - base)), (base + 1, place - base)))
+    cells = [(i, j) for i in range(n) for j in range(n)]
+    return [(i, j, [((y, x), a * b) for y, a in along[i] for x, b in along[j]]) for i, j in cells]
 
 
 def _coupling(hit: NDArray[np.bool_], n: int) -> dict[Offset, Plane]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .assemble import BOAT, assemble, profile_source, read_profile
+from .assemble import BOAT, assemble, read_profile
 from .mesh import MeshParts
 from .solids import add_box, add_tube, curve_through, turned_along_x
 
@@ -33,11 +33,9 @@ def build_boat(name: str) -> Vehicle:
         add_rail(half, sheer, rail)
     for x in profile["cradle"]["x"]:
         add_cradle(half, profile["cradle"], x)
-    whole = MeshParts()
-    whole.extend(half)
-    whole.extend(half.mirrored())
+    whole = half.both_sides()
     _add_central(whole, profile)
-    return assemble(name, "boat", whole, BOAT, profile_source(name), CENTRAL_PANELS)
+    return assemble(name, "boat", whole, BOAT, CENTRAL_PANELS)
 
 
 def _add_central(parts: MeshParts, profile: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .assemble import CAR, assemble, profile_source, read_profile
+from .assemble import CAR, assemble, read_profile
 from .car_body import SCREEN_LINE, CarBody, add_skin
 from .mesh import MeshParts
 from .solids import add_box, add_tube, lathe
@@ -34,13 +34,11 @@ def build_car(name: str) -> Vehicle:
         add_box(half, (x, y, z), (0.17, 0.030, 0.024), details["handle_material"], 0.008)
     if "roof_rail" in details:
         add_roof_rail(half, body.deck_line(SCREEN_LINE), details["roof_rail"])
-    whole = MeshParts()
-    whole.extend(half)
-    whole.extend(half.mirrored())
+    whole = half.both_sides()
     for plate, facing in (("front_plate", 1), ("rear_plate", -1)):
         x, z = details[plate]
         add_plate(whole, x, z, facing)
-    return assemble(name, "car", whole, CAR, profile_source(name), CENTRAL_PANELS)
+    return assemble(name, "car", whole, CAR, CENTRAL_PANELS)
 
 
 def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
@@ -48,32 +46,16 @@ def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:
     radius, rim, width = wheels["radius"], wheels["rim_radius"], wheels["width"] / 2
     center = np.array([x, wheels["half_track"], radius])
     wall = radius - rim
-    tyre = np.array(
-        [
-            [rim - 0.01, -width * 0.86],
-            [rim + 0.3 * wall, -width],
-            [radius - 0.28 * wall, -width * 0.98],
-            [radius - 0.06 * wall, -width * 0.80],
-            [radius, -width * 0.60],
-            [radius, width * 0.60],
-            [radius - 0.06 * wall, width * 0.80],
-            [radius - 0.28 * wall, width * 0.98],
-            [rim + 0.3 * wall, width],
-            [rim + 0.05 * wall, width * 0.93],
-            [rim, width * 0.86],
-        ]
-    )
+    shoulder, tread = radius - 0.28 * wall, radius - 0.06 * wall
+    tyre_radius = [rim - 0.01, rim + 0.3 * wall, shoulder, tread, radius, radius]
+    tyre_radius += [tread, shoulder, rim + 0.3 * wall, rim + 0.05 * wall, rim]
+    tyre_across = [-width * 0.86, -width, -width * 0.98, -width * 0.80, -width * 0.60, width * 0.60]
+    tyre_across += [width * 0.80, width * 0.98, width, width * 0.93, width * 0.86]
+    tyre = np.column_stack([tyre_radius, tyre_across])
     parts.grid(lathe(tyre, 48) + center, "tyre", flip=True)
-    lip = np.array(
-        [
-            [rim + 0.004, width * 0.84],
-            [rim + 0.004, width * 0.95],
-            [rim - 0.012, width * 0.96],
-            [rim - 0.022, width * 0.86],
-            [rim - 0.03, width * 0.2],
-            [rim - 0.03, -width * 0.3],
-        ]
-    )
+    lip_radius = [rim + 0.004, rim + 0.004, rim - 0.012, rim - 0.022, rim - 0.03, rim - 0.03]
+    lip_across = [width * 0.84, width * 0.95, width * 0.96, width * 0.86, width * 0.2, -width * 0.3]
+    lip = np.column_stack([lip_radius, lip_across])
     parts.grid(lathe(lip, 48) + center, "rim", flip=True)
     disc = np.array([[rim - 0.03, -width * 0.3], [0.16, -width * 0.28], [0.0, -width * 0.25]])
     parts.grid(lathe(disc, 48) + center, "dark", flip=True)

@@ -42,9 +42,10 @@ class MeshParts:
         flip = np.array([1.0, -1.0, 1.0])
         return MeshParts([(c * flip)[:, ::-1] for c in self._corners], list(self._names))
 
-    def extend(self, other: MeshParts) -> None:
-        self._corners += other._corners
-        self._names += other._names
+    def both_sides(self) -> MeshParts:
+        """These parts and their mirror image."""
+        other = self.mirrored()
+        return MeshParts(self._corners + other._corners, self._names + other._names)
 
     def welded(self) -> tuple[Points, NDArray[np.int32], NDArray[np.str_]]:
         """Vertices (V, 3), triangles (F, 3) and material names (F,); degenerate triangles are gone."""

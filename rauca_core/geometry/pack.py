@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError
-from .atlas import covered
+from .atlas import covered, signed_uv_area
 
 Points = NDArray[np.float64]
 Habit = tuple[tuple[float, float, float], str]
@@ -57,7 +57,7 @@ def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) 
         (F, 3, 2) UVs in [0, 1].
     """
     members = [uvs[chart == k] for k in range(int(chart.max()) + 1)]
-    area = sum(_area(m) for m in members)
+    area = sum(float(np.abs(signed_uv_area(m)).sum()) for m in members)
     low, high = 0.0, 0.9  # of the page filled by charts
     best = None
     gap = -(-padding // CELL_TEXELS)
@@ -101,7 +101,7 @@ def _place_all(
     taken = np.zeros((cells, cells), np.bool_)
     result: list[Points | None] = [None] * len(members)
     weights, order = habit
-    big = [_area(m) if order == "area" else float(np.ptp(m, axis=(0, 1)).max()) for m in members]
+    big = [np.abs(signed_uv_area(m)).sum() if order == "area" else np.ptp(m, axis=(0, 1)).max() for m in members]
     for k in sorted(range(len(members)), key=lambda i: -round(big[i], 4)):
         spot = _best_spot(rotations(k), taken, weights)
         if spot is None:
@@ -225,8 +225,3 @@ def _lean(points: Points) -> float:
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     x, y = flat[:, 0] * c + flat[:, 1] * s, flat[:, 1] * c - flat[:, 0] * s
     return float(angles[np.argmin(np.round(np.ptp(x, axis=1) * np.ptp(y, axis=1), 6))])
-
-
-def _area(uvs: Points) -> float:
-    one, two = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
-    return float(np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum() / 2)

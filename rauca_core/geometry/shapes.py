@@ -20,7 +20,7 @@ def build_shape(name: str) -> Vehicle:
     """Build and unwrap one of :data:`SHAPES`; deterministic."""
     parts = {"cylinder": _cylinder, "cube": _cube, "sphere": _sphere}[name]()
     whole = () if name == "sphere" else _PANELS  # half a side of the sphere flattens with little stretch, a whole not
-    return assemble(name, "shape", parts, SHAPE, f"rauca procedural {name}", whole)
+    return assemble(name, "shape", parts, SHAPE, whole)
 
 
 _SIDES = {  # of a cube: its outward axis and the two that span it, in counter-clockwise order

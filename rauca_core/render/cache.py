@@ -6,7 +6,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -14,8 +14,7 @@ import numpy as np
 
 from ..contract import Camera, RaucaError, Vehicle
 from .mipmap import Pyramid
-from .sampler import Sampler
-from .taps import TAP_FORMAT, Taps, build_taps
+from .taps import TAP_FORMAT, Taps
 
 
 class TapRecipe(Protocol):
@@ -30,24 +29,6 @@ class TapRecipe(Protocol):
     def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
         """The taps of one view."""
         ...
-
-
-@dataclass(frozen=True)
-class TapSettings:
-    """Taps on the UV map; see :func:`taps.build_taps`."""
-
-    size: int
-    samples: int = 12
-    filter: str = "blackman-harris"
-    pattern: str = "lattice"
-    thinning: float | None = None
-    sampler: Sampler = Sampler.AREA
-
-    def pyramid(self, vehicle: Vehicle) -> Pyramid:
-        return Pyramid.of(vehicle, self.size)
-
-    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
-        return build_taps(vehicle, camera_in_vehicle, pyramid=pyramid, **asdict(self))
 
 
 class TapCache:

@@ -4,6 +4,9 @@ Every face owns ts^3 cells, addressed by its barycentrics times ts - 1. The pape
 (its Algorithms 1 and 2), and Neural Renderer then reads pixels from the cells. All three steps are linear and depend on
 geometry only, so each is an operator here; the published code works them out at every step.
 
+DAS and FCA optimize the cells themselves, without a UV map in between. To deploy such a texture it is baked: every
+texel of the atlas reads the cells of the face under it.
+
 Cell (m, x, y, z) is row ``((m * ts + x) * ts + y) * ts + z``. Texel (row, column) of the map is column
 ``row * size + column``. Map coordinates follow this project, not the published code: u * size - 0.5, row 0 at the top,
 clamped to the map. Faces that are mirrored in the atlas are used like any other; the published code skips them.
@@ -11,18 +14,25 @@ clamped to the map. Faces that are mirrored in the atlas are used like any other
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import RaucaError, Vehicle
+from ..contract import Camera, RaucaError, Vehicle
 from .lookup import Fragments
 from .mipmap import Pyramid
-from .raster.rasterize import rasterize_atlas
+from .onto_atlas import read_on_atlas
+from .raster.pattern import pattern
+from .raster.rasterize import Raster, rasterize_atlas
 from .sparse import SparseOperator, from_triplets
 from .surface import Array, Surface, find_surface, mask_at
+from .taps import Taps, filter_view
 
 Float = type[np.floating]
 
+TEXTURE_SIZE = 6  # ts of T_fc in DAS, FCA and the paper's published code
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
@@ -124,11 +134,12 @@ def facet_fragments(vehicle: Vehicle, surface: Surface, ts: int, rank: NDArray[n
     Args:
         rank: (F,) place of each face among those whose cells are numbered; the fragments' "texels" are those cells.
     """
-    check_texture_size(int(rank.max(initial=0)) + 1, ts)
+    number = int(rank.max(initial=0)) + 1
+    check_texture_size(number, ts)
     cells, weights = _around(surface.barycentrics, ts)
     cells += rank[surface.faces][:, None] * ts**3
     paint = mask_at(vehicle.paint_mask, np.clip(surface.interpolate(vehicle.uvs), 0.0, 1.0))
-    return Fragments(surface.index, cells.astype(np.int32), weights.astype(np.float32), paint)
+    return Fragments(surface.index, cells.astype(np.int32), weights.astype(np.float32), paint, number * ts**3)
 
 
 def onto_pyramid(operator: SparseOperator, pyramid: Pyramid) -> SparseOperator:
@@ -153,3 +164,75 @@ def _around(barycentrics: Array, ts: int) -> tuple[NDArray[np.int64], Array]:
     cells = (low[:, None, :] + CORNERS) @ np.array([ts * ts, ts, 1])
     fraction = (point - low)[:, None, :]
     return cells, np.where(CORNERS, fraction, 1 - fraction).prod(2)
+
+
+def cells_pyramid(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> Pyramid:
+    """The cells of the paint faces as a list without coarser levels; cell c of paint face m is m * ts^3 + c.
+
+    Raises:
+        RaucaError: a texture size below 2, or so large that the cells cannot be counted.
+    """
+    faces = int(vehicle.paint_faces().sum())
+    check_texture_size(faces, texture_size)
+    count = faces * texture_size**3
+    side = math.isqrt(count) | 1  # odd: nothing to halve
+    side += 2 * (side**2 < count)
+    return Pyramid((np.arange(side**2) < count).astype(np.float32).reshape(side, side))
+
+
+@dataclass(frozen=True)
+class FacetSettings:
+    """Taps on the cells; samples and filter as in `build_taps`. The defaults are Neural Renderer's: 2 x 2, averaged."""
+
+    samples: int = 2
+    filter: str = "box"
+    texture_size: int = TEXTURE_SIZE
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return cells_pyramid(vehicle, self.texture_size)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        """The taps of one view from the cells of :func:`cells_pyramid`.
+
+        Raises:
+            RaucaError: unknown filter, too many samples.
+        """
+
+        def look(raster: Raster) -> Fragments:
+            surface = find_surface(raster, vehicle.paint_faces())
+            return facet_fragments(vehicle, surface, self.texture_size, _ranks(vehicle))
+
+        return filter_view(vehicle, camera_in_vehicle, pyramid, look, pattern(self.samples), self.filter)
+
+
+def bake_facets(vehicle: Vehicle, atlas: Pyramid, cells: Pyramid, texture_size: int = TEXTURE_SIZE) -> SparseOperator:
+    """From the cells to the paintable texels of the UV atlas: the facet texture as a UV map.
+
+    What is lost: a texel on the seam of two faces is the mean of both; views then filter texels, not cells.
+
+    Raises:
+        RaucaError: an atlas of another vehicle.
+    """
+    ranks = _ranks(vehicle)
+
+    def look(surface: Surface) -> tuple[NDArray[np.int32], Array]:
+        found = facet_fragments(vehicle, surface, texture_size, ranks)
+        return found.texels, found.weights.astype(np.float64)
+
+    return read_on_atlas(vehicle, atlas, cells, look)
+
+
+def cell_positions(vehicle: Vehicle, texture_size: int = TEXTURE_SIZE) -> NDArray[np.float32]:
+    """Where on the body each cell lies, metres: (paint faces * ts^3, 3), in the vehicle's frame.
+
+    The cell (0, 0, 0), which stands for no point, is put at the face's center.
+    """
+    points = cell_points(texture_size)
+    points[points.sum(1) == 0] = 1 / 3
+    corners = vehicle.positions[vehicle.triangles[vehicle.paint_faces()]]
+    return np.einsum("ck,fkd->fcd", points.astype(np.float32), corners).reshape(-1, 3)
+
+
+def _ranks(vehicle: Vehicle) -> NDArray[np.int64]:
+    """(F,) place of each face among the paint faces."""
+    return np.asarray(np.cumsum(vehicle.paint_faces()) - 1, np.int64)

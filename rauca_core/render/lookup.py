@@ -16,6 +16,7 @@ from .kernels import njit
 from .mipmap import Pyramid
 from .raster.pattern import PLACES
 from .raster.rasterize import Raster
+from .sparse import SparseOperator
 from .surface import Array, Surface, bilinear_mask, mask_at
 
 Ints = NDArray[np.int64]
@@ -26,19 +27,24 @@ _NOTHING = 1e-6  # total weight below which a lookup met no paintable texel
 
 @dataclass(frozen=True, eq=False)
 class Fragments:
-    """Painted fragments of one view.
+    """What the painted samples of one view read.
 
     Attributes:
         index: (h, w) int32 over the raster's window, the fragment of a sample or -1.
-        texels: (N, K) int32 places in the pyramid's list; unused ones have weight 0.
+        texels: (N, K) int32 places in a list of ``columns`` values; unused ones have weight 0.
         weights: (N, K) float32, each row sums to 1.
         paint: (N,) float32 paint mask in [0, 1] at the fragment.
+        columns: length of that list: the pyramid's texels, or the cells of faces.
+        inner: None, or the operator (columns, T) from the pyramid's texels to the cells. Its rows sum to 1, or are
+            empty for black cells: `sparse.compose` puts it behind the rows of the pixels.
     """
 
     index: NDArray[np.int32]
     texels: NDArray[np.int32]
     weights: NDArray[np.float32]
     paint: NDArray[np.float32]
+    columns: int
+    inner: SparseOperator | None = None
 
 
 def area_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragments:
@@ -61,6 +67,7 @@ def area_fragments(vehicle: Vehicle, raster: Raster, pyramid: Pyramid) -> Fragme
         np.zeros((number, TEXELS * probes**2), np.int32),
         np.zeros((number, TEXELS * probes**2), np.float32),
         np.zeros(number, np.float32),
+        pyramid.count,
     )
     _look_up(
         (index, raster.face_ids, raster.planes),
@@ -141,7 +148,7 @@ def bilinear_fragments(vehicle: Vehicle, surface: Surface, pyramid: Pyramid) -> 
     """
     uv = surface.interpolate(vehicle.uvs)
     texels, weights = read_level(pyramid, np.zeros(len(uv), np.int64), uv, by_coverage=False)
-    return _fragments(vehicle, surface, uv, texels, weights)
+    return _fragments(vehicle, surface, pyramid, uv, texels, weights)
 
 
 def trilinear_fragments(vehicle: Vehicle, surface: Surface, pyramid: Pyramid) -> Fragments:
@@ -152,27 +159,25 @@ def trilinear_fragments(vehicle: Vehicle, surface: Surface, pyramid: Pyramid) ->
     weighted by coverage, where the original mixes gutters into its coarse levels.
     """
     uv = surface.interpolate(vehicle.uvs)
-    blur = np.log2(np.maximum(longest_axis(surface.differentiate(vehicle.uvs)) * pyramid.size, 1e-9))
+    jacobian = surface.differentiate(vehicle.uvs)
+    square = (jacobian**2).sum((1, 2))
+    area = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
+    longest = np.sqrt(0.5 * (square + np.sqrt(np.maximum(square**2 - 4 * area**2, 0.0))))  # the largest singular value
+    blur = np.log2(np.maximum(longest * pyramid.size, 1e-9))
     blur = np.clip(blur, 0.0, len(pyramid.sizes) - 1.0)
     fine = np.minimum(blur.astype(np.int64), max(len(pyramid.sizes) - 2, 0))
     coarse, share = np.minimum(fine + 1, len(pyramid.sizes) - 1), (blur - fine)[:, None]
     near, near_weights = read_level(pyramid, fine, uv)
     far, far_weights = read_level(pyramid, coarse, uv)
     weights = np.concatenate([near_weights * (1 - share), far_weights * share], 1)
-    return _fragments(vehicle, surface, uv, np.concatenate([near, far], 1), weights)
+    return _fragments(vehicle, surface, pyramid, uv, np.concatenate([near, far], 1), weights)
 
 
-def longest_axis(jacobian: Array) -> Array:
-    """Largest singular value (N,) of 2x2 matrices (N, 2, 2): the longest axis of a footprint."""
-    square = (jacobian**2).sum((1, 2))
-    area = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
-    root = np.sqrt(np.maximum(square**2 - 4 * area**2, 0.0))
-    return np.asarray(np.sqrt(0.5 * (square + root)))
-
-
-def _fragments(vehicle: Vehicle, surface: Surface, uv: Array, texels: NDArray[np.int32], weights: Array) -> Fragments:
-    paint = mask_at(vehicle.paint_mask, np.clip(uv, 0.0, 1.0))
-    return Fragments(surface.index, texels, weights.astype(np.float32), paint * (weights.sum(1) > 0))
+def _fragments(
+    vehicle: Vehicle, surface: Surface, pyramid: Pyramid, uv: Array, texels: NDArray[np.int32], weights: Array
+) -> Fragments:
+    paint = mask_at(vehicle.paint_mask, np.clip(uv, 0.0, 1.0)) * (weights.sum(1) > 0)
+    return Fragments(surface.index, texels, weights.astype(np.float32), paint, pyramid.count)
 
 
 def read_level(

@@ -35,7 +35,7 @@ class Rows(NamedTuple):
 
 
 def merge_pixels(
-    found: Fragments, raster: Raster, camera: Camera, table: NDArray[np.float64], count: int, thinning: Thinning
+    found: Fragments, raster: Raster, camera: Camera, table: NDArray[np.float64], thinning: Thinning
 ) -> Rows:
     """Filter the fragments of a view into pixels, one row for each with any paint, and merge taps on the same texel.
 
@@ -46,13 +46,12 @@ def merge_pixels(
         raster: with a margin no smaller than the filter's reach.
         camera: whose image it is.
         table: weights of the pixel filter, see `filters.filter_table`.
-        count: how many columns the fragments' texels index.
         thinning: of each row as it is done: whole rows of all pixels at once would take gigabytes.
     """
     pattern = raster.pattern
     place = (raster.x0, raster.y0, pattern.columns, pattern.rows, raster.margin, camera.width, camera.height)
     read = found.index, found.texels, found.weights, found.paint
-    return Rows(*_merge(read, place, table, pattern.stride, count, thinning))
+    return Rows(*_merge(read, place, table, pattern.stride, found.columns, thinning))
 
 
 @njit(cache=True, nogil=True)

@@ -19,9 +19,8 @@ from torch import Tensor
 
 from ..contract import RaucaError, Vehicle
 from .kernels import njit
-from .lanes import CHANNELS, add, black, load, store
 from .raster.rasterize import rasterize_atlas
-from .sparse import SparseOperator, apply_many, gather, scatter, with_rows
+from .sparse import CHANNELS, SparseOperator, apply_many, gather, scatter, with_rows
 
 DILATION_ROUNDS = 8  # texels around each chart that the renderer's bilinear filter and coarse mips may touch
 SUBSAMPLES = 2  # squared, per texel of the map; partly covered texels only need a rough weight
@@ -211,28 +210,37 @@ class _Climb(torch.autograd.Function):
 @njit(cache=True, nogil=True)
 def climb(texels: Any, every: Any, parent: Any, share: Any) -> None:
     """All levels ``every`` (T, 3 or more) of ``texels`` (P, 3)."""
-    finest = texels.shape[0]
+    finest = np.uint64(texels.shape[0])
     every[finest:] = 0
-    for t in range(every.shape[0]):
+    for t in range(np.uint64(every.shape[0])):
+        source = texels[t] if t < finest else every[t]
+        red, green, blue = source[0], source[1], source[2]
         if t < finest:
-            store(every, t, load(texels, t))
-        p = parent[t]
-        if p >= 0:
-            store(every, p, add(load(every, p), share[t], load(every, t)))
+            every[t, 0], every[t, 1], every[t, 2] = red, green, blue
+        if parent[t] >= 0:
+            p, part = np.uint32(parent[t]), share[t]
+            every[p, 0] += part * red
+            every[p, 1] += part * green
+            every[p, 2] += part * blue
 
 
 @njit(cache=True, nogil=True)
 def hand_down(every: Any, parent: Any, share: Any, texels: Any) -> None:
     """Gradient on the ``texels`` (P, 3) from gradients on ``every`` level (T, 3 or more), which is left all zero."""
-    finest = texels.shape[0]
-    for t in range(every.shape[0] - 1, -1, -1):
-        p = parent[t]
-        total = add(load(every, t), share[t], load(every, p)) if p >= 0 else load(every, t)
-        if t >= finest:
-            store(every, t, total)
+    finest = np.uint64(texels.shape[0])
+    for n in range(every.shape[0]):
+        t = np.uint64(every.shape[0] - 1 - n)
+        red, green, blue = every[t, 0], every[t, 1], every[t, 2]
+        if parent[t] >= 0:
+            p, part = np.uint32(parent[t]), share[t]
+            red += part * every[p, 0]
+            green += part * every[p, 1]
+            blue += part * every[p, 2]
+        if t < finest:
+            texels[t, 0], texels[t, 1], texels[t, 2] = red, green, blue
+            every[t, 0] = every[t, 1] = every[t, 2] = 0
         else:
-            store(texels, t, total)
-            store(every, t, black())
+            every[t, 0], every[t, 1], every[t, 2] = red, green, blue
     every[finest:] = 0
 
 

@@ -50,8 +50,8 @@ def read_on_atlas(vehicle: Vehicle, atlas: Pyramid, colors: Pyramid, look: Look)
         surface = find_surface(raster, paint)
         places, weights = look(surface)
         solid = np.ones(len(places), np.float32)  # paint that the mask halves has its full color
-        found = Fragments(surface.index, places, weights.astype(np.float32), solid)
-        read = merge_pixels(found, raster, texels_as_pixels, table, colors.count, thinning)
+        found = Fragments(surface.index, places, weights.astype(np.float32), solid, colors.count)
+        read = merge_pixels(found, raster, texels_as_pixels, table, thinning)
         parts.append(_paintable_rows(read, atlas))
     if not parts or not np.array_equal(np.concatenate([part[0] for part in parts]), atlas.texels):
         raise RaucaError("texture: the atlas holds texels that no paint face covers; give the pyramid of this vehicle")

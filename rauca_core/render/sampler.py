@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Vehicle
-from .facets import facet_fragments, onto_pyramid, tensor_traversal, uv_traversal
+from ..contract import Camera, Vehicle
+from .facets import TEXTURE_SIZE, facet_fragments, onto_pyramid, tensor_traversal, uv_traversal
 from .lookup import Fragments, area_fragments, bilinear_fragments, trilinear_fragments
 from .mipmap import Pyramid
+from .raster.pattern import pattern as subsample_pattern
 from .raster.rasterize import Raster
 from .sparse import SparseOperator
 from .surface import find_surface
+from .taps import Taps, filter_view
 
-TEXTURE_SIZE = 6  # ts of T_fc in DAS, FCA and the paper's published code
+COARSEST = 1e-3  # thinning at one sample
+THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
 
 
 class Sampler(StrEnum):
@@ -44,29 +47,13 @@ class Sampler(StrEnum):
         return self in (Sampler.TENSOR_TRAVERSAL, Sampler.UV_TRAVERSAL)
 
 
-@dataclass(frozen=True, eq=False)
-class Lookup:
-    """What the samples of one view read.
-
-    Attributes:
-        fragments: of the painted samples; their "texels" are places in a list of ``columns`` values.
-        columns: length of that list: the pyramid's texels, or the cells of the visible faces.
-        inner: None, or the operator (columns, T) from the pyramid's texels to the cells. Its rows sum to 1, or are
-            empty for black cells: `sparse.compose` puts it behind the rows of the pixels.
-    """
-
-    fragments: Fragments
-    columns: int
-    inner: SparseOperator | None = None
-
-
 def look_up(
     vehicle: Vehicle,
     raster: Raster,
     pyramid: Pyramid,
     sampler: Sampler = Sampler.AREA,
     texture_size: int = TEXTURE_SIZE,
-) -> Lookup:
+) -> Fragments:
     """Find what every painted sample of a view reads.
 
     Args:
@@ -80,18 +67,18 @@ def look_up(
         RaucaError: a texture size below 2, or so large that the cells cannot be counted.
     """
     if sampler == Sampler.AREA:
-        return Lookup(area_fragments(vehicle, raster, pyramid), pyramid.count)
+        return area_fragments(vehicle, raster, pyramid)
     paint = vehicle.paint_faces()
     surface = find_surface(raster, paint)
     if sampler == Sampler.BILINEAR:
-        return Lookup(bilinear_fragments(vehicle, surface, pyramid), pyramid.count)
+        return bilinear_fragments(vehicle, surface, pyramid)
     if sampler == Sampler.TRILINEAR:
-        return Lookup(trilinear_fragments(vehicle, surface, pyramid), pyramid.count)
+        return trilinear_fragments(vehicle, surface, pyramid)
     seen = np.zeros(len(paint), bool)
     seen[surface.faces] = True  # cells of other faces are of no use to this view
     inner = facet_operator(vehicle, pyramid, sampler, texture_size, seen)
-    rank = np.cumsum(seen) - 1
-    return Lookup(facet_fragments(vehicle, surface, texture_size, rank), inner.shape[0], inner)
+    found = facet_fragments(vehicle, surface, texture_size, np.cumsum(seen) - 1)
+    return replace(found, columns=inner.shape[0], inner=inner)
 
 
 def facet_operator(
@@ -111,3 +98,68 @@ def facet_operator(
     else:
         cells = uv_traversal(uvs, pyramid.size, texture_size, faces=place)
     return onto_pyramid(cells, pyramid)
+
+
+def build_taps(
+    vehicle: Vehicle,
+    camera_in_vehicle: Camera,
+    size: int,
+    samples: int = 4,
+    filter: str = "blackman-harris",
+    pyramid: Pyramid | None = None,
+    pattern: str = "lattice",
+    thinning: float | None = None,
+    sampler: Sampler = Sampler.AREA,
+) -> Taps:
+    """Compute the taps of one view.
+
+    All faces hide what lies behind them; only paint faces give taps.
+
+    Args:
+        vehicle: with its paint mask.
+        camera_in_vehicle: the camera in the vehicle's own frame, see ``Frame.camera_in_vehicle``.
+        size: side of the UV map, texels.
+        samples: a pixel has about ``samples`` x ``samples`` subsamples.
+        filter: the pixel filter of the renderer that made the frame, one of ``filters.FILTERS``.
+        pyramid: the vehicle's at ``size``, when at hand; built otherwise.
+        pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
+        thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap. None takes what
+            fits the samples: the fewer they are, the less their taps need to be exact.
+        sampler: how a subsample reads the map: ours, or a renderer of the literature, whose taps are not thinned.
+
+    Raises:
+        RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
+    """
+    pyramid = pyramid or Pyramid.of(vehicle, size)
+    if sampler != Sampler.AREA:
+        thinning = 0.0
+    elif thinning is None:
+        thinning = usual_thinning(samples)
+
+    def look(raster: Raster) -> Fragments:
+        return look_up(vehicle, raster, pyramid, sampler)
+
+    return filter_view(vehicle, camera_in_vehicle, pyramid, look, subsample_pattern(samples, pattern), filter, thinning)
+
+
+def usual_thinning(samples: int) -> float:
+    """The price of a tap that fits ``samples`` x ``samples``: its error stays below that of so few samples."""
+    return min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
+
+
+@dataclass(frozen=True)
+class TapSettings:
+    """Taps on the UV map; see :func:`build_taps`."""
+
+    size: int
+    samples: int = 12
+    filter: str = "blackman-harris"
+    pattern: str = "lattice"
+    thinning: float | None = None
+    sampler: Sampler = Sampler.AREA
+
+    def pyramid(self, vehicle: Vehicle) -> Pyramid:
+        return Pyramid.of(vehicle, self.size)
+
+    def build(self, vehicle: Vehicle, camera_in_vehicle: Camera, pyramid: Pyramid) -> Taps:
+        return build_taps(vehicle, camera_in_vehicle, pyramid=pyramid, **asdict(self))

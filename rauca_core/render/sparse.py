@@ -9,14 +9,19 @@ from typing import Any
 
 import numpy as np
 import torch
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ..contract import RaucaError
 from .kernels import njit
-from .lanes import AHEAD, CHANNELS, add, black, is_black, load, prefetch, store
 
 Ints = NDArray[np.int32]
+CHANNELS = 3
+AHEAD = 256  # taps: 16 KiB of texels on their way
 
 
 class SparseOperator:
@@ -127,28 +132,60 @@ def scatter(operators: Sequence[SparseOperator], gradient: Tensor, sums: NDArray
         start += op.shape[0]
 
 
+@intrinsic  # numba passes the first argument itself
+def _prefetch(_context: Any, array: Any, row: Any) -> Any:
+    """Start to fetch ``array[row]`` of a 2-D array without waiting; ``row`` must lie inside.
+
+    Taps read texels all over a list of tens of megabytes, and a step of the optimizer between two reads has emptied the
+    caches: a kernel then waits for memory at every tap. The addresses are known long before, so it asks AHEAD.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array_type, row_type = signature.args
+        memory = context.make_array(array_type)(context, builder, arguments[0])
+        stride = cgutils.unpack_tuple(builder, memory.strides, 2)[0]
+        offset = builder.mul(context.cast(builder, arguments[1], row_type, types.intp), stride)
+        place = builder.add(builder.ptrtoint(memory.data, stride.type), offset)
+        address, number = builder.inttoptr(place, ir.PointerType(ir.IntType(8))), ir.IntType(32)
+        of_type = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        instruction = cgutils.get_or_insert_function(builder.module, of_type, "llvm.prefetch.p0")
+        builder.call(instruction, [address, number(0), number(3), number(1)])  # to read, into all caches, data
+        return context.get_dummy_value()
+
+    return types.void(array, row), generate
+
+
+prefetch: Any = _prefetch
+
+
+# Places in arrays are unsigned: of every signed one numba asks whether it counts from the end.
 @njit(cache=True, nogil=True)
 def _gather(indptr: Any, columns: Any, weights: Any, values: Any, result: Any) -> None:
     last = columns.shape[0] - 1
-    for row in range(result.shape[0]):
-        total = black()
-        # Unsigned: of every signed place numba asks whether it counts from the end.
-        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + 1])):
+    for row in range(np.uint64(result.shape[0])):
+        red = green = blue = 0.0
+        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + np.uint64(1)])):
             prefetch(values, columns[np.uint64(min(np.int64(k) + AHEAD, last))])
-            total = add(total, weights[k], load(values, columns[k]))
-        store(result, row, total)
+            texel, weight = np.uint32(columns[k]), weights[k]
+            red += weight * values[texel, 0]
+            green += weight * values[texel, 1]
+            blue += weight * values[texel, 2]
+        result[row, 0], result[row, 1], result[row, 2] = red, green, blue
 
 
 @njit(cache=True, nogil=True)
 def _scatter(indptr: Any, columns: Any, weights: Any, gradient: Any, sums: Any) -> None:
     last = columns.shape[0] - 1
-    for row in range(gradient.shape[0]):
-        asked = load(gradient, row)
-        if is_black(asked):
+    for row in range(np.uint64(gradient.shape[0])):
+        red, green, blue = gradient[row, 0], gradient[row, 1], gradient[row, 2]
+        if red == 0.0 and green == 0.0 and blue == 0.0:
             continue
-        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + 1])):
+        for k in range(np.uint64(indptr[row]), np.uint64(indptr[row + np.uint64(1)])):
             prefetch(sums, columns[np.uint64(min(np.int64(k) + AHEAD, last))])
-            store(sums, columns[k], add(load(sums, columns[k]), weights[k], asked))
+            texel, weight = np.uint32(columns[k]), weights[k]
+            sums[texel, 0] += weight * red
+            sums[texel, 1] += weight * green
+            sums[texel, 2] += weight * blue
 
 
 def compose(outer: SparseOperator, inner: SparseOperator) -> SparseOperator:

@@ -17,19 +17,17 @@ from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle
 from ..contract.files import write_bytes
-from .encoding import decode, encode, from_fractions, quantize_rows, to_fractions
+from .kernels import njit
+from .lookup import Fragments
 from .merge import Rows, fill_fringe, merge_pixels
 from .mipmap import Pyramid
 from .raster.pattern import Pattern, filter_table
-from .raster.pattern import pattern as subsample_pattern
 from .raster.rasterize import Raster, rasterize
-from .sampler import Lookup, Sampler, look_up
 from .sparse import SparseOperator, compose
 from .thin import Thinning
 
-TAP_FORMAT = 4  # of the file and of what is computed: a change of either makes old files, and checkpoints, stale
-COARSEST = 1e-3  # thinning at one sample
-THINNING = 1e-5  # from 4 x 4 subsamples up: 8 x 8 keep half their taps and 50 dB against Cycles
+TAP_FORMAT = 5  # of the file and of what is computed: a change of either makes old files, and checkpoints, stale
+UNIT = 65535
 
 
 @dataclass(eq=False)
@@ -76,10 +74,15 @@ class Taps:
         return flat.index_copy(1, index, colors.T).reshape(3, self.height, self.width)
 
     def save(self, path: Path, key: str = "") -> None:
-        """Write one .safetensors file, atomically. ``key`` names what the taps were built from."""
+        """Write one .safetensors file, atomically. ``key`` names what the taps were built from.
+
+        Weights and coverage are 16-bit fractions; those of a row keep its sum, see :func:`quantize_rows`.
+        """
         rows = self.rows
         arrays: dict[str, NDArray[Any]] = {
-            "places": encode(self.pixels, rows.indptr, rows.columns),
+            "pixels": self.pixels,
+            "indptr": rows.indptr,
+            "columns": rows.columns,
             "weights": to_fractions(rows.weights),
             "alpha": to_fractions(self.alpha),
         }
@@ -104,20 +107,32 @@ class Taps:
             raise RaucaError(f"{path}: not readable as taps ({error}); remove the file") from None
         if metadata.get("format") != str(TAP_FORMAT) or metadata.get("key") != key:
             raise RaucaError(f"{path}: taps of another view or another version of rauca; remove the file")
-        if set(arrays) != {"places", "weights", "alpha"} or metadata.get("checksum") != _checksum(arrays):
+        if metadata.get("checksum") != _checksum(arrays):
             raise RaucaError(f"{path}: damaged taps; remove the file")
-        width, height, texels = (_count(metadata.get(name, "")) for name in ("width", "height", "texels"))
-        places = decode(arrays["places"], len(arrays["alpha"]), len(arrays["weights"]), width * height, texels)
-        if min(width, height, texels) < 0 or places is None:
+        try:
+            width, height, texels = (int(metadata[name]) for name in ("width", "height", "texels"))
+            pixels, indptr, columns = (arrays[name] for name in ("pixels", "indptr", "columns"))
+            alpha, weights = from_fractions(arrays["alpha"]), from_fractions(arrays["weights"])
+            kinds = [array.dtype for array in (pixels, indptr, columns, alpha, weights)]
+            inside = (
+                kinds == [np.int32, np.int64, np.int32, np.float32, np.float32]
+                and 0 <= min(width, height, texels) <= max(width, height, texels) < 2**31
+                and pixels.shape == alpha.shape == (len(indptr) - 1,)
+                and columns.shape == weights.shape == (indptr[-1],)
+                and indptr[0] == 0
+                and bool((np.diff(indptr) >= 0).all() and (np.diff(pixels) > 0).all())
+                and _within(pixels, width * height)
+                and _within(columns, texels)
+            )
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise RaucaError(f"{path}: damaged taps ({error}); remove the file") from None
+        if not inside:  # kernels read without bounds checks
             raise RaucaError(f"{path}: damaged taps; remove the file")
-        pixels, indptr, columns = places
-        operator = SparseOperator(indptr, columns, from_fractions(arrays["weights"]), texels)
-        return Taps(width, height, pixels, from_fractions(arrays["alpha"]), operator)
+        return Taps(width, height, pixels, alpha, SparseOperator(indptr, columns, weights, texels))
 
 
-def _count(text: str) -> int:
-    """A whole number below 2^31; -1 for anything else."""
-    return int(text) if text.isascii() and text.isdigit() and len(text) <= 9 else -1
+def _within(places: NDArray[np.int32], count: int) -> bool:
+    return bool(places.min(initial=0) >= 0 and places.max(initial=-1) < count)
 
 
 def _checksum(arrays: dict[str, NDArray[Any]]) -> str:
@@ -127,53 +142,11 @@ def _checksum(arrays: dict[str, NDArray[Any]]) -> str:
     return f"{total:08x}"
 
 
-def build_taps(
-    vehicle: Vehicle,
-    camera_in_vehicle: Camera,
-    size: int,
-    samples: int = 4,
-    filter: str = "blackman-harris",
-    pyramid: Pyramid | None = None,
-    pattern: str = "lattice",
-    thinning: float | None = None,
-    sampler: Sampler = Sampler.AREA,
-) -> Taps:
-    """Compute the taps of one view.
-
-    All faces hide what lies behind them; only paint faces give taps.
-
-    Args:
-        vehicle: with its paint mask.
-        camera_in_vehicle: the camera in the vehicle's own frame, see ``Frame.camera_in_vehicle``.
-        size: side of the UV map, texels.
-        samples: a pixel has about ``samples`` x ``samples`` subsamples.
-        filter: the pixel filter of the renderer that made the frame, one of ``filters.FILTERS``.
-        pyramid: the vehicle's at ``size``, when at hand; built otherwise.
-        pattern: how the subsamples lie, one of ``pattern.PATTERNS``.
-        thinning: squared weight error that saving one tap is worth, see `thin`; 0 keeps every tap. None takes what
-            fits the samples: the fewer they are, the less their taps need to be exact.
-        sampler: how a subsample reads the map: ours, or a renderer of the literature, whose taps are not thinned.
-
-    Raises:
-        RaucaError: unknown filter or pattern, too many samples, nothing paintable at this size.
-    """
-    pyramid = pyramid or Pyramid.of(vehicle, size)
-    if sampler != Sampler.AREA:
-        thinning = 0.0
-    elif thinning is None:
-        thinning = usual_thinning(samples)
-
-    def look(raster: Raster) -> Lookup:
-        return look_up(vehicle, raster, pyramid, sampler)
-
-    return filter_view(vehicle, camera_in_vehicle, pyramid, look, subsample_pattern(samples, pattern), filter, thinning)
-
-
 def filter_view(
     vehicle: Vehicle,
     camera: Camera,
     pyramid: Pyramid,
-    look: Callable[[Raster], Lookup],
+    look: Callable[[Raster], Fragments],
     rule: Pattern,
     filter: str,
     thinning: float = 0.0,
@@ -187,7 +160,7 @@ def filter_view(
     raster = rasterize(vehicle.positions, vehicle.triangles, camera, margin=reach, pattern=rule)
     found = look(raster)
     price = Thinning.of(pyramid.tree, thinning)
-    rows = merge_pixels(found.fragments, raster, camera, table, found.columns, price)
+    rows = merge_pixels(found, raster, camera, table, price)
     rows = fill_fringe(rows, camera, 1.0 / rule.number, found.columns, price)
     if found.inner is not None:
         through = SparseOperator(rows.indptr, rows.columns, rows.values.astype(np.float32), found.columns)
@@ -198,6 +171,24 @@ def filter_view(
     return Taps(camera.width, camera.height, rows.pixels, from_fractions(to_fractions(rows.alpha)), operator)
 
 
-def usual_thinning(samples: int) -> float:
-    """The price of a tap that fits ``samples`` x ``samples``: its error stays below that of so few samples."""
-    return min(THINNING * max(1.0, 4 / samples) ** 6, COARSEST)
+def to_fractions(values: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Round values in [0, 1] to 65535ths."""
+    return np.rint(values * np.float32(UNIT)).astype(np.uint16)
+
+
+def from_fractions(fractions: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """65535ths to float32, from which :func:`to_fractions` returns to the same fractions."""
+    return fractions / np.float32(UNIT)
+
+
+@njit(cache=True, nogil=True)
+def quantize_rows(indptr: Any, values: Any) -> Any:
+    """Round rows to uint16 that sum to what the row does: rounding errors are carried along the row, none is lost."""
+    result = np.empty(values.shape[0], np.uint16)
+    for row in range(indptr.shape[0] - 1):
+        exact, given = 0.0, 0
+        for k in range(indptr[row], indptr[row + 1]):
+            exact += values[k] * UNIT
+            result[k] = max(int(np.rint(exact)) - given, 0)
+            given += result[k]
+    return result

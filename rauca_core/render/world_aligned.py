@@ -21,10 +21,10 @@ from .mipmap import Pyramid
 from .onto_atlas import read_on_atlas
 from .raster.pattern import pattern
 from .raster.rasterize import Raster
-from .sampler import Lookup
+from .sampler import usual_thinning
 from .sparse import SparseOperator
 from .surface import Array, Surface, find_surface, mask_at
-from .taps import Taps, filter_view, usual_thinning
+from .taps import Taps, filter_view
 
 PLANES = ((1, 2), (0, 2), (0, 1))  # the axes that run right and up in the pattern projected along x, y and z
 SHARPNESS = 4.0
@@ -55,7 +55,7 @@ def find_world_aligned(
     surface = find_surface(raster, vehicle.paint_faces())
     texels, weights = _read_tiles(vehicle, surface, tiles, tile_m, sharpness)
     paint = mask_at(vehicle.paint_mask, np.clip(surface.interpolate(vehicle.uvs), 0.0, 1.0))
-    return Fragments(surface.index, texels, weights.astype(np.float32), paint)
+    return Fragments(surface.index, texels, weights.astype(np.float32), paint, tiles.count)
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class PatternSettings:
             RaucaError: tile or sharpness not above 0, unknown filter, too many samples.
         """
 
-        def look(raster: Raster) -> Lookup:
-            return Lookup(find_world_aligned(vehicle, raster, pyramid, self.tile_m, self.sharpness), pyramid.count)
+        def look(raster: Raster) -> Fragments:
+            return find_world_aligned(vehicle, raster, pyramid, self.tile_m, self.sharpness)
 
         thinning = usual_thinning(self.samples)
         return filter_view(vehicle, camera_in_vehicle, pyramid, look, pattern(self.samples), self.filter, thinning)

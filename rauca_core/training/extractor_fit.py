@@ -12,11 +12,10 @@ from torch import nn
 from ..contract import RaucaError
 from ..contract.files import write_json
 from ..contract.seeding import named_seed
-from ..environment.extractor import LightSplitter
+from ..environment.extractor import LightSplitter, PublishedEfe
 from ..environment.frames import LightFrames
 from ..environment.metrics import Error, total
-from ..environment.published import PublishedCard, PublishedEfe, load_published, save_published
-from ..environment.weights import ModelCard, card_path, load_extractor, read_card, save_extractor
+from ..environment.weights import ModelCard, PublishedCard, load_extractor, load_published, read_card, save_extractor
 from ..runtime.checkpoint_files import started
 from ..runtime.devices import find_device
 from ..runtime.distributed import Processes, joined_processes
@@ -89,7 +88,7 @@ def _start(wanted: Fit) -> tuple[LightSplitter, str]:
         torch.manual_seed(named_seed(wanted.settings.seed, "weights"))
         return LightSplitter(), "drawn"
     net, _ = load_extractor(wanted.start)
-    return net, read_card(card_path(wanted.start))[1]
+    return net, read_card(wanted.start, ModelCard)[1]
 
 
 def fit_published(
@@ -126,7 +125,7 @@ def fit_published(
 
     def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
         error = total(errors.values()).mae
-        save_published(weights, best, PublishedCard(widths, data, settings.model_dump(mode="json"), error))
+        save_extractor(weights, best, PublishedCard(widths, settings.model_dump(mode="json"), data, error))
 
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
     outcome = train(job, Processes(0, 1, find_device(device)), started(out), on_epoch)

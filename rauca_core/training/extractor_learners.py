@@ -21,12 +21,11 @@ from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.color import TRAIN, Color
-from ..environment.extractor import LightSplitter
+from ..environment.extractor import LightSplitter, PublishedEfe, fuse_published
 from ..environment.frames import LightFrame, LightFrames, shrink
 from ..environment.losses import light_loss, weighted_bce, weighted_mse
 from ..environment.methods import Render, published_render, splitter_render
 from ..environment.metrics import albedos
-from ..environment.published import PublishedEfe, fuse_published
 from ..render import linear_to_srgb
 from .light_batches import Shown, augment, collate, crop, draw_albedos, shown
 from .settings import ExtractorSettings

@@ -11,9 +11,10 @@ from rauca_core.attack import make_settings
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.attack.lights import published_light
 from rauca_core.contract import Dataset, RaucaError
+from rauca_core.environment.extractor import PublishedEfe
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
-from rauca_core.environment.published import PublishedCard, PublishedEfe, load_published, save_published
+from rauca_core.environment.weights import PublishedCard, load_published, save_extractor
 from rauca_core.render import MipmappedTexture, linear_to_srgb
 from rauca_core.runtime.images import read_image
 from tests.pretend_device import DEVICE, PretendDevice
@@ -54,7 +55,7 @@ def weights(tmp_path: Path) -> Path:
     """Of a small published network, drawn and never trained."""
     torch.manual_seed(0)
     path = tmp_path / "published.safetensors"
-    save_published(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
+    save_extractor(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
     return path
 
 

@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from benchmarks.stability.light import GREY, frames
-from rauca_core.environment.extractor import CLIPPED, LightSplitter
+from rauca_core.environment.extractor import CLIPPED, LightSplitter, PublishedEfe
 from rauca_core.environment.losses import tone, vehicle_weight, weighted_bce
-from rauca_core.environment.published import PublishedEfe
 from rauca_core.render.composite import linear_to_srgb, srgb_to_linear
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rauca_core.environment.extractor import LightSplitter
-from rauca_core.environment.published import PublishedCard, PublishedEfe, load_published, save_published
-from rauca_core.environment.weights import ModelCard, load_extractor, save_extractor
+from rauca_core.environment.extractor import LightSplitter, PublishedEfe
+from rauca_core.environment.weights import ModelCard, PublishedCard, load_extractor, load_published, save_extractor
 from rauca_core.render.sparse import SparseOperator
 from rauca_core.render.taps import Taps
 from rauca_core.runtime.checkpoint_files import Checkpoint, load_checkpoint, require_same, save_checkpoint
@@ -51,12 +50,12 @@ def _restored(folder: Path) -> None:
 
 def _extractor(folder: Path) -> None:
     torch.manual_seed(0)
-    save_extractor(folder / "w.safetensors", LightSplitter((4, 4), 4), ModelCard((4, 4), 4))
+    save_extractor(folder / "w.safetensors", LightSplitter((4, 4), 4), ModelCard((4, 4), detail=4))
 
 
 def _published(folder: Path) -> None:
     torch.manual_seed(0)
-    save_published(folder / "w.safetensors", PublishedEfe((2, 2)), PublishedCard((2, 2)))
+    save_extractor(folder / "w.safetensors", PublishedEfe((2, 2)), PublishedCard((2, 2)))
 
 
 def _signed(folder: Path) -> Path:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import FacetSettings, Pyramid, TapCache, bake_facets, cell_positions
-from rauca_core.render.facet_texture import cells_pyramid
+from rauca_core.render import FacetSettings, Pyramid, bake_facets, cell_positions
+from rauca_core.render.facets import cells_pyramid
 
 TS = 5
 
@@ -57,13 +55,3 @@ def test_view_and_map_show_a_gradient_that_the_cells_hold(box_vehicle: Vehicle) 
     inside = np.abs(on_map) <= box_vehicle.positions.max(0) + 1e-5
     assert inside.all()
     assert np.ptp(on_map, axis=0) == pytest.approx([4.0, 2.0, 1.5], rel=0.15)
-
-
-def test_facet_taps_from_the_cache_are_those_built(box_vehicle: Vehicle, tmp_path: Path) -> None:
-    first = TapCache(tmp_path, box_vehicle, FacetSettings(texture_size=TS)).get(camera())
-    again = TapCache(tmp_path, box_vehicle, FacetSettings(texture_size=TS)).get(camera())
-    assert first is not again
-    assert np.array_equal(first.rows.weights, again.rows.weights)
-    assert np.array_equal(first.rows.columns, again.rows.columns)
-    TapCache(tmp_path, box_vehicle, FacetSettings(texture_size=4)).get(camera())
-    assert len(list(tmp_path.glob("*.safetensors"))) == 2

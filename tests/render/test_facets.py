@@ -187,12 +187,12 @@ def test_pixels_read_the_tensor_as_neural_renderer(box_vehicle: Vehicle, sampler
     tensor = facet_operator(box_vehicle, pyramid, sampler, ts)(texels).reshape(8, ts, ts, ts, 3)
     local = found.inner(texels)
     surface = find_surface(raster, box_vehicle.paint_faces())
-    assert len(surface.faces) == len(found.fragments.paint) > 50
+    assert len(surface.faces) == len(found.paint) > 50
     for n in range(0, len(surface.faces), 5):
         point, color = surface.barycentrics[n] * (ts - 1), torch.zeros(3, dtype=torch.float64)
         for i in range(8):
             p = [min(int(point[k]), ts - 2) + (i >> k) % 2 for k in range(3)]
             color = color + math.prod(1 - abs(p[k] - point[k]) for k in range(3)) * tensor[surface.faces[n], *p]
-        weights = torch.from_numpy(found.fragments.weights[n]).double()
-        read = weights @ local[torch.from_numpy(found.fragments.texels[n]).long()]
+        weights = torch.from_numpy(found.weights[n]).double()
+        read = weights @ local[torch.from_numpy(found.texels[n]).long()]
         assert torch.allclose(read, color, atol=1e-6)

@@ -25,24 +25,11 @@ def inside(points: np.ndarray, x: float, y: float) -> bool:
     return all(s > 0 for s in signs) or all(s < 0 for s in signs)
 
 
-@pytest.mark.parametrize(("samples", "kind"), [(1, "grid"), (3, "grid"), (2, "lattice"), (3, "lattice")])
-def test_samples_agree_with_a_point_in_triangle_test(samples: int, kind: str) -> None:
-    rng = np.random.default_rng(1)
-    chosen = pattern(samples, kind)
-    for _ in range(10):
-        points = at_depth_one([tuple(p) for p in rng.uniform(-5, 25, (3, 2))])
-        ids = rasterize(points, np.array([[0, 1, 2]]), flat(20), pattern=chosen).whole(20, 20)
-        rows = ids.reshape(20, chosen.rows, 20, chosen.columns).transpose(0, 2, 1, 3).reshape(400, -1)
-        corners = np.stack(np.divmod(np.arange(400), 20)[::-1], 1)
-        wanted = [[inside(points, *(corner + place)) for place in chosen.points()] for corner in corners]
-        assert (ids >= 0).sum() > 0
-        assert ((rows >= 0) != np.array(wanted)).sum() <= 1  # snapping may move an edge over a sample
-
-
-@pytest.mark.parametrize("samples", [4, 8, 12, 16])
+@pytest.mark.parametrize("samples", range(2, 17))
 def test_rows_that_read_the_texture_are_spread_as_evenly_as_all(samples: int) -> None:
     chosen = pattern(samples)
     assert chosen.stride == (1 if samples < 12 else 2)
+    assert chosen.number >= samples**2
     for points in (chosen.points(), chosen.points()[:: chosen.stride]):
         apart = points[:, None] - points[None]
         apart -= np.rint(apart)

@@ -9,9 +9,9 @@ import torch.nn.functional as torch_functional
 
 from rauca_core.contract import Camera, Vehicle
 from rauca_core.render import Pyramid, rasterize
-from rauca_core.render.lookup import read_level
+from rauca_core.render.lookup import Fragments, read_level
 from rauca_core.render.raster.rasterize import Raster
-from rauca_core.render.sampler import Lookup, Sampler, look_up
+from rauca_core.render.sampler import Sampler, look_up
 from rauca_core.render.surface import find_surface, mask_at
 
 SIZE = 64
@@ -30,11 +30,11 @@ def view(vehicle: Vehicle, distance: float = 1.0, samples: int = 1) -> Raster:
     return rasterize(vehicle.positions, vehicle.triangles, camera, samples)
 
 
-def colors(found: Lookup, texels: np.ndarray) -> np.ndarray:
+def colors(found: Fragments, texels: np.ndarray) -> np.ndarray:
     """Color (N, 3) of every fragment."""
     values = torch.from_numpy(texels)
     listed = (found.inner(values) if found.inner else values).numpy()
-    return np.einsum("nk,nkc->nc", found.fragments.weights, listed[found.fragments.texels])
+    return np.einsum("nk,nkc->nc", found.weights, listed[found.texels])
 
 
 @pytest.mark.parametrize("sampler", list(Sampler))
@@ -42,16 +42,15 @@ def colors(found: Lookup, texels: np.ndarray) -> np.ndarray:
 def test_constant_texture_keeps_its_color(box_vehicle: Vehicle, sampler: Sampler, distance: float) -> None:
     raster, pyramid = view(box_vehicle, distance), Pyramid.of(box_vehicle, SIZE)
     found = look_up(box_vehicle, raster, pyramid, sampler, 4)
-    fragments = found.fragments
     assert found.columns == (found.inner.shape[0] if found.inner else pyramid.count)
-    assert fragments.texels.min() >= 0
-    assert fragments.texels.max() < found.columns
-    assert (fragments.weights >= 0).all()
-    assert np.allclose(fragments.weights.sum(1), 1, atol=1e-5)
+    assert found.texels.min() >= 0
+    assert found.texels.max() < found.columns
+    assert (found.weights >= 0).all()
+    assert np.allclose(found.weights.sum(1), 1, atol=1e-5)
     seen = (raster.face_ids >= 0) & (raster.face_ids < 8)
-    assert ((fragments.index >= 0) == seen).all()
+    assert ((found.index >= 0) == seen).all()
     read = colors(found, np.full((pyramid.count, 3), 0.25))
-    inner = fragments.paint > 0.999
+    inner = found.paint > 0.999
     assert inner.sum() > 100
     assert np.allclose(read[inner], 0.25, atol=1e-5)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import PatternSettings, Sampler, TapCache, Taps, TapSettings, build_taps
+from rauca_core.render import FacetSettings, PatternSettings, Sampler, TapCache, Taps, TapSettings, build_taps
 
 SETTINGS = TapSettings(64, samples=2)
 
@@ -26,10 +26,14 @@ def same(a: Taps, b: Taps) -> bool:
     return all(np.array_equal(x, y) for x, y in arrays if isinstance(x, np.ndarray))
 
 
-@pytest.mark.parametrize("sampler", list(Sampler))
-def test_cache_returns_what_would_be_built(box_vehicle: Vehicle, tmp_path: Path, sampler: Sampler) -> None:
-    settings = replace(SETTINGS, sampler=sampler)
-    built = build_taps(box_vehicle, view(0), 64, 2, sampler=sampler)
+EVERY = [*(replace(SETTINGS, sampler=sampler) for sampler in Sampler), FacetSettings(texture_size=5)]
+
+
+@pytest.mark.parametrize("settings", EVERY)
+def test_cache_returns_what_would_be_built(
+    box_vehicle: Vehicle, tmp_path: Path, settings: TapSettings | FacetSettings
+) -> None:
+    built = settings.build(box_vehicle, view(0), settings.pyramid(box_vehicle))
     assert same(TapCache(tmp_path, box_vehicle, settings).get(view(0)), built)
     assert same(TapCache(tmp_path, box_vehicle, settings).get(view(0)), built)  # from disk
 
@@ -86,13 +90,15 @@ def test_everything_the_taps_depend_on_is_in_the_key(box_vehicle: Vehicle, tmp_p
         replace(SETTINGS, pattern="grid"),
         replace(SETTINGS, thinning=0.0),
         replace(SETTINGS, size=32),
+        FacetSettings(texture_size=4),
+        FacetSettings(texture_size=5),
     ):
         TapCache(tmp_path, box_vehicle, settings).get(view(0))
     TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0.1))
     TapCache(tmp_path, box_vehicle, SETTINGS).get(replace(view(0), width=47))
     box_vehicle.positions[0, 0] += 0.1
     TapCache(tmp_path, box_vehicle, SETTINGS).get(view(0))
-    assert len(list(tmp_path.iterdir())) == 9
+    assert len(list(tmp_path.iterdir())) == 11
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import Pyramid, SparseOperator, Taps, build_taps
+from rauca_core.render import Pyramid, Taps, build_taps
 from rauca_core.render.merge import Rows, fill_fringe
 from rauca_core.render.sparse import _Numba, _Torch
+from rauca_core.render.taps import UNIT, from_fractions, quantize_rows, to_fractions
 from rauca_core.render.thin import Thinning
 
 MAP = 128
@@ -113,15 +116,44 @@ def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: P
     assert (again.width, again.height, again.rows.shape) == (72, 64, taps.rows.shape)
 
 
-def test_taps_that_point_outside_are_refused(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "place", "value"),
+    [
+        ("columns", 5, MAP**2 * 2),
+        ("columns", 5, -1),
+        ("pixels", -1, 72 * 64),
+        ("pixels", 0, -1),
+        ("pixels", 3, 0),
+        ("indptr", 0, 1),
+        ("indptr", 2, 2**40),
+        ("indptr", -1, 7),
+    ],
+)
+def test_taps_that_point_outside_are_refused(
+    box_vehicle: Vehicle, camera: Camera, tmp_path: Path, name: str, place: int, value: int
+) -> None:
     taps = build_taps(box_vehicle, camera, MAP)
-    rows = taps.rows
-    columns = rows.columns.copy()
-    columns[5] = rows.shape[1]
-    bad = replace(taps, rows=SparseOperator(rows.indptr, columns, rows.weights, rows.shape[1]))
-    bad.save(tmp_path / "taps.safetensors")
+    getattr(taps if name == "pixels" else taps.rows, name)[place] = value
+    taps.save(tmp_path / "taps.safetensors")
     with pytest.raises(RaucaError, match="damaged"):
         Taps.load(tmp_path / "taps.safetensors")
+
+
+@given(st.lists(st.lists(st.floats(0, 1), min_size=1, max_size=200), min_size=1, max_size=5))
+def test_rows_sum_to_one_after_rounding(rows: list[list[float]]) -> None:
+    rows = [row if sum(row) > 1e-3 else [*row, 1.0] for row in rows]
+    values = np.concatenate([np.array(row) / sum(row) for row in rows])
+    indptr = np.cumsum([0] + [len(row) for row in rows])
+    rounded = quantize_rows(indptr, values)
+    assert (np.add.reduceat(rounded.astype(np.int64), indptr[:-1]) == UNIT).all()
+    assert np.abs(rounded / UNIT - values).max() <= 1.01 / UNIT
+
+
+def test_fractions_are_stable_and_rows_that_read_black_keep_their_sum() -> None:
+    every = np.arange(UNIT + 1, dtype=np.uint16)
+    assert (to_fractions(from_fractions(every)) == every).all()
+    values = np.full(1000, 0.5 / 1000)  # each rounds up: by themselves they would sum to half a hundredth more
+    assert abs(int(quantize_rows(np.array([0, 1000]), values).sum()) - UNIT / 2) <= 0.5
 
 
 def test_unknown_filter_is_named(box_vehicle: Vehicle, camera: Camera) -> None:

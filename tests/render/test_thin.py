@@ -46,35 +46,25 @@ def test_equal_siblings_become_their_parent(pyramid: Pyramid) -> None:
     assert row.max() == pytest.approx(1.0)
 
 
-def test_unequal_siblings_stay(pyramid: Pyramid) -> None:
-    a, b = (int(pyramid.slots[0][0, x]) for x in range(2))
-    (row,) = thin(pyramid, [{a: 0.7, b: 0.3}], PRICE)
-    assert row[a] == pytest.approx(0.7)
-    assert row[b] == pytest.approx(0.3)
-
-
-def test_small_taps_go_and_the_largest_never(pyramid: Pyramid) -> None:
-    a, b = int(pyramid.slots[0][0, 0]), int(pyramid.slots[0][7, 7])
-    (row,) = thin(pyramid, [{a: 0.995, b: 0.005}], PRICE)
-    assert row[a] == 1.0
-    assert row[b] == 0.0
-    (row,) = thin(pyramid, [{a: 0.6, b: 0.4}], 10.0)
+@pytest.mark.parametrize(
+    ("before", "price", "alpha", "after"),
+    [
+        ((0.7, 0.3, 0.0), PRICE, 1.0, (0.7, 0.3, 0.0)),  # unequal siblings stay
+        ((0.495, 0.005, 0.5), PRICE, 1.0, (0.5, 0.0, 0.5)),  # a small tap goes to its sibling
+        ((0.995, 0.0, 0.005), PRICE, 1.0, (1.0, 0.0, 0.0)),  # or for nothing
+        ((0.985, 0.0, 0.015), PRICE, 1.0, (0.985, 0.0, 0.015)),
+        ((0.985, 0.0, 0.015), PRICE, 0.5, (1.0, 0.0, 0.0)),  # a faint pixel may err more
+        ((0.6, 0.0, 0.4), 10.0, 1.0, (1.0, 0.0, 0.0)),  # the largest never goes
+    ],
+)
+def test_two_siblings_and_a_stranger(
+    pyramid: Pyramid, before: tuple[float, ...], price: float, alpha: float, after: tuple[float, ...]
+) -> None:
+    places = [int(pyramid.slots[0][y, x]) for y, x in ((0, 0), (0, 1), (7, 7))]
+    listed = {place: weight for place, weight in zip(places, before, strict=True) if weight > 0}
+    (row,) = thin(pyramid, [listed], price, alpha)
+    assert row[places].tolist() == pytest.approx(after)
     assert row.sum() == pytest.approx(1.0)
-
-
-def test_small_taps_go_to_a_sibling(pyramid: Pyramid) -> None:
-    a, b, c = (int(pyramid.slots[0][y, x]) for y, x in ((0, 0), (0, 1), (7, 7)))
-    (row,) = thin(pyramid, [{a: 0.495, b: 0.005, c: 0.5}], PRICE)
-    assert row[a] == pytest.approx(0.5)
-    assert row[b] == 0.0
-    assert row[c] == pytest.approx(0.5)
-
-
-def test_faint_pixels_may_err_more(pyramid: Pyramid) -> None:
-    a, b = int(pyramid.slots[0][0, 0]), int(pyramid.slots[0][7, 7])
-    rows = [{a: 0.985, b: 0.015}]
-    assert np.count_nonzero(thin(pyramid, rows, PRICE, alpha=1.0)) == 2
-    assert np.count_nonzero(thin(pyramid, rows, PRICE, alpha=0.5)) == 1
 
 
 def test_price_zero_changes_nothing(pyramid: Pyramid) -> None:

@@ -4,15 +4,14 @@ They lie on a rank-1 lattice, whose every sample has a row and a column of its o
 
 A regular n x n grid meets an edge that runs along a pixel row with only n distinct heights; a lattice of N points
 meets it with N. What it meets an oblique edge with follows from how far apart its points lie, so N is the first number
-from n^2 up whose best lattice is as well spaced as the regular grid: 5, 10, 17, 37, 65, 146 and 274 for 2, 3, 4, 6, 8,
-12 and 16. On the E-Tron, coverage against 4096 samples: 24.8 -> 27.1 dB at n = 2, 32.6 -> 34.4 at 4, 40.1 -> 43.9 at 8.
+from n^2 up whose best lattice is as well spaced as the regular grid, as is that of the rows that read the texture. On
+the E-Tron, coverage against 4096 samples: 24.8 -> 27.1 dB at n = 2, 32.6 -> 34.4 at 4, 40.1 -> 43.9 at 8.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from math import gcd, pi
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,12 @@ from numpy.typing import NDArray
 from ...contract import RaucaError
 
 PATTERNS = ("lattice", "grid")
+# Per n the N and g of the points (k, g k mod N) on the torus; of equally spaced lattices, the one whose nearest
+# neighbors lie furthest from the axes, where edges abound.
+LATTICES = {
+    2: (5, 3), 3: (10, 7), 4: (17, 13), 5: (25, 18), 6: (37, 31), 7: (50, 41), 8: (65, 47), 9: (82, 73),
+    10: (101, 71), 11: (122, 71), 12: (146, 119), 13: (170, 123), 14: (202, 111), 15: (226, 211), 16: (274, 237),
+}  # fmt: skip
 PLACES = 64  # that a pixel should read the texture at
 FILTERS = ("blackman-harris", "box")
 _CYCLES_WIDTH = 3.0  # pixels: Cycles doubles its default `filter_width` of 1.5 for Blackman-Harris
@@ -49,7 +54,7 @@ class Pattern:
     @property
     def stride(self) -> int:
         """Of so many rows of samples one reads the texture, the first of a pixel included: edges want more samples."""
-        return texture_stride(self.number)
+        return 2 if self.number >= 2 * PLACES else 1
 
     @property
     def side(self) -> float:
@@ -75,49 +80,8 @@ def pattern(samples: int, kind: str = "lattice") -> Pattern:
         return Pattern(samples, samples, np.full(samples, 0.5))
     if kind != "lattice":
         raise RaucaError(f"pattern: {kind!r} is unknown; choose one of {', '.join(PATTERNS)}")
-    number, step = lattice(samples)
+    number, step = LATTICES[samples]
     return Pattern(1, number, (np.arange(number) * step % number + 0.5) / number)
-
-
-@cache
-def lattice(samples: int) -> tuple[int, int]:
-    """N and g of the points (k, g k mod N) that stand for ``samples`` x ``samples``.
-
-    The rows that read the texture are a lattice too, and must be as well spaced for their number. Of equally spaced
-    lattices, the one whose nearest neighbors lie furthest from the axes, where edges abound.
-    """
-    number = samples**2
-    while True:
-        stride = texture_stride(number)
-        steps = [g for g in range(1, number) if gcd(g, number) == 1] if number % stride == 0 else []
-        best = max(((*_neighbor(number, g, stride), g) for g in steps), default=(0, 0, 0))
-        if best[0] >= number:
-            return number, best[2]
-        number += 1
-
-
-def texture_stride(number: int) -> int:
-    """See :attr:`Pattern.stride`; of patterns of ``number`` samples."""
-    return 2 if number >= 2 * PLACES else 1
-
-
-def _neighbor(number: int, step: int, stride: int) -> tuple[float, int]:
-    """Squared distance to the nearest other point of a lattice on the torus, and the smaller of its two offsets.
-
-    Where its every ``stride``-th point would be nearer together for their number, that of theirs.
-    """
-    nearest, offset = _nearest(number, step, np.arange(1, number))
-    if stride == 1:
-        return nearest, offset
-    return min(nearest, _nearest(number, step, np.arange(stride, number, stride))[0] / stride), offset
-
-
-def _nearest(number: int, step: int, k: NDArray[np.int64]) -> tuple[int, int]:
-    across = step * k % number
-    x, y = np.minimum(k, number - k), np.minimum(across, number - across)
-    distance = x**2 + y**2
-    nearest = int(distance.min())
-    return nearest, int(np.minimum(x, y)[distance == nearest].min())
 
 
 def filter_table(name: str, pattern: Pattern) -> tuple[NDArray[np.float64], int]:

@@ -40,7 +40,8 @@ class Screen:
 
     Attributes:
         matrix: (3, 4) float64, from the world to homogeneous pixel coordinates.
-        planes: (5, 3) float64 clip planes, see :func:`clip_planes`.
+        planes: (5, 3) float64 on homogeneous pixel coordinates (X, Y, w); ``plane @ point >= 0`` is kept. The first is
+            w = 0, which becomes the near plane when its depth is taken off; the others are a guard band.
         near: metres.
         columns, rows: samples of a pixel along x, and rows of samples along y.
         shifts: (rows,) int64, of a column's width.
@@ -60,7 +61,9 @@ class Screen:
         matrix = camera.K @ np.column_stack([camera.R, camera.t])
         across, down = margin * pattern.columns, margin * pattern.rows
         limits = (-across, -down, camera.width * pattern.columns + across, camera.height * pattern.rows + down)
-        planes = clip_planes(camera.width, camera.height, GUARD + margin)
+        guard = GUARD + margin  # pixels outside the image, so that vertices at any distance fit into fixed point
+        right, bottom = camera.width + guard, camera.height + guard
+        planes = np.array([[0, 0, 1], [1, 0, guard], [-1, 0, right], [0, 1, guard], [0, -1, bottom]], np.float64)
         shifts = np.rint(pattern.shifts * ONE).astype(np.int64)
         return Screen(matrix, planes, near, pattern.columns, pattern.rows, shifts, limits)
 
@@ -69,23 +72,6 @@ class Screen:
         r = np.arange(window[1], window[3])
         shifts = self.shifts[r % self.rows]
         return (r * ONE + HALF) // self.rows, shifts, shifts / (ONE * self.columns), (r + 0.5) / self.rows
-
-
-def clip_planes(width: int, height: int, guard: float) -> NDArray[np.float64]:
-    """Planes (5, 3) on homogeneous pixel coordinates (X, Y, w); ``plane @ point >= 0`` is kept.
-
-    The first is w = 0, which becomes the near plane when its depth is taken off. The others are a guard band ``guard``
-    pixels outside the image, so that vertices at any distance fit into fixed point.
-    """
-    return np.array(
-        [
-            [0.0, 0.0, 1.0],
-            [1.0, 0.0, guard],
-            [-1.0, 0.0, width + guard],
-            [0.0, 1.0, guard],
-            [0.0, -1.0, height + guard],
-        ]
-    )
 
 
 class Vertices(NamedTuple):
