@@ -142,6 +142,6 @@ def _print(study: Study, out: Path) -> None:
         for paint, row in table.items():
             shown.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
         wide.print(shown)
-    clusters = {f"{e.results.cluster_count} {e.results.clusters}" for e in study.entries}
+    clusters = {entry.results.draws for entry in study.entries}
     wide.print(f"in brackets: 95 % interval by a bootstrap over {', '.join(sorted(clusters))}")
     console.print(f"study: {out}", highlight=False, soft_wrap=True)

@@ -16,12 +16,6 @@ from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, m
 if TYPE_CHECKING:
     from rauca_core.study.hardening import Gains
 
-LIMITATIONS = (
-    "The held-out camouflages were optimized against the detector before hardening and never trained on. The adaptive "
-    "one was optimized against the hardened detector: it says how far a new attack of the same kind gets, and a longer "
-    "or another one may get farther.",
-    "One vehicle or a few, rendered: nothing here was measured on photographs.",
-)
 Held = Annotated[
     list[str],
     typer.Option("--held-out", help="camouflage .json, or LABEL=FILE, to judge by; never trained on; repeat for more"),
@@ -64,7 +58,7 @@ def harden(
     render_device: RenderDevice = "cpu",
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
-    from rauca_core.report import HardeningNotes, write_hardening
+    from rauca_core.report import write_hardening
     from rauca_core.study.views import HeldOut
     from rauca_core.training.settings import HardenSettings
 
@@ -72,15 +66,13 @@ def harden(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,
         map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip
-    command = command_line(short=True)
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,
             adaptive_steps=adaptive_steps, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
-            resamples=resamples, command=command, **means,
+            resamples=resamples, command=command_line(short=True), **means,
         )  # fmt: skip
-    notes = HardeningNotes(found.before, found.after, found.made, found.facts, command, LIMITATIONS)
-    for path in write_hardening(found.gains, found.study.entries, out / "report.html", notes):
+    for path in write_hardening(found, out / "report.html"):
         console.print(f"report: {path}", highlight=False, soft_wrap=True)
     for one in found.gains:
         _print(one)
@@ -91,13 +83,12 @@ def _print(gains: Gains) -> None:
     from rauca_core.report.hardening_page import COLUMNS
     from rauca_core.report.table import printed
 
-    numbers = COLUMNS[:-1]
-    table = Table(
-        "paint", *(c.name for c in numbers), title=f"{gains.vehicle}, {gains.weathers}: {gains.frames} held-out views"
-    )
+    numbers, entry = COLUMNS[:-1], gains.entry
+    title = f"{entry.vehicle}, {entry.weathers}: {len(entry.results.frames)} held-out views"
+    table = Table("paint", *(column.name for column in numbers), title=title)
     for gain in (gains.clean, *gains.rows, gains.held_out):
         found = zip((gain.before, gain.after, gain.change, gain.recovered), numbers, strict=True)
         told = [e and [printed(value, column.kind) for value in (e.ap, e.low, e.high)] for e, column in found]
         table.add_row(gain.paint, *(f"{one[0]} [{one[1]}, {one[2]}]" if one else "–" for one in told))
     output(100).print(table)
-    console.print(f"in brackets: 95 % interval by a bootstrap over {gains.draws}")
+    console.print(f"in brackets: 95 % interval by a bootstrap over {entry.results.draws}")

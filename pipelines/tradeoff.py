@@ -51,7 +51,7 @@ def tradeoff(
     render_device: RenderDevice = "cpu",
 ) -> None:
     """AP@0.5 against how natural a camouflage is: bounds on its distance from a reference, sizes of its patches."""
-    from rauca_core.report import Curve, measure_points, write_curve
+    from rauca_core.report import write_curve
     from rauca_core.study.tradeoff import QUICK, Sizes, points
     from rauca_core.study.tradeoff import tradeoff as run
 
@@ -72,9 +72,7 @@ def tradeoff(
             opened, points(base, wanted_bounds, wanted_features), out, attacked=attacked, detectors=judges,
             weathers=[weathers], sizes=sizes, seed=seed, command=command_line(), **means,
         )  # fmt: skip
-    measured = measure_points(found.camouflages, opened.vehicle_folder, found.reference)
-    curve = Curve(command_line(), found.attacked, found.reference, measured, found.study.entries)
-    console.print(f"curve: {write_curve(curve, out / 'tradeoff.html')[0]}", highlight=False, soft_wrap=True)
+    console.print(f"curve: {write_curve(found, out / 'tradeoff.html')[0]}", highlight=False, soft_wrap=True)
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:

@@ -93,7 +93,7 @@ def _results(study: Study, base: Path, anchors: Mapping[str, str]) -> Table:
     for entry in study.entries:
         results, file = entry.results, results_file(entry, base)
         told = [*([entry.vehicle] if several else []), defence_title(entry.defence)]
-        told += [str(len(results.frames)), str(len(results.dropped)), f"{results.cluster_count} {results.clusters}"]
+        told += [str(len(results.frames)), str(len(results.dropped)), results.draws]
         digest = hashlib.sha256((entry.folder / "results.json").read_bytes()).hexdigest()
         cells = (*map(Cell, told), Cell(file, link=file), Cell(digest[:16]))
         rows.append(Row(weathers_title(entry.weathers), cells, anchors[file]))

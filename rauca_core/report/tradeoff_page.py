@@ -1,21 +1,16 @@
-"""The trade-off curve in numbers and as a page: AP@0.5 against distance from the reference, and against patch size."""
+"""The trade-off curve as a page: AP@0.5 against distance from the reference, and against patch size."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from ..attack.naturalness import Naturalness
-from ..attack.naturalness.granulometry import measure_patches
-from ..attack.naturalness.reference import Distance, distance_of_map
-from ..contract import load_camouflage, load_vehicle
-from ..runtime.images import read_image
 from ..study.candidates import NORMAL
 from ..study.results import Estimate
 from ..study.scores import Recorded
-from ..study.study import Entry, Study
+from ..study.study import Entry
+from ..study.tradeoff import TradeOff
 from .figures import GREY, PALETTE, Style
 from .frames import FramePicker
 from .page import write_study_page
@@ -30,86 +25,21 @@ STYLES = {
     f"normal paint, {WHITE}": Style(*GREY, "^", "--"),
     f"normal paint, {BLACK}": Style(*GREY, "v", ":"),
 }
-FINEST_CUBE_M = 0.01
 
 
-@dataclass(frozen=True)
-class Measured:
-    """What a camouflage of the curve is, whoever looks at it.
-
-    Attributes:
-        bound: on its distance from the reference, None for none; ``feature_cm``: asked for, None for none.
-        distance: found, None without a reference.
-        smallest_cm, median_cm: sizes of patches found on the vehicle, None where none were asked for.
-        losses: means over the last steps of the optimization, as in ``camouflage.json``.
-    """
-
-    label: str
-    bound: float | None
-    feature_cm: float | None
-    distance: Distance | None
-    smallest_cm: float | None
-    median_cm: float | None
-    losses: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Everything that the page shows; ``entries`` are the study's, one per set of weathers."""
-
-    command: str
-    attacked: tuple[str, ...]
-    reference: Naturalness | None
-    points: tuple[Measured, ...]
-    entries: tuple[Entry, ...]
-
-
-def measure_points(
-    camouflages: Mapping[str, Path], vehicle_folder: Path, reference: Naturalness | None
-) -> tuple[Measured, ...]:
-    """Measure every camouflage on the vehicle; raises :class:`RaucaError` for one that is missing or damaged."""
-    vehicle, result = load_vehicle(vehicle_folder, read_image), []
-    for label, path in camouflages.items():
-        record, image = load_camouflage(path)
-        uv_map, wanted = read_image(image), record.made["settings"].get("natural") or {}
-        feature = wanted.get("feature_cm")
-        sizes = None
-        if feature is not None:
-            sizes = measure_patches(vehicle, uv_map, max(feature / 1000, FINEST_CUBE_M))
-        result.append(
-            Measured(
-                label,
-                wanted.get("max_delta_e"),
-                feature,
-                None if reference is None else distance_of_map(vehicle, uv_map, reference),
-                _centimetres(sizes.smallest) if sizes else None,
-                _centimetres(sizes.median) if sizes else None,
-                record.made["final_losses"],
-            )
-        )
-    return tuple(result)
-
-
-def _centimetres(metres: float) -> float | None:
-    return 100 * metres if math.isfinite(metres) else None
-
-
-def write_curve(curve: Curve, out: Path) -> list[Path]:
+def write_curve(curve: TradeOff, out: Path) -> list[Path]:
     """Write ``out`` (.html) and its numbers (.csv, .json, .tex) beside it; returns what was written, the page first.
 
     Raises:
         RaucaError: images, detections or camouflages of the study are missing; then nothing was written.
     """
-    study, base = Study(curve.command, curve.entries), out.parent
-    results = curve.entries[0].results
-    scores = [_scores(curve, entry) for entry in curve.entries]
+    base, entries = out.parent, curve.study.entries
+    results, scores = entries[0].results, [_scores(curve, entry) for entry in entries]
     numbers = _numbers(curve, scores, base)
     sweeps = [
-        sweep
-        for entry, found in zip(curve.entries, scores, strict=True)
-        for sweep in _sweeps(curve, entry, found, base)
+        sweep for entry, found in zip(entries, scores, strict=True) for sweep in _sweeps(curve, entry, found, base)
     ]
-    picker, attacked = FramePicker(curve.entries[:1]), curve.attacked[0]
+    picker, attacked = FramePicker(entries[:1]), curve.attacked[0]
     told = {
         "title": "What naturalness costs",
         "lead": [
@@ -121,7 +51,7 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         "clusters": results.clusters,
         "sweeps": sweeps,
         "numbers": numbers,
-        "maps": maps_of(curve.entries[:1]),
+        "maps": maps_of(entries[:1]),
         "attacked": attacked,
         "picker": picker,
         "grid": picker.grid(attacked),
@@ -130,16 +60,16 @@ def write_curve(curve: Curve, out: Path) -> list[Path]:
         "reference": None if curve.reference is None else curve.reference.reference,
         "white_box": list(curve.attacked),
         "black_box": _black_box(curve),
-        "frames": {entry.weathers: len(entry.results.frames) for entry in curve.entries},
-        "intervals": f"95 %, bootstrap over {results.cluster_count} {results.clusters}",
+        "frames": {entry.weathers: len(entry.results.frames) for entry in entries},
+        "intervals": f"95 %, bootstrap over {results.draws}",
     }
-    return write_study_page(study, out, "tradeoff.html", told, [numbers, *sweeps], about, {})
+    return write_study_page(curve.study, out, "tradeoff.html", told, [numbers, *sweeps], about, {})
 
 
 Scores = Mapping[str, Mapping[str, Estimate]]  # [paint][WHITE or BLACK]
 
 
-def _scores(curve: Curve, entry: Entry) -> Scores:
+def _scores(curve: TradeOff, entry: Entry) -> Scores:
     recorded, kinds = Recorded(entry), {WHITE: curve.attacked, BLACK: _black_box(curve)}
     return {
         paint: {kind: recorded.mean_over(names, paint) for kind, names in kinds.items()}
@@ -147,11 +77,11 @@ def _scores(curve: Curve, entry: Entry) -> Scores:
     }
 
 
-def _black_box(curve: Curve) -> list[str]:
-    return [name for name in curve.entries[0].results.detectors if name not in curve.attacked]
+def _black_box(curve: TradeOff) -> list[str]:
+    return [name for name in curve.study.entries[0].results.detectors if name not in curve.attacked]
 
 
-def _sweeps(curve: Curve, entry: Entry, scores: Scores, base: Path) -> list[Table]:
+def _sweeps(curve: TradeOff, entry: Entry, scores: Scores, base: Path) -> list[Table]:
     """AP along the distance of points that differ in their bound, and along their patches; the free one is in both."""
     near = [(p.distance.mean, p.label) for p in curve.points if p.distance is not None and p.feature_cm is None]
     fine = [(p.feature_cm or 0.0, p.label) for p in curve.points if p.bound is None]
@@ -159,7 +89,7 @@ def _sweeps(curve: Curve, entry: Entry, scores: Scores, base: Path) -> list[Tabl
         ("distance", "mean CIELAB distance from the reference", [(label, f"{d:.1f}") for d, label in sorted(near)]),
         ("patch", "smallest patch asked for, cm (0: free)", [(label, f"{size:g}") for size, label in sorted(fine)]),
     )
-    where = weathers_title(entry.weathers) if len(curve.entries) > 1 else ""
+    where = weathers_title(entry.weathers) if len(curve.study.entries) > 1 else ""
 
     def cell(paint: str, kind: str) -> Cell:
         return sourced(scores[paint][kind], entry, base, "table", paint)
@@ -176,7 +106,7 @@ def _sweeps(curve: Curve, entry: Entry, scores: Scores, base: Path) -> list[Tabl
     return [table(*axis) for axis in axes if len(axis[2]) > 1]
 
 
-def _numbers(curve: Curve, scores: Sequence[Scores], base: Path) -> Table:
+def _numbers(curve: TradeOff, scores: Sequence[Scores], base: Path) -> Table:
     """A row per camouflage: what was asked, what it is, what was found."""
     rows = []
     for point in curve.points:
@@ -185,7 +115,7 @@ def _numbers(curve: Curve, scores: Sequence[Scores], base: Path) -> Table:
         patches = point.feature_cm, point.smallest_cm, point.median_cm
         told = point.bound, *distances, *patches, point.losses["attack"]
         cells = [None if value is None else Cell(value) for value in told]
-        for entry, found in zip(curve.entries, scores, strict=True):
+        for entry, found in zip(curve.study.entries, scores, strict=True):
             cells += [sourced(one, entry, base, "table", point.label) for one in found[point.label].values()]
         rows.append(Row(point.label, tuple(cells)))
     distance = ("bound", "mean dE", "mean dE2000", "largest dE")
@@ -194,6 +124,6 @@ def _numbers(curve: Curve, scores: Sequence[Scores], base: Path) -> Table:
         *(Column(name, "distance", kind="number") for name in distance),
         *(Column(name, "patch, cm", kind="number") for name in patch),
         Column("attack loss", kind="loss"),
-        *(Column(kind, weathers_title(entry.weathers)) for entry in curve.entries for kind in (WHITE, BLACK)),
+        *(Column(kind, weathers_title(entry.weathers)) for entry in curve.study.entries for kind in (WHITE, BLACK)),
     ]
     return listing("tradeoff", "camouflage", tuple(columns), tuple(rows), "Every camouflage")

@@ -43,18 +43,12 @@ class Gains:
     """An entry of a study seen by a detector before and after hardening.
 
     Attributes:
-        weathers, vehicle, category: of the entry.
-        frames, draws: how many frames, and what the bootstrap draws, e.g. ``"8 locations"``.
         clean: the vehicle's own paint; its ``change`` is what hardening cost.
         rows: every other paint.
         held_out: the mean over the held-out camouflages.
     """
 
-    weathers: str
-    vehicle: str
-    category: str
-    frames: int
-    draws: str
+    entry: Entry
     clean: Gain
     rows: tuple[Gain, ...]
     held_out: Gain
@@ -70,20 +64,13 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
     Raises:
         RaucaError: their detections are not kept any more.
     """
-    results, recorded = entry.results, Recorded(entry)
-    curves = {paint: [recorded.curve(detector, paint) for detector in (before, after)] for paint in results.paints}
+    recorded = Recorded(entry)
+    both = (before, after)
+    curves = {paint: [recorded.curve(detector, paint) for detector in both] for paint in entry.results.paints}
     clean = curves[NORMAL][0]
     mean = [np.mean([curves[paint][k] for paint in held_out], axis=0) for k in (0, 1)]
-    return Gains(
-        weathers=entry.weathers,
-        vehicle=entry.vehicle,
-        category=entry.category,
-        frames=len(results.frames),
-        draws=f"{results.cluster_count} {results.clusters}",
-        clean=_gain(NORMAL, curves[NORMAL], clean),
-        rows=tuple(_gain(paint, curves[paint], clean) for paint in curves if paint != NORMAL),
-        held_out=_gain("held-out, mean", mean, clean),
-    )
+    rows = tuple(_gain(paint, curves[paint], clean) for paint in curves if paint != NORMAL)
+    return Gains(entry, _gain(NORMAL, curves[NORMAL], clean), rows, _gain("held-out, mean", mean, clean))
 
 
 def _gain(paint: str, curves: Sequence[Curve], clean: Curve) -> Gain:

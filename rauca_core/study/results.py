@@ -107,6 +107,11 @@ class Results(Record):
     cluster_count: int = 0
 
     @property
+    def draws(self) -> str:
+        """What the bootstrap draws, such as ``8 locations``."""
+        return f"{self.cluster_count} {self.clusters}"
+
+    @property
     def paints(self) -> tuple[str, ...]:
         return tuple(self.table)
 

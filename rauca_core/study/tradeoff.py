@@ -9,6 +9,7 @@ Folder, run again to resume::
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +17,12 @@ from typing import Unpack
 
 from ..attack import make_settings
 from ..attack.naturalness import Naturalness
-from ..contract import Dataset
+from ..attack.naturalness.granulometry import measure_patches
+from ..attack.naturalness.reference import Distance, distance_of_map
+from ..contract import Dataset, Vehicle, load_camouflage, load_vehicle
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
+from ..runtime.images import read_image
 from . import recipes
 from .candidates import read_vehicle_choice
 from .detectors import detectors_for
@@ -31,6 +35,7 @@ from .study import Study
 from .views import HeldOut, weather_sets
 
 FREE = "free"
+FINEST_CUBE_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -54,18 +59,39 @@ QUICK = Sizes(steps=24, batch=2, map_size=256, subsamples=4, frames=8, size=160,
 
 
 @dataclass(frozen=True)
+class Measured:
+    """What a camouflage of the curve is, whoever looks at it.
+
+    Attributes:
+        bound: on its distance from the reference, None for none; ``feature_cm``: asked for, None for none.
+        distance: found, None without a reference.
+        smallest_cm, median_cm: sizes of patches found on the vehicle, None where none were asked for.
+        losses: means over the last steps of the optimization, as in ``camouflage.json``.
+    """
+
+    label: str
+    bound: float | None
+    feature_cm: float | None
+    distance: Distance | None
+    smallest_cm: float | None
+    median_cm: float | None
+    losses: dict[str, float]
+
+
+@dataclass(frozen=True)
 class TradeOff:
     """What came of it.
 
     Attributes:
         study: of all camouflages, labeled by their points.
-        camouflages: JSON paths by label.
+        camouflages: JSON paths by label; ``points``: what they are.
         attacked: names of the detectors that were optimized against.
         reference: what bounds are about; None without one.
     """
 
     study: Study
     camouflages: dict[str, Path]
+    points: tuple[Measured, ...]
     attacked: tuple[str, ...]
     reference: Naturalness | None
 
@@ -138,4 +164,20 @@ def tradeoff(
         places = held_out_places([vehicle], sets, held_out)
         study = judge(engine, out / "study", places, worn, Judges(chosen), command)
     reference = next((one for one in wanted.values() if one is not None and one.reference), None)
-    return TradeOff(study, made, tuple(detector.name for _, detector in white_boxes), reference)
+    body = load_vehicle(vehicle.folder, read_image)
+    measured = tuple(_measure(body, label, path, reference) for label, path in made.items())
+    return TradeOff(study, made, measured, tuple(detector.name for _, detector in white_boxes), reference)
+
+
+def _measure(vehicle: Vehicle, label: str, path: Path, reference: Naturalness | None) -> Measured:
+    """Measure a camouflage on the vehicle; raises :class:`RaucaError` for one that is missing or damaged."""
+    record, image = load_camouflage(path)
+    uv_map, wanted = read_image(image), record.made["settings"].get("natural") or {}
+    feature, sizes = wanted.get("feature_cm"), (math.inf, math.inf)
+    if feature is not None:
+        found = measure_patches(vehicle, uv_map, max(feature / 1000, FINEST_CUBE_M))
+        sizes = found.smallest, found.median
+    smallest, median = (100 * size if math.isfinite(size) else None for size in sizes)
+    distance = None if reference is None else distance_of_map(vehicle, uv_map, reference)
+    losses = record.made["final_losses"]
+    return Measured(label, wanted.get("max_delta_e"), feature, distance, smallest, median, losses)

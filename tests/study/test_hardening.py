@@ -15,9 +15,10 @@ from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Dataset, Vehicle
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import DensePredictions, Detections
-from rauca_core.report import HardeningNotes, write_hardening
+from rauca_core.report import write_hardening
+from rauca_core.study.harden import Hardened
 from rauca_core.study.hardening import gains_of
-from rauca_core.study.study import Entry
+from rauca_core.study.study import Entry, Study
 from tests.study.measured import measure
 from tests.study.page import whole_page
 
@@ -74,7 +75,7 @@ def paint(dataset: Dataset, folder: Path, colors: list[tuple[int, int, int]]) ->
 def test_gains_follow_their_formula(entry: Entry) -> None:
     table, gains = entry.results.table, gains_of(entry, "before", "after", ["noise"])
     (noise,) = gains.rows
-    assert (noise.paint, gains.frames, gains.draws) == ("noise", 12, "6 views")
+    assert (noise.paint, entry.results.draws) == ("noise", "6 views")
     for gain, name in ((gains.clean, "normal"), (noise, "noise")):
         assert gain.before == table[name]["before"]  # value and interval: the same resamples as the evaluation's
         assert gain.after == table[name]["after"]
@@ -97,11 +98,9 @@ def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
 
 
 def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:
-    gains = gains_of(entry, "before", "after", ["noise"])
-    notes = HardeningNotes(
-        "before", "after", {"noise": "<b>drawn</b>"}, {"rounds": 2}, "rauca harden <x>", ("One <car>.",)
-    )
-    page, table, numbers, _ = write_hardening([gains], [entry], tmp_path / "report.html", notes)
+    gains, study = gains_of(entry, "before", "after", ["noise"]), Study("rauca harden <x>", (entry,))
+    found = Hardened(tmp_path / "x", "before", "after", study, [gains], {"noise": "<b>drawn</b>"}, {"rounds": 2})
+    page, table, numbers, _ = write_hardening(found, tmp_path / "report.html")
     read = whole_page(page)
     assert "<b>drawn" in read.text
     assert len(read.loads) == 2 * 2 * 5  # paints, before and after, places

@@ -23,13 +23,13 @@ from rauca_core.attack.naturalness.reference import Distance
 from rauca_core.contract import Camouflage, Dataset, RaucaError, load_camouflage, save_camouflage
 from rauca_core.contract.files import png_bytes
 from rauca_core.detect import Detector
-from rauca_core.report import Curve, ReportNotes, save_showcase, write_curve, write_report
+from rauca_core.report import ReportNotes, save_showcase, write_curve, write_report
 from rauca_core.report.frames import PLACES, FramePicker, frame_scores, placed_frames, strongest_paint
 from rauca_core.report.study_tables import tables_of
 from rauca_core.report.table import printed
-from rauca_core.report.tradeoff_page import Measured
 from rauca_core.study.scores import Recorded
 from rauca_core.study.study import Entry, Study, load_study, save_study
+from rauca_core.study.tradeoff import Measured, TradeOff
 from tests.study.measured import measure
 from tests.study.page import whole_page
 
@@ -256,7 +256,8 @@ def test_the_curve_of_a_tradeoff_shows_every_point(study: Study, detectors: list
         Measured(HOSTILE, 5.0, None, near, None, None, {"attack": 0.5}),
     )
     entries = study.of(defence="none")
-    curve = Curve(COMMAND, (detectors[0].name,), Naturalness(reference="#8c8c8c"), points, entries)
+    asked, attacked = Naturalness(reference="#8c8c8c"), (detectors[0].name,)
+    curve = TradeOff(Study(COMMAND, entries), {}, points, attacked, asked)
     written = write_curve(curve, tmp_path / "study" / "tradeoff.html")
     assert [path.suffix for path in written] == [".html", ".csv", ".json", ".tex"]
     page = whole_page(written[0])
