@@ -20,81 +20,78 @@ if TYPE_CHECKING:
 
 efe_app = typer.Typer(help="Light vehicles from one image: the environment feature extractor.", no_args_is_help=True)
 
-Out = Annotated[Path, typer.Option(help="folder for the weights, checkpoints and tensorboard")]
-Tests = Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")]
-Epochs = Annotated[int, typer.Option(help="at most")]
-Batch = Annotated[int, typer.Option(help="frames per step, over all processes")]
-Rate = Annotated[float, typer.Option(help="AdamW's learning rate")]
-Split = Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")]
-Size = Annotated[int | None, typer.Option(help="average frames down to this size, pixels; their own by default")]
-Crop = Annotated[int, typer.Option(help="train on squares of this side around the paint, pixels; 0: whole frames")]
-Mixed = Annotated[
-    bool, typer.Option(help="every other frame whole, averaged down to the side of --crop, which must divide its own")
-]
-Early = Annotated[
-    bool, typer.Option("--early-stop/--no-early-stop", help="stop by the paper's criterion of convergence")
-]
-Eta = Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")]
-Threads = Annotated[int | None, typer.Option(help="of torch; its own choice by default")]
-Resume = Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")]
 Device = Annotated[str | None, typer.Option(help="to work on, such as cuda:1; a GPU if there is one")]
 Weights = Annotated[Path | None, typer.Option(help="a .safetensors with its card; the shipped ones by default")]
 
 
-@efe_app.command("train")
 def efe_train(
     context: typer.Context,
     datasets: Annotated[
         list[Path], typer.Argument(help="data sets with light maps, of one image size unless --size is given")
     ],
-    out: Out,
-    test: Tests = None,
-    epochs: Epochs = 40,
-    batch: Batch = 4,
-    lr: Rate = 2e-3,
-    split: Split = "location",
-    size: Size = None,
-    crop: Crop = 80,
-    mixed: Mixed = False,
-    stop_early: Early = False,
-    eta: Eta = 0.003,
+    out: Annotated[Path, typer.Option(help="folder for the weights, checkpoints and tensorboard")],
+    test: Annotated[list[Path] | None, typer.Option("--test", help="data set to test on; repeat for more")] = None,
+    epochs: Annotated[int, typer.Option(help="at most")] = 40,
+    batch: Annotated[int, typer.Option(help="frames per step, over all processes")] = 4,
+    lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; 0.002, to fine-tune 0.001")] = None,
+    split: Annotated[str, typer.Option(help="without --test, hold out a share of each: location or view")] = "location",
+    size: Annotated[
+        int | None, typer.Option(help="average frames down to this size, pixels; their own by default")
+    ] = None,
+    crop: Annotated[
+        int, typer.Option(help="train on squares of this side around the paint, pixels; 0: whole frames")
+    ] = 80,
+    mixed: Annotated[
+        bool,
+        typer.Option(help="every other frame whole, averaged down to the side of --crop, which must divide its own"),
+    ] = False,
+    stop_early: Annotated[
+        bool, typer.Option("--early-stop/--no-early-stop", help="stop by the paper's criterion of convergence")
+    ] = False,
+    eta: Annotated[float, typer.Option(help="of that criterion, mean absolute error in sRGB values")] = 0.003,
     seed: int = 0,
     device: Device = None,
-    threads: Threads = None,
-    start: Annotated[Path | None, typer.Option(help="weights to begin with; drawn by the seed by default")] = None,
+    threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option("--start", "--weights", help="to begin with; drawn by the seed, to fine-tune the shipped ones"),
+    ] = None,
     remarks: Annotated[str, typer.Option(help="for the model card")] = "",
-    resume: Resume = False,
+    resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
 ) -> None:
-    """Train our extractor on several vehicles."""
-    _train(context, datasets, start)
-
-
-@efe_app.command("finetune")
-def efe_finetune(
-    context: typer.Context,
-    dataset: Annotated[Path, typer.Argument(help="data set of the new vehicle, with light maps")],
-    out: Out,
-    weights: Weights = None,
-    test: Tests = None,
-    epochs: Epochs = 40,
-    batch: Batch = 4,
-    lr: Rate = 1e-3,
-    split: Split = "location",
-    size: Size = None,
-    crop: Crop = 80,
-    mixed: Mixed = False,
-    stop_early: Early = False,
-    eta: Eta = 0.003,
-    seed: int = 0,
-    device: Device = None,
-    threads: Threads = None,
-    remarks: Annotated[str, typer.Option(help="for the model card")] = "",
-    resume: Resume = False,
-) -> None:
-    """Adapt pre-trained weights to another vehicle."""
+    """Train as the options say; ``finetune`` has another beginning."""
     from rauca_core.environment.weights import shipped_weights
+    from rauca_core.training.extractor_fit import Fit, fit
+    from rauca_core.training.settings import ExtractorSettings
 
-    _train(context, [dataset], weights or shipped_weights())
+    given = {name: value for name, value in context.params.items() if name in ExtractorSettings.model_fields}
+    if context.info_name == "finetune":
+        start, given["lr"] = start or shipped_weights(), 1e-3 if lr is None else lr
+    wanted = Fit(
+        datasets=datasets, out=out, settings=ExtractorSettings.make(**given), tests=test or (), start=start,
+        command=command_line(short=True), remarks=remarks, device=device,
+    )  # fmt: skip
+    said = ""
+    console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
+    with progress_bar("training") as move:
+
+        def show_step(done: int, steps: int) -> None:
+            move(Progress(done, steps, said))
+
+        def show_epoch(report: EpochReport) -> None:
+            nonlocal said
+            said = f"epoch {report.epoch}/{report.epochs}  error {report.error:.4f}  best {report.best:.4f}"
+            if not console.is_terminal:
+                console.print(said)
+
+        weights, outcome = fit(wanted, resume, show_epoch, show_step)
+    ended = f"converged at epoch {outcome.converged}" if outcome.converged else f"{len(outcome.errors) - 1} epochs"
+    console.print(f"{ended}; best at {outcome.best_epoch}, mean absolute error {min(outcome.errors):.4f}")
+    console.print(f"weights: {weights}")
+
+
+efe_app.command("train", help="Train our extractor on several vehicles.")(efe_train)
+efe_app.command("finetune", help="Adapt pre-trained weights to another vehicle.")(efe_train)
 
 
 @efe_app.command("evaluate")
@@ -142,33 +139,3 @@ def efe_preview(
     net, _ = load_extractor(weights)
     write_bytes(out, png_bytes(preview(image, mask, colors[0], net)))
     console.print(f"preview: {out}")
-
-
-def _train(context: typer.Context, datasets: list[Path], start: Path | None) -> None:
-    """Train as the command's options say, with a progress bar."""
-    from rauca_core.training.extractor_fit import Fit, fit
-    from rauca_core.training.settings import ExtractorSettings
-
-    given = context.params
-    settings = ExtractorSettings.make(**{name: given[name] for name in ExtractorSettings.model_fields if name in given})
-    wanted = Fit(
-        datasets=datasets, out=given["out"], settings=settings, tests=given["test"] or (), start=start,
-        command=command_line(short=True), remarks=given["remarks"], device=given["device"],
-    )  # fmt: skip
-    said = ""
-    console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
-    with progress_bar("training") as move:
-
-        def show_step(done: int, steps: int) -> None:
-            move(Progress(done, steps, said))
-
-        def show_epoch(report: EpochReport) -> None:
-            nonlocal said
-            said = f"epoch {report.epoch}/{report.epochs}  error {report.error:.4f}  best {report.best:.4f}"
-            if not console.is_terminal:
-                console.print(said)
-
-        weights, outcome = fit(wanted, given["resume"], show_epoch, show_step)
-    ended = f"converged at epoch {outcome.converged}" if outcome.converged else f"{len(outcome.errors) - 1} epochs"
-    console.print(f"{ended}; best at {outcome.best_epoch}, mean absolute error {min(outcome.errors):.4f}")
-    console.print(f"weights: {weights}")

@@ -15,7 +15,7 @@ import pytest
 import typer
 
 from pipelines.detector_commands import weights_app
-from pipelines.efe_commands import efe_finetune, efe_train
+from pipelines.efe_commands import efe_train
 from rauca_core.contract import ApplyCamouflage, RaucaError
 from rauca_core.detect.weights import OWN_FOLDER
 from rauca_core.runtime.blender import run_blender
@@ -69,8 +69,7 @@ import pipelines.{program}, torch
 
 
 def test_what_the_command_line_repeats_is_what_the_library_says():
-    defaults = [signature(command).parameters["eta"].default for command in (efe_train, efe_finetune)]
-    assert defaults == [ExtractorSettings().eta] * 2
+    assert signature(efe_train).parameters["eta"].default == ExtractorSettings().eta
     (option,) = (o for o in typer.main.get_command(weights_app).commands["fetch"].params if "--from" in o.opts)
     assert option.envvar == OWN_FOLDER
 
