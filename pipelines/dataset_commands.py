@@ -23,11 +23,12 @@ from rauca_core.dataset_tools import (
 )
 from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
+from rauca_core.runtime.cluster import Cluster
+from rauca_core.runtime.shards import render_on_cluster
 
 from .console import console, goes_on_by_itself, output, progress_bar
-from .dataset_options import dataset_job, dataset_parser
+from .dataset_options import dataset_job, dataset_parser, refuse_without_slurm, slurm_parser
 from .options import Blender
-from .slurm import refuse_without_slurm, render_on_slurm, slurm_parser
 
 dataset_app = typer.Typer(help="Make and inspect multi-weather data sets.", no_args_is_help=True)
 
@@ -51,7 +52,8 @@ def dataset_make(context: typer.Context, blender: Blender = None) -> None:
                 print(progress.line(), flush=True)
 
         if options.slurm:
-            array = render_on_slurm(options, job, blender, move)
+            cluster = Cluster("slurm", options.partition, options.time, options.memory, options.cpus)
+            array = render_on_cluster(job, options.shards, cluster, blender, None if options.no_wait else move)
         else:
             run_blender(job, move, blender)
     if options.slurm:

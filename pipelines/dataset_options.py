@@ -12,7 +12,6 @@ from pathlib import Path
 from rauca_core.contract import (
     MIN_VISIBLE,
     REFERENCE_SRGB,
-    Dataset,
     Plan,
     Quality,
     RaucaError,
@@ -27,7 +26,6 @@ from rauca_core.contract.job import (
     RECYCLE,
     ApplyCamouflage,
     MakeDataset,
-    RenderCamouflages,
     VehicleSource,
     require_planned,
 )
@@ -60,20 +58,6 @@ def dataset_job(options: argparse.Namespace) -> MakeDataset:
     )
 
 
-def render_job(options: argparse.Namespace) -> RenderCamouflages:
-    """What :func:`render_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
-    frames = None
-    if options.only or options.every > 1:
-        dataset = Dataset(options.dataset)
-        ids = [frame.id for frame in dataset.plan.frames()]
-        named = frozenset(_named_frames(options.only, dataset.plan) if options.only else ids)
-        frames = tuple(frame.id for frame in dataset.frames()[:: options.every] if frame.id in named)
-    return RenderCamouflages(
-        options.dataset, options.out, tuple(options.camouflages), frames, options.samples, options.denoise,
-        options.scene, options.render_device,
-    )  # fmt: skip
-
-
 def apply_job(options: argparse.Namespace) -> ApplyCamouflage:
     """What :func:`apply_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
     if options.out.suffix != ".blend":
@@ -103,10 +87,21 @@ def _plan_of(options: argparse.Namespace) -> Plan:
 
 def _plan_of_file(options: argparse.Namespace) -> Plan:
     """The plan that lies in a file, without what was noted of the Blender that rendered it."""
-    for name, default in vars(plan_parser().parse_args([])).items():
-        if getattr(options, name) != default:
-            raise RaucaError(f"--{name.replace('_', '-')}: {options.plan} says it; leave one of the two out")
+    if said := _typed(options, plan_parser()):
+        raise RaucaError(f"--{said}: {options.plan} says it; leave one of the two out")
     return Plan.from_json(read_json(options.plan))
+
+
+def _typed(options: argparse.Namespace, parser: argparse.ArgumentParser) -> str | None:
+    """The first option of a parser that is not as it is when left out; None if there is none."""
+    usual = vars(parser.parse_args([]))
+    return next((name.replace("_", "-") for name in usual if getattr(options, name) != usual[name]), None)
+
+
+def refuse_without_slurm(options: argparse.Namespace) -> None:
+    """Raise :class:`RaucaError` when options ask something of a cluster, and none is to be used."""
+    if not options.slurm and (said := _typed(options, slurm_parser())):
+        raise RaucaError(f"--{said}: is of a Slurm cluster; give --slurm too, or leave it out")
 
 
 def _frames(options: argparse.Namespace, plan: Plan) -> tuple[str, ...] | None:
@@ -140,13 +135,15 @@ def dataset_parser() -> argparse.ArgumentParser:
     add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
     _add_vehicle(add)
     add("--plan", type=Path, help="dataset.json of another data set, which says all that is not about this machine")
-    _add_scene(add)
+    add(
+        "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
+    )
     part = parser.add_mutually_exclusive_group().add_argument
-    _add_only(part)
+    part("--only", type=Path, help="a text file with a frame id per line; the plan's other frames are left for later")
     part("--frames", type=_whole, help="a balanced part of so many frames; more of them later go on from it")
     add("--workers", type=_whole, default=1, help="Blender processes at once; they share the cores")
     add("--recycle", type=_whole, default=RECYCLE, help="frames after which a worker is replaced by a fresh one")
-    _add_device(add)
+    add("--render-device", choices=DEVICES, default="cpu", help="that Cycles renders on; auto: a GPU if there is one")
     add("--shard", type=_shard, default=Shard(), help="i/n: only part i, counted from 1, of n that cover the data set")
     add("--retry-quarantined", action="store_true", help="try frames again that failed twice")
     add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
@@ -183,22 +180,17 @@ def plan_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def render_parser() -> argparse.ArgumentParser:
-    """Arguments of ``render_camouflages``."""
-    parser = argparse.ArgumentParser(
-        prog="render_camouflage.py", description="Render a data set's views in camouflage.", allow_abbrev=False
-    )
-    add = parser.add_argument
-    add("--dataset", type=Path, required=True, help="data set whose views are rendered")
-    add("--out", type=Path, required=True, help="images go to OUT/<camouflage>/<frame>.png")
-    add("--every", type=_whole, default=1, help="render only every n-th frame")
-    _add_only(add)
-    _add_device(add)
-    add("--samples", type=_whole, help="Cycles samples per pixel; the data set's own by default")
-    add("--denoise", action=argparse.BooleanOptionalAction, default=True, help="use Open Image Denoise")
-    _add_scene(add)
-    add("--json-progress", action="store_true", help="progress as JSON lines, for programs")
-    add("camouflages", type=Path, nargs="+", help="camouflage .json files")
+def slurm_parser() -> argparse.ArgumentParser:
+    """The options of ``rauca dataset make`` that concern a cluster."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add = parser.add_argument_group("on a Slurm cluster").add_argument
+    add("--slurm", action="store_true", help="submit the work as a job array instead of doing it here")
+    add("--shards", type=int, default=1, help="tasks that the data set is split into")
+    add("--partition", help="of the cluster; its default if left out")
+    add("--time", type=int, default=24 * 60, help="limit of a task, minutes")
+    add("--memory", type=float, default=8.0, help="of a task, GB")
+    add("--cpus", type=int, default=8, help="of a task")
+    add("--no-wait", action="store_true", help="return once submitted")
     return parser
 
 
@@ -220,20 +212,6 @@ def _add_vehicle(add: Callable[..., object]) -> None:
     )
     add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
     add("--paint-material", help="name of the material to camouflage")
-
-
-def _add_only(add: Callable[..., object]) -> None:
-    add("--only", type=Path, help="a text file with a frame id per line; the plan's other frames are left for later")
-
-
-def _add_scene(add: Callable[..., object]) -> None:
-    add(
-        "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
-    )
-
-
-def _add_device(add: Callable[..., object]) -> None:
-    add("--render-device", choices=DEVICES, default="cpu", help="that Cycles renders on; auto: a GPU if there is one")
 
 
 def _whole(text: str) -> int:

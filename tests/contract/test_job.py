@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.dataset_options import dataset_job, dataset_parser, render_job, render_parser
+from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import (
     ApplyCamouflage,
     ImportVehicle,
@@ -23,7 +23,6 @@ from rauca_core.contract import (
     read_plan,
     save_job,
 )
-from rauca_core.contract.job import DEVICES
 from tests.contract.samples import PLAN
 
 CAR = VehicleSource("car.glb", paint_material="Body")
@@ -90,13 +89,6 @@ def test_frames_that_are_not_planned_are_refused(tmp_path):
         options("--plan", tmp_path / "dataset.json", "--only", tmp_path / "some.txt")
     with pytest.raises(RaucaError, match="set: names moon, which"):
         MakeDataset(Path("set"), PLAN, frames=("moon",)).wanted()
-
-
-def test_options_of_a_render_make_a_job(tmp_path):
-    asked = ["--dataset", "set", "--out", "out", "--samples", "9", "--render-device", "auto", "a.json"]
-    expected = RenderCamouflages(Path("set"), Path("out"), (Path("a.json"),), None, 9, device="auto")
-    assert render_job(render_parser().parse_args(asked)) == expected
-    assert set(DEVICES) == {"cpu", "gpu", "auto"}
 
 
 def test_another_gpu_goes_on_with_a_data_set_and_a_cpu_does_not(tmp_path):

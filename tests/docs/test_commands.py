@@ -18,12 +18,11 @@ import typer
 from PIL import Image
 
 from pipelines.cli import app
-from pipelines.dataset_options import apply_parser, dataset_parser
+from pipelines.dataset_options import apply_parser, dataset_parser, slurm_parser
 from pipelines.evaluate import split_defences
 from pipelines.naturalness import natural_settings
 from pipelines.optimize import chosen_settings
 from pipelines.options import split_names
-from pipelines.slurm import slurm_parser
 from rauca_core.attack import make_settings
 from rauca_core.contract import find_preset
 from rauca_core.contract.assets import assets_folder

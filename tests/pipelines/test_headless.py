@@ -20,6 +20,7 @@ from rauca_core.contract import (
     Dataset,
     MakeDataset,
     RaucaError,
+    RenderCamouflages,
     chunks,
     load_passes,
     load_vehicle,
@@ -27,11 +28,11 @@ from rauca_core.contract import (
     save_camouflage,
 )
 from rauca_core.contract.files import png_bytes
+from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 MAKE = REPOSITORY / "pipelines" / "make_dataset.py"
-RENDER = REPOSITORY / "pipelines" / "render_camouflage.py"
 SMALL = ["--azimuths", "2", "--elevations", "15", "--distances", "6", "--size", "64", "--samples", "2"]
 
 pytest.importorskip("bpy", reason="the bpy wheel is not installed")
@@ -158,15 +159,15 @@ def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
         record = Camouflage(name, dataset.plan.vehicle_name, atlas, size, "plain")
         save_camouflage(tmp_path / f"{name}.json", record, png_bytes(uv_map))
     camouflages = [tmp_path / "red.json", tmp_path / "blue.json"]
-    arguments = ["--dataset", dataset.folder, "--out", tmp_path / "renders", *camouflages]
-    assert run(RENDER, *arguments).returncode == 0
+    job, moves = RenderCamouflages(dataset.folder, tmp_path / "renders", tuple(camouflages)), []
+    run_blender(job, moves.append)
     for frame in dataset.frames():
         red, blue = (read_image(tmp_path / "renders" / n / f"{frame.id}.png").astype(int) for n in ("red", "blue"))
         paint = read_image(dataset.frame_folder(frame.id) / "paint.png") == 255
         assert (red - blue)[paint][:, 0].mean() > 15
         assert (blue - red)[paint][:, 2].mean() > 15
-    again = run(RENDER, *arguments)
-    assert again.stdout.splitlines()[-1].startswith("[12/12]")
+    run_blender(job, moves.append)
+    assert (moves[-1].done, moves[-1].total) == (12, 12)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from pipelines.slurm import tell_frames
 from rauca_core.contract import (
     LedgerEntry,
     MakeDataset,
@@ -22,6 +21,7 @@ from rauca_core.contract import (
     claim_folder,
     planned_frames,
 )
+from rauca_core.runtime.shards import tell_frames
 from tests.contract.samples import PLAN
 
 PROGRAMS = ("sbatch", "slurmctld", "slurmd", "munged")
