@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rauca_core.contract import Dataset, OptimizeProgress
+import rauca_core as rauca
+from rauca_core.contract import OptimizeProgress
 
 from .console import console, progress_bar
 from .naturalness import (
@@ -29,7 +30,7 @@ from .naturalness import (
 )
 
 if TYPE_CHECKING:
-    from rauca_core.attack import OptimizerSettings, StepReport
+    from rauca_core.attack import StepReport
 
 RECENT_STEPS = 50  # that the time left is judged by
 
@@ -101,33 +102,9 @@ def optimize(
     ] = False,
 ) -> None:
     """Optimize a camouflage UV map against one or several detectors."""
-    from rauca_core.attack import make_settings
-    from rauca_core.study.candidates import read_vehicle_choice
-
-    settings = make_settings(**{**chosen_settings(context), **natural_settings(context)})
-    if target is None:
-        hidden = read_vehicle_choice(Dataset(dataset).vehicle_folder).target
-        settings = settings.model_copy(update={"target": hidden})
-    detectors = detector or ["yolov3-tiny"]
-    path = run_optimization(dataset, detectors, settings, out, resume, json_progress, device)
-    console.print(f"camouflage: {path}")
-
-
-def run_optimization(
-    dataset: Path,
-    detectors: Sequence[str],
-    settings: OptimizerSettings,
-    out: Path,
-    resume: bool,
-    json_progress: bool = False,
-    device: str | None = None,
-) -> Path:
-    """Optimize with a progress bar, and lines for another program if asked; returns the camouflage's JSON."""
-    from rauca_core.attack import run_optimization as run
-    from rauca_core.detect import load_detector
-    from rauca_core.runtime.distributed import joined_processes
     from rauca_core.study.job import steps_told
 
+    settings = {**chosen_settings(context), **natural_settings(context)}
     console.quiet = os.environ.get("RANK", "0") != "0"  # one process of several speaks
     tell = _lines(out) if json_progress else None
     with progress_bar("optimizing") as move:
@@ -138,9 +115,11 @@ def run_optimization(
             if tell is not None:
                 tell(report)
 
-        loaded = [load_detector(name, settings.detector_size) for name in detectors]
-        with joined_processes(device) as processes:
-            return run(Dataset(dataset), loaded, settings, out, show, resume, view, processes)
+        made = rauca.optimize(
+            dataset, detector or ["yolov3-tiny"], settings.pop("method", None), out=out, device=device,
+            on_step=show, on_view=view, resume=resume, **settings,
+        )  # fmt: skip
+    console.print(f"camouflage: {made.path}")
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:
@@ -167,7 +146,7 @@ def _lines(out: Path) -> Callable[[StepReport], None]:
 
 
 def chosen_settings(context: typer.Context) -> dict[str, Any]:
-    """What `make_settings` takes: the command's options by name.
+    """What `rauca_core.optimize` takes: the command's options by name.
 
     With ``--method``, that method's settings take the place of defaults; what the user typed stands.
 

@@ -17,6 +17,7 @@ from ..contract import RaucaError
 from ..contract.color import to_bytes
 from ..contract.files import append_line, png_bytes, sweep_partials, write_bytes
 from ..contract.reading import parse_json, read_limited
+from ..contract.schema import Fields, Record
 from ..runtime.board import Board
 from ..runtime.checkpoint_files import CHECKPOINTS, Checkpoint, save_checkpoint
 
@@ -44,7 +45,7 @@ MAX_HISTORY_BYTES = 2**28  # a line is some 400 bytes: half a million steps
 
 
 @dataclass(frozen=True)
-class StepReport:
+class StepReport(Record):
     """One step, as told to callbacks and kept in the history.
 
     Attributes:
@@ -79,19 +80,11 @@ def read_history(folder: Path) -> list[dict[str, float]]:
     lines, reports = read_limited(path, MAX_HISTORY_BYTES, "the history of a run").splitlines(), []
     for number, line in enumerate(lines, 1):
         try:
-            reports.append(_report(line))
+            reports.append(asdict(StepReport.from_json(Fields(parse_json(line, HISTORY), HISTORY))))
         except RaucaError as error:
             if number < len(lines):
                 raise RaucaError(f"{path}: line {number} is damaged; remove it") from error
     return reports
-
-
-def _report(line: bytes) -> dict[str, float]:
-    report = parse_json(line, HISTORY)
-    kinds = {"step": int, **dict.fromkeys(CURVES, float)}
-    if not isinstance(report, dict) or any(type(report.get(name)) is not kind for name, kind in kinds.items()):
-        raise RaucaError(f"{HISTORY}: no report of a step")
-    return report
 
 
 SIDE = 512  # pixels, at most for the UV map

@@ -18,8 +18,7 @@ from ..contract.vehicle import target_class
 from ..detect import Detector, load_detector
 from ..runtime.checkpoint_files import CHECKPOINTS, load_checkpoint, require_same, require_state, started
 from ..runtime.cpu import keep_large_blocks, threads
-from ..runtime.devices import find_device
-from ..runtime.distributed import SINGLE_PROCESS, Processes
+from ..runtime.distributed import SINGLE_PROCESS, Processes, joined_processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from ..runtime.stopping import stop_request
@@ -40,12 +39,13 @@ OnView = Callable[[int, int], None]
 def optimize(
     data: Dataset | Path | str,
     detectors: Sequence[Detector | str],
-    method: str = "ours",
+    method: str | None = "ours",
     *,
     steps: int = 1000,
     device: torch.device | str | None = None,
     out: Path | str | None = None,
     on_step: OnStep | None = None,
+    on_view: OnView | None = None,
     resume: bool = False,
     **settings: Any,
 ) -> Paint:
@@ -54,11 +54,13 @@ def optimize(
     Args:
         data: a data set with light maps, or its folder; frames that do not show the vehicle are skipped.
         detectors: loaded ones, or names and files as `load_detector` takes them; they are moved to ``device``.
-        method: whose settings to begin with, a key of `methods.METHODS`.
+        method: whose settings to begin with, a key of `methods.METHODS`; None for those of `OptimizerSettings`.
         steps: gradient steps in all.
-        device: of the texture, the pictures and the detectors; a GPU if there is one, as the log says, when None.
+        device: of the texture, the pictures and the detectors; a GPU if there is one, as the log says, when None. Run
+            by ``torchrun``, all processes share every step.
         out: folder of the run, see :func:`run_optimization`; a temporary one if left out.
         on_step: called after every step.
+        on_view: called, from another thread, with the cameras that are ready and how many there are.
         resume: go on from the latest checkpoint in ``out``.
         settings: fields of `OptimizerSettings`, which win over the method's; ``target``, the class to hide, is the
             vehicle's own if left out.
@@ -68,11 +70,15 @@ def optimize(
     """
     dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
     settings.setdefault("target", target_class(load_vehicle(dataset.vehicle_folder, read_image).category))
-    chosen = make_settings(**settings_of(method, **settings, steps=steps))
-    place = find_device(device)
-    loaded = [load_detector(d, chosen.detector_size, place) if isinstance(d, str) else d for d in detectors]
-    with contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca") as folder:
-        path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, None, Processes(0, 1, place))
+    given = {**settings, "steps": steps}
+    chosen = make_settings(**(given if method is None else settings_of(method, **given)))
+    place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
+    with joined_processes(device) as processes, place as folder:
+        loaded = [
+            load_detector(d, chosen.detector_size, processes.device) if isinstance(d, str) else d for d in detectors
+        ]
+        path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
+        processes.any(False)  # the first one writes what all read now
         made = load_paint(path)
         return replace(made, history=read_history(path.parent), path=None if out is None else path)
 

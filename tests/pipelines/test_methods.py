@@ -9,13 +9,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-import pipelines.optimize as command
 from benchmarks.stability.drawn import make_dataset
 from pipelines.cli import app
-from rauca_core.attack import OptimizerSettings, make_settings
+from rauca_core.attack import OptimizerSettings, make_settings, optimizer
 from rauca_core.attack.methods import METHODS, settings_of
 from rauca_core.attack.naturalness import Naturalness
-from rauca_core.contract import Vehicle
+from rauca_core.contract import Dataset, RaucaError, Vehicle
 
 
 @pytest.fixture
@@ -24,9 +23,15 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
 
     def settings(*options: str, category: str = "car") -> OptimizerSettings:
         data, seen = make_dataset(tmp_path / category, replace(box_vehicle, category=category), 64, (40.0,)), []
-        monkeypatch.setattr(command, "run_optimization", lambda *given: seen.append(given[2]) or Path("c.json"))
-        result = CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
-        assert result.exit_code == 0
+
+        def run(dataset: Dataset, detectors: object, settings: OptimizerSettings, *_: object) -> None:
+            seen.append(settings)
+            raise RaucaError("seen")
+
+        monkeypatch.setattr(optimizer, "load_detector", lambda *_: None)
+        monkeypatch.setattr(optimizer, "run_optimization", run)
+        with pytest.raises(RaucaError, match="seen"):
+            CliRunner().invoke(app, ["optimize", str(data.folder), "--out", "x", *options], catch_exceptions=False)
         return seen[0]
 
     return settings
