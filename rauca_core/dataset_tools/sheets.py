@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -161,6 +160,8 @@ def with_classes(stored: StoredFrame, side: int) -> Image.Image:
 
 def outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Pixels of a mask whose neighbor, above, below or beside, is outside it."""
+    import cv2  # here: commands that draw nothing do not wait for it
+
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     return mask & (cv2.erode(mask.astype(np.uint8), cross) == 0)
 
