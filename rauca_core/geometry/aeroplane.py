@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .assemble import AEROPLANE, assemble, read_profile
+from .assemble import assemble, read_profile
 from .mesh import MeshParts
-from .solids import add_box, add_tube, lathe, monotone_curve, turned_along_x
+from .solids import add_box, add_solids, add_tube, lathe, monotone_curve
 
 AEROPLANES = ("aeroplane",)
 RING = 24  # faces of half the fuselage's girth, window edges apart
@@ -35,7 +35,7 @@ def build_aeroplane(name: str) -> Vehicle:
     whole = half.both_sides()
     add_wing(whole, np.array(profile["fin"]), "fin")
     _add_wheel(whole, profile["gear"]["nose"])
-    return assemble(name, "airplane", whole, AEROPLANE)
+    return assemble(name, "airplane", whole)
 
 
 def _add_fuselage(parts: MeshParts, fuselage: dict[str, Any]) -> None:
@@ -115,25 +115,15 @@ def _filled(sections: Points) -> tuple[Points, NDArray[np.int64]]:
 
 def _add_engine(parts: MeshParts, engine: dict[str, Any]) -> None:
     """A turbofan in its nacelle, on a short pylon."""
-    x, y, z = engine["center"]
-    center = (x, y, z)
-    pieces = {
-        "paint/nacelle": [[0.19, -0.72], [0.25, -0.45], [0.305, -0.05], [0.33, 0.30], [0.322, 0.58], [0.300, 0.70]],
-        "steel": [[0.300, 0.70], [0.285, 0.735], [0.268, 0.72], [0.255, 0.64]],
-        "dark": [[0.255, 0.64], [0.255, 0.36], [0.08, 0.36]],
-    }
-    for material, outline in pieces.items():
-        parts.grid(turned_along_x(np.array(outline), 32, center), material)
-    parts.grid(turned_along_x(np.array([[0.08, 0.36], [0.06, 0.46], [0.0, 0.52]]), 16, center), "steel")
-    parts.grid(turned_along_x(np.array([[0.0, -1.0], [0.08, -0.82], [0.12, -0.60]]), 16, center), "steel")
-    parts.grid(turned_along_x(np.array([[0.12, -0.60], [0.17, -0.60], [0.19, -0.72]]), 32, center), "dark")
+    add_solids(parts, engine["nacelle"])
+    hub = np.array(engine["center"]) + np.array([0.41, 0.0, 0.0])
     for blade in range(12):
         turn = 2 * np.pi * blade / 12
         out = np.array([0.0, np.cos(turn), np.sin(turn)])
         lean = np.array([0.05, -0.035 * np.sin(turn), 0.035 * np.cos(turn)])
-        root, tip = np.array([x + 0.41, y, z]) + 0.07 * out, np.array([x + 0.41, y, z]) + 0.245 * out
+        root, tip = hub + 0.07 * out, hub + 0.245 * out
         parts.grid(np.array([[root - lean / 2, root + lean / 2], [tip - lean, tip + lean]]), "steel")
-    add_box(parts, (x - 0.20, y, z + 0.30), (0.95, 0.07, 0.26), "paint/pylon", 0.02)
+    add_solids(parts, engine["pylon"])
 
 
 def _add_wheel(parts: MeshParts, gear: dict[str, Any]) -> None:

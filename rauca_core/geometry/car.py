@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Vehicle
-from .assemble import CAR, assemble, read_profile
+from .assemble import assemble, read_profile
 from .car_body import SCREEN_LINE, CarBody, add_skin
 from .mesh import MeshParts
 from .solids import add_box, add_tube, lathe
@@ -38,7 +38,7 @@ def build_car(name: str) -> Vehicle:
     for plate, facing in (("front_plate", 1), ("rear_plate", -1)):
         x, z = details[plate]
         add_plate(whole, x, z, facing)
-    return assemble(name, "car", whole, CAR, CENTRAL_PANELS)
+    return assemble(name, "car", whole, CENTRAL_PANELS)
 
 
 def add_wheel(parts: MeshParts, wheels: dict[str, Any], x: float) -> None:

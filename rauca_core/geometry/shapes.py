@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contract import Vehicle
-from .assemble import SHAPE, assemble
+from .assemble import assemble
 from .mesh import MeshParts
 from .solids import turned_along_x
 
@@ -20,7 +20,7 @@ def build_shape(name: str) -> Vehicle:
     """Build and unwrap one of :data:`SHAPES`; deterministic."""
     parts = {"cylinder": _cylinder, "cube": _cube, "sphere": _sphere}[name]()
     whole = () if name == "sphere" else _PANELS  # half a side of the sphere flattens with little stretch, a whole not
-    return assemble(name, "shape", parts, SHAPE, whole)
+    return assemble(name, "shape", parts, whole)
 
 
 _SIDES = {  # of a cube: its outward axis and the two that span it, in counter-clockwise order
@@ -75,5 +75,5 @@ def _cylinder() -> MeshParts:
         "rear cap": [[0.0, -length / 2], [radius, -length / 2]],
     }
     for panel, profile in ends.items():
-        parts.grid(turned_along_x(np.array(profile), SEGMENTS, (0.0, 0.0, 0.0)), f"paint/{panel}")
+        parts.grid(turned_along_x(np.array(profile), SEGMENTS), f"paint/{panel}")
     return parts

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +90,7 @@ def lathe(profile: Points, segments: int) -> Points:
 
 
 def add_box(
-    parts: MeshParts, center: tuple[float, ...], size: tuple[float, ...], material: str, bevel: float = 0.0
+    parts: MeshParts, center: Sequence[float], size: Sequence[float], material: str, bevel: float = 0.0
 ) -> None:
     """Add a box, its four long edges seen along x chamfered by ``bevel``; metres."""
     half = np.array(size) / 2
@@ -113,13 +116,13 @@ def add_box(
     parts.grid(points + np.array(center), material, flip=True)
 
 
-def turned_along_x(profile: Points, segments: int, center: tuple[float, float, float]) -> Points:
-    """Turn a profile (N, 2) of (radius, x) around the x axis through ``center``: (segments + 1, N, 3) grid.
+def turned_along_x(profile: Points, segments: int) -> Points:
+    """Turn a profile (N, 2) of (radius, x) around the x axis: (segments + 1, N, 3) grid.
 
     The grid faces outwards where the profile runs forward (+x) on the outside.
     """
     across, along, up = np.moveaxis(lathe(profile, segments), -1, 0)
-    return np.stack([along, across, up], axis=-1) + np.array(center)
+    return np.stack([along, across, up], axis=-1)
 
 
 def add_tube(parts: MeshParts, path: Points, radius: float, material: str, sides: int = 6) -> None:
@@ -136,3 +139,17 @@ def add_tube(parts: MeshParts, path: Points, radius: float, material: str, sides
     points = path[:, None] + radius * ring
     first, last = (np.repeat(path[[i], None], sides + 1, axis=1) for i in (0, -1))
     parts.grid(np.concatenate([first, points, last]), material)
+
+
+def add_solids(parts: MeshParts, rows: list[dict[str, Any]]) -> None:
+    """Add what a list of a profile names: boxes, bars, and turned profiles, which may stand ``upright``."""
+    for row in rows:
+        if "box" in row:
+            add_box(parts, row["box"][:3], row["box"][3:], row["material"], row["bevel"])
+        elif "bar" in row:
+            add_tube(parts, np.array(row["bar"]), row["radius"], row["material"], row["sides"])
+        else:
+            points = turned_along_x(np.array(row["turned"]), row["segments"])
+            if row.get("upright"):
+                points = points[..., [2, 1, 0]] * [-1, 1, 1]
+            parts.grid(points + np.array(row["center"]), row["material"])
