@@ -22,7 +22,7 @@ from rauca_core.environment.methods import (
     transfer_render,
 )
 from rauca_core.environment.metrics import Error
-from rauca_core.runtime.cpu import keep_large_blocks, threads
+from rauca_core.runtime.devices import keep_large_blocks, threads
 
 from .environment_report import save_curve, save_figure_of_maps, summarize
 from .environment_training import adapt, drawn, splitter_db, time_epochs, train_ours, train_published

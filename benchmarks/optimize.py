@@ -17,7 +17,7 @@ from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset
 from rauca_core.detect import fetch, load_detector
 from rauca_core.render import Sampler, SparseOperator, srgb_to_linear
-from rauca_core.runtime.cpu import keep_large_blocks, threads
+from rauca_core.runtime.devices import keep_large_blocks, threads
 
 from .algorithm2 import Facets, fill, pixels_from_cells
 from .harness import Results, Settings, counted

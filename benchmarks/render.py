@@ -14,7 +14,7 @@ import torch
 from pipelines.console import progress_bar
 from rauca_core.contract import Vehicle
 from rauca_core.render import MipmappedTexture, TapCache, Taps, TapSettings, rasterize
-from rauca_core.runtime.cpu import keep_large_blocks, threads
+from rauca_core.runtime.devices import keep_large_blocks, threads
 
 from .algorithm2 import Facets, fill, pixels_from_cells
 from .harness import Clock, Results, Settings, counted, race

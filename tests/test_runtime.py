@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from rauca_core.contract import RaucaError
-from rauca_core.runtime.cpu import keep_large_blocks, threads
+from rauca_core.runtime.devices import keep_large_blocks, threads
 from rauca_core.runtime.images import read_image
 
 GREYS = np.array([[0, 255, 256, 32768, 65535]])

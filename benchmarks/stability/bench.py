@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from benchmarks.harness import Results, Row, Settings, counted
-from rauca_core.runtime.cpu import threads
+from rauca_core.runtime.devices import threads
 
 from . import DTYPES, Check, Outcome, light, losses, name_of, optimizer, outcome, rasterizer, renderer
 

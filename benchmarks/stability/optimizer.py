@@ -18,7 +18,7 @@ import torch
 from rauca_core.attack import DetectorEnsemble, make_settings
 from rauca_core.attack.run import Run
 from rauca_core.contract import Camera, Dataset, Vehicle
-from rauca_core.runtime.cpu import threads
+from rauca_core.runtime.devices import threads
 
 from . import Check, expect
 from .detectors import (

@@ -19,7 +19,7 @@ from ..contract.files import append_line, png_bytes, sweep_partials, write_bytes
 from ..contract.reading import parse_json, read_limited
 from ..contract.schema import Fields, Record
 from ..runtime.board import Board
-from ..runtime.checkpoint_files import CHECKPOINTS, Checkpoint, save_checkpoint
+from ..runtime.tensor_files import CHECKPOINTS, Checkpoint, save_checkpoint
 
 STAGES = ("load", "taps", "environment", "augmentation", "detector", "backward", "adam")
 

@@ -16,12 +16,12 @@ from ..contract import Camouflage, Dataset, RaucaError, StoppedError, load_vehic
 from ..contract.files import png_bytes
 from ..contract.vehicle import target_class
 from ..detect import Detector, load_detector
-from ..runtime.checkpoint_files import CHECKPOINTS, load_checkpoint, require_same, require_state, started
-from ..runtime.cpu import keep_large_blocks, threads
+from ..runtime.devices import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes, joined_processes
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from ..runtime.stopping import stop_request
+from ..runtime.tensor_files import CHECKPOINTS, load_checkpoint, require_same, require_state, started
 from .ensemble import DetectorEnsemble
 from .history import CURVES, HISTORY, Recorder, StepReport, read_history
 from .methods import settings_of

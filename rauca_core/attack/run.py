@@ -15,9 +15,9 @@ from torch.nn import functional
 from ..contract import Dataset, RaucaError
 from ..contract.seeding import named_rng
 from ..render import TAP_FORMAT, MipmappedTexture, srgb_to_linear
-from ..runtime.checkpoint_files import Checkpoint
-from ..runtime.cpu import threads
+from ..runtime.devices import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
+from ..runtime.tensor_files import Checkpoint
 from .augmentation import RANGES, Augmentation
 from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder

@@ -8,7 +8,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
-from ..runtime.cpu import threads
+from ..runtime.devices import threads
 from .interface import DensePredictions, Detections, check_images, in_type_of
 
 # Per class. Greedy suppression never looks back: what it keeps among the best 4096 is what a full run keeps there.

@@ -12,7 +12,7 @@ from torch import nn
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.schema import Record, read_json
-from ..runtime.carded_weights import load_carded, save_carded
+from ..runtime.tensor_files import load_carded, save_carded
 from ..version import __version__
 from .extractor import WIDTHS, LightSplitter, PublishedEfe
 
@@ -108,9 +108,8 @@ def shipped_weights() -> Path:
 
 def save_extractor(path: Path, net: nn.Module, card: Card) -> None:
     """Write weights and card; the card, which names the weights' sha256, comes last."""
-    tensors = {name: value.detach().cpu().contiguous() for name, value in net.state_dict().items()}
     assert card.FORMAT is not None
-    save_carded(path, path.with_suffix(".json"), card.FORMAT, tensors, card.to_json())
+    save_carded(path, path.with_suffix(".json"), card.FORMAT, net.state_dict(), card.to_json())
 
 
 def load_extractor(path: Path | None = None) -> tuple[LightSplitter, ModelCard]:

@@ -10,7 +10,7 @@ from ..attack import OptimizerSettings, StepReport, make_settings, run_optimizat
 from ..contract import Dataset, Progress
 from ..contract.seeding import named_seed
 from ..detect import Detector
-from ..runtime.checkpoint_files import started
+from ..runtime.tensor_files import started
 from ..training.harden import RECORD, Hardening, HardenReport, harden
 from ..training.measure import Judged
 from ..training.settings import HardenSettings

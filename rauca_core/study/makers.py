@@ -30,9 +30,9 @@ from ..contract import (
 from ..contract.files import file_digest, png_bytes, write_bytes, write_json
 from ..contract.schema import Fields
 from ..runtime.blender import run_blender
-from ..runtime.checkpoint_files import started
-from ..runtime.cpu import threads
+from ..runtime.devices import threads
 from ..runtime.images import is_whole, read_image
+from ..runtime.tensor_files import started
 from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
 from .agreement import FILE_NAME as AGREEMENT
 from .agreement import measure_agreement

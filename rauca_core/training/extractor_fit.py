@@ -16,9 +16,9 @@ from ..environment.extractor import LightSplitter, PublishedEfe
 from ..environment.frames import LightFrames
 from ..environment.metrics import Error, total
 from ..environment.weights import ModelCard, PublishedCard, load_extractor, load_published, read_card, save_extractor
-from ..runtime.checkpoint_files import started
 from ..runtime.devices import find_device
 from ..runtime.distributed import Processes, joined_processes
+from ..runtime.tensor_files import started
 from .extractor import EpochReport, Job, Outcome, train
 from .extractor_learners import FinalLearner, SplitterLearner
 from .fit import Given, describe

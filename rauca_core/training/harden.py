@@ -25,9 +25,9 @@ from ..detect.interface import Detector
 from ..detect.synth.card import HARDENED, DetectorCard, as_detector, load_weights, save_weights
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
-from ..runtime.checkpoint_files import require_same, require_state, started
 from ..runtime.devices import find_device
 from ..runtime.folder_lock import alone_in
+from ..runtime.tensor_files import require_same, require_state, started
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
 from .fit import describe

@@ -31,7 +31,11 @@ from ..contract import RaucaError, StoppedError
 from ..contract.dataset import MAX_LEDGER_BYTES
 from ..contract.files import append_line
 from ..contract.schema import whole_lines
-from ..runtime.checkpoint_files import (
+from ..runtime.devices import keep_large_blocks, threads
+from ..runtime.distributed import SINGLE_PROCESS, Processes
+from ..runtime.folder_lock import alone_in
+from ..runtime.stopping import StopRequest, stop_request
+from ..runtime.tensor_files import (
     CHECKPOINTS,
     Checkpoint,
     load_checkpoint,
@@ -40,10 +44,6 @@ from ..runtime.checkpoint_files import (
     save_checkpoint,
     started,
 )
-from ..runtime.cpu import keep_large_blocks, threads
-from ..runtime.distributed import SINGLE_PROCESS, Processes
-from ..runtime.folder_lock import alone_in
-from ..runtime.stopping import StopRequest, stop_request
 
 LEDGER = "rounds.jsonl"
 WARM_UP = 0.05  # of all steps

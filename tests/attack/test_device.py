@@ -12,8 +12,8 @@ import torch
 from rauca_core.attack import METHODS, make_settings, run_optimization, settings_of
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset
-from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.distributed import SINGLE_PROCESS, Processes
+from rauca_core.runtime.tensor_files import CHECKPOINTS, load_checkpoint
 from tests.pretend_device import DEVICE, PretendDevice
 
 AFAR = Processes(0, 1, DEVICE)

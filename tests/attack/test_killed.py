@@ -13,8 +13,8 @@ from rauca_core.attack import read_history
 from rauca_core.attack.history import PICTURE, UV_MAP
 from rauca_core.contract import Dataset
 from rauca_core.contract.files import TEMPORARY_PREFIX
-from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
+from rauca_core.runtime.tensor_files import CHECKPOINTS, load_checkpoint
 
 SETTINGS = {"steps": 9, "batch": 2, "map_size": 32, "samples": 2, "checkpoint_every": 2, "lr": 0.03, "rest": 1}
 
@@ -25,7 +25,7 @@ import json, os, shutil, signal, sys, torch
 from pathlib import Path
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import make_settings, run_optimization
-from rauca_core.runtime.checkpoint_files import started
+from rauca_core.runtime.tensor_files import started
 from rauca_core.contract import Dataset
 
 torch.set_num_threads(1)

@@ -16,7 +16,7 @@ from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, FramePasses, RaucaError, load_frame, save_frame
 from rauca_core.contract.files import TEMPORARY_PREFIX
 from rauca_core.detect.interface import check_images
-from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
+from rauca_core.runtime.tensor_files import CHECKPOINTS, load_checkpoint
 
 SETTINGS = make_settings(steps=8, batch=2, map_size=32, samples=2, checkpoint_every=1, memory_mb=64)
 

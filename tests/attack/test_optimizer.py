@@ -28,8 +28,8 @@ from rauca_core.attack import (
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
 from rauca_core.contract.seeding import named_seed
-from rauca_core.runtime.checkpoint_files import CHECKPOINTS, load_checkpoint
 from rauca_core.runtime.images import read_image
+from rauca_core.runtime.tensor_files import CHECKPOINTS, load_checkpoint
 
 
 def settings(**chosen: Any) -> OptimizerSettings:

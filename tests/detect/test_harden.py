@@ -22,9 +22,9 @@ from rauca_core.detect import Detector, load_detector
 from rauca_core.detect.synth.card import load_network, read_card
 from rauca_core.environment.frames import LightFrames
 from rauca_core.render import MipmappedTexture, TapSettings
-from rauca_core.runtime.checkpoint_files import started
 from rauca_core.runtime.distributed import Processes
 from rauca_core.runtime.images import read_image
+from rauca_core.runtime.tensor_files import started
 from rauca_core.training.camouflaged import CamouflagedSamples, read_texels, vary
 from rauca_core.training.harden import Hardening, harden
 from rauca_core.training.measure import Judged

@@ -13,7 +13,7 @@ from rauca_core.environment.extractor import LightSplitter, PublishedEfe
 from rauca_core.environment.weights import ModelCard, PublishedCard, load_extractor, load_published, save_extractor
 from rauca_core.render.sparse import SparseOperator
 from rauca_core.render.taps import Taps
-from rauca_core.runtime.checkpoint_files import Checkpoint, load_checkpoint, require_same, save_checkpoint
+from rauca_core.runtime.tensor_files import Checkpoint, load_checkpoint, require_same, save_checkpoint
 from rauca_core.training.loop import AveragedCopy, Task
 
 from .mutate import mutate_json

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from ...contract import RaucaError
 from ...contract.schema import Fields, Record, read_json
-from ...runtime.carded_weights import load_carded, save_carded
+from ...runtime.tensor_files import load_carded, save_carded
 from ...version import __version__
 from ..batch_norm import freeze_batch_norms
 from ..classes import unusual_names

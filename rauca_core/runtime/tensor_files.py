@@ -1,18 +1,21 @@
-"""Checkpoints: a run that was stopped or killed goes on as if it had not been.
+"""Tensors on disk, under the sha256 that a JSON beside them names: weights with their card, checkpoints of a run.
 
-Tensors lie under a name of their own, and a JSON points at the latest: readers never meet a mix.
+With a checkpoint a run that was stopped or killed goes on as if it had not been: tensors lie under a name of their own,
+and a JSON points at the latest, so that readers never meet a mix.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import safetensors.torch
+import torch
 from safetensors import SafetensorError
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.files import sweep_partials, write_bytes, write_json
@@ -20,10 +23,11 @@ from ..contract.reading import read_limited
 from ..contract.schema import read_json
 
 CHECKPOINTS, POINTER = "checkpoints", "checkpoint.json"
-FORMAT, VERSION = "rauca-checkpoint", 2
+FORMAT = ("rauca-checkpoint", 2)
 MAX_TENSOR_BYTES = 2**32  # the largest: a hardened YOLOv3 with its average and Adam's two moments, 1 GB
 # Of safetensors: its own, of a header that is no text, of a type that torch does not have, of a tensor beyond memory.
 TENSOR_DAMAGE = (SafetensorError, ValueError, KeyError, TypeError, RuntimeError, OverflowError, MemoryError)
+Network = TypeVar("Network", bound=nn.Module)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +61,8 @@ def require_state(out: Path, what: str, found: bool, resume: bool) -> None:
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     """Write it; the one before goes when this one is whole."""
     file = f"step-{checkpoint.step:08d}.safetensors"
-    data = safetensors.torch.save({k: v.detach().cpu().contiguous() for k, v in checkpoint.tensors.items()})
-    write_bytes(folder / file, data)
-    opening = {"format": FORMAT, "version": VERSION, "step": checkpoint.step, "tensors": file}
-    digest = hashlib.sha256(data).hexdigest()
-    write_json(folder / POINTER, {**opening, "sha256": digest, "identity": checkpoint.identity})
+    told = {"step": checkpoint.step, "tensors": file, "identity": checkpoint.identity}
+    save_carded(folder / file, folder / POINTER, FORMAT, checkpoint.tensors, told)
     for old in folder.glob("step-*.safetensors"):
         if old.name != file:
             old.unlink()
@@ -71,7 +72,7 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
 def load_checkpoint(folder: Path) -> Checkpoint:
     """Read the latest checkpoint; raises :class:`RaucaError` when there is none or it is damaged."""
     fields = read_json(folder / POINTER)
-    fields.format(FORMAT, VERSION)
+    fields.format(*FORMAT)
     step, identity = fields.integer("step"), fields.raw("identity")
     path, digest = folder / fields.file_name("tensors"), fields.text("sha256")
     fields.done()
@@ -86,16 +87,53 @@ def load_checkpoint(folder: Path) -> Checkpoint:
     return Checkpoint(step, identity, tensors)
 
 
-def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[str]:
-    """Names of what a run depends on that differ between two identities; all of it when one is no such thing."""
-    if not isinstance(found, dict):
-        return ["identity"]
-    return [key for key in sorted({*found, *wanted}) if found.get(key) != wanted.get(key)]
-
-
 def require_same(folder: Path, what: str, found: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Refuse to resume a run under other conditions, naming what differs; ``what`` is it called."""
-    if changed := differences(found, wanted):
+    changed = ["identity"]
+    if isinstance(found, dict):  # it is as the file has it
+        changed = [key for key in sorted({*found, *wanted}) if found.get(key) != wanted.get(key)]
+    if changed:
         raise RaucaError(
             f"{folder}: holds a {what} with another {', '.join(changed)}; use the same, or start in a new folder"
         )
+
+
+def save_carded(
+    path: Path, card_path: Path, form: tuple[str, int], tensors: Mapping[str, Tensor], card: Mapping[str, Any]
+) -> None:
+    """Write weights and card; the card comes last, so that weights it does not know are never taken for its own.
+
+    Args:
+        form: name and version of the card's format.
+    """
+    data = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
+    write_bytes(path, data)
+    name, version = form
+    digest = hashlib.sha256(data).hexdigest()
+    write_json(card_path, {"format": name, "version": version, "sha256": digest, **card})
+
+
+def load_carded(build: Callable[[], Network], path: Path, sha256: str, remedy: str) -> Network:
+    """The network that a card describes, on the CPU, with its weights.
+
+    Raises:
+        RaucaError: no weights; others than those of the card; a network larger than its file (found before any of it is
+            made); weights that do not fit, or are not finite.
+    """
+    if not path.is_file():
+        raise RaucaError(f"{path}: no such weights; {remedy}")
+    data = read_limited(path, MAX_TENSOR_BYTES, "weights")
+    if hashlib.sha256(data).hexdigest() != sha256:
+        raise RaucaError(f"{path}: is not the file that its card describes; copy both again, or {remedy}")
+    with torch.device("meta"):
+        wanted = sum(parameter.numel() for parameter in build().parameters())
+    if 2 * wanted > len(data):  # half floats at least
+        raise RaucaError(f"{path}: does not hold the {wanted} parameters that its card describes; {remedy}")
+    network = build()
+    try:
+        network.load_state_dict(safetensors.torch.load(data))
+    except TENSOR_DAMAGE as error:
+        raise RaucaError(f"{path}: does not hold the network that its card describes; {remedy}") from error
+    if not all(tensor.isfinite().all() for tensor in network.state_dict().values()):
+        raise RaucaError(f"{path}: holds NaN or infinity; {remedy}")
+    return network
