@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .assets import assets_folder
 from .errors import RaucaError
@@ -54,7 +53,9 @@ class Weather(Record):
         wetness: 0 to 100, the film of water on everything; see :attr:`film`.
         wind_intensity: 0 to 100; slants the rain, see `rain.py`.
         fog_distance: metres around the camera that fog keeps clear of.
-        fog_falloff: how fast fog thins out upwards, 0 (not at all) up; see :meth:`extinction_at`.
+        fog_falloff: how fast fog thins out upwards, 0 (not at all) up: :attr:`extinction` times ``2^(-fog_falloff *
+            height / 10 m)``, as CARLA's exponential height fog. The layer ends at :data:`FOG_TOP_M`, so that daylight
+            reaches the street without more scattering events than a renderer follows.
     """
 
     name: str
@@ -76,17 +77,6 @@ class Weather(Record):
         Koschmieder's visibility, 3.912 / extinction, is 1040 m at density 25, 260 m at 50, 80 m at 90.
         """
         return 0.06 * (self.fog_density / 100.0) ** 2
-
-    def extinction_at(self, height_m: NDArray[np.floating[Any]] | float) -> NDArray[np.float64]:
-        """Fog extinction coefficient at a height, 1/m: ``extinction * 2^(-fog_falloff * height / 10 m)``.
-
-        The exponential height fog behind CARLA's parameter: falloff 1 halves the fog every 10 m, 5 every 2 m. The layer
-        ends at :data:`FOG_TOP_M`, so that daylight reaches the street without more scattering events than a renderer
-        follows.
-        """
-        height = np.asarray(height_m, float)
-        inside = (height >= 0) & (height <= FOG_TOP_M)
-        return np.where(inside, self.extinction * np.exp2(-self.fog_falloff * np.maximum(height, 0) / 10.0), 0.0)
 
     @property
     def fog_is_uniform(self) -> bool:

@@ -61,8 +61,9 @@ def _row(sheet: Image.Image, corner: tuple[int, int], name: str, frames: list[St
             sheet.paste(enlarged(stored.image(), tile), place)
 
 
-def frame_sheet(stored: StoredFrame, targets: list[Target], side: int = SHEET_SIDE) -> Image.Image:
+def frame_sheet(stored: StoredFrame, targets: list[Target]) -> Image.Image:
     """A frame three ways: as it is, with boxes and the paint's outline, with its classes; and the legend."""
+    side = SHEET_SIDE
     views = [
         ("image", enlarged(stored.image(), side)),
         ("boxes, and the outline of the paint", with_boxes(stored, targets, side)),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh import face_normals
+from .mesh import chunks, face_normals, spread_out
 
 CHUNK = 2_000_000  # candidate texels tested at once
 
@@ -39,17 +39,11 @@ def _candidates(corners: NDArray[np.float64], size: int) -> Iterator[tuple[NDArr
     high = np.clip(np.floor(corners.max(axis=1)), 0, size - 1).astype(np.int64)
     extent = high - low + 1
     counts = extent.prod(axis=1)
-    ends = np.cumsum(counts)
-    start = 0
-    while start < len(counts):
-        stop = max(int(np.searchsorted(ends, ends[start] - counts[start] + CHUNK)), start + 1)
-        chunk = np.arange(start, stop)
-        face = np.repeat(chunk, counts[chunk])
-        first = np.repeat(np.cumsum(counts[chunk]) - counts[chunk], counts[chunk])
-        within = np.arange(len(face)) - first
+    for chunk in chunks(counts, CHUNK):
+        owner, within = spread_out(counts[chunk])
+        face = chunk.start + owner
         down, along = np.divmod(within, extent[face, 0])
         yield face, low[face, 0] + along, low[face, 1] + down
-        start = stop
 
 
 def _inside(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .atlas import signed_uv_area
 from .bake_fit import fit_texture
+from .mesh import chunks, spread_out
 
 ColorAt = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float32]]
 MAX_PER_TEXEL = 8
@@ -132,18 +133,13 @@ def samples(source_uvs: NDArray[np.floating], target_uvs: NDArray[np.floating], 
     corners[..., 1] = side - corners[..., 1]
     origin, gradient = _affine(np.asarray(source_uvs, np.float64), corners)
     face, row, first, count = _spans(corners, side)
-    ends = np.cumsum(count)
-    start = 0
-    while start < len(count):
-        stop = max(int(np.searchsorted(ends, ends[start] - count[start] + CHUNK)), start + 1)
-        here = slice(start, stop)
-        span = np.repeat(np.arange(start, stop), count[here])
-        within = np.arange(len(span)) - np.repeat(np.cumsum(count[here]) - count[here], count[here])
+    for chunk in chunks(count, CHUNK):
+        owner, within = spread_out(count[chunk])
+        span = chunk.start + owner
         column, f = first[span] + within, face[span]
         offset = np.stack([column + 0.5, row[span] + 0.5], axis=1) - corners[f, 0]
         uv = origin[f] + np.einsum("nij,nj->ni", gradient[f], offset)
         yield Samples(f, row[span], column, uv)
-        start = stop
 
 
 def _affine(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -158,9 +154,8 @@ def _affine(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[N
 def _spans(corners: NDArray[np.float64], side: int) -> tuple[NDArray[np.int64], ...]:
     """(face, row, first column, number of columns) of every run of centers inside a face."""
     low, high = (_center(f(corners[..., 1], axis=1), side) for f in (np.min, np.max))
-    rows = high - low
-    face = np.repeat(np.arange(len(corners)), rows)
-    row = low[face] + np.arange(len(face)) - np.repeat(np.cumsum(rows) - rows, rows)
+    face, within = spread_out(high - low)
+    row = low[face] + within
     left, right = np.full(len(face), -np.inf), np.full(len(face), np.inf)
     a, b, c = (corners[face, i] for i in range(3))
     turn = np.sign((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))

@@ -75,22 +75,10 @@ def _add_spoke(parts: MeshParts, center: Points, angle: float, lean: int, rim: f
     middle = lean * (0.020 + 0.030 * t)
     half = 0.017 - 0.002 * t
     face = width * (0.78 + 0.12 * t)
-    back = face - 0.030
-    section = np.stack(
-        [
-            np.stack([along, middle + s * half * w, y], -1)
-            for s, w, y in (
-                (-1, 1.0, back),
-                (-1, 1.0, face - 0.008),
-                (-1, 0.7, face),
-                (1, 0.7, face),
-                (1, 1.0, face - 0.008),
-                (1, 1.0, back),
-            )
-        ],
-        axis=1,
-    )
-    radial, across, out = section[..., 0], section[..., 1], section[..., 2]
+    back, edge = face - 0.030, face - 0.008
+    sides, narrowed = np.array([-1, -1, -1, 1, 1, 1]), np.array([1.0, 1.0, 0.7, 0.7, 1.0, 1.0])
+    radial, across = along[:, None], middle[:, None] + sides * half[:, None] * narrowed
+    out = np.stack([back, edge, face, face, edge, back], axis=1)
     c, s = np.cos(angle), np.sin(angle)
     points = np.stack([radial * c - across * s, out, radial * s + across * c], axis=-1) + center
     parts.grid(points, "rim", flip=True)

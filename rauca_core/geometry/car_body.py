@@ -88,8 +88,7 @@ class CarBody:
 
     def skin(self, place: Points, z: Points) -> Points:
         """Points of the wall (..., 3) by place along the outline and height: outline + normal * offset(facing, z)."""
-        xy = np.stack([np.interp(place, self._place, self._outline[:, i]) for i in (0, 1)], axis=-1)
-        normal = np.stack([np.interp(place, self._place, self._normal[:, i]) for i in (0, 1)], axis=-1)
+        xy, normal = self._at(place, self._outline), self._at(place, self._normal)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         offset = {k: monotone_curve(v, z) for k, v in self.wall_table.items()}
         ahead, aside = normal[..., 0] ** 2, normal[..., 1] ** 2
@@ -98,15 +97,18 @@ class CarBody:
         xy[..., 1] = np.where(xy[..., 1] < 1e-6, 0.0, xy[..., 1])
         return np.concatenate([xy, z[..., None]], axis=-1)
 
+    def _at(self, place: Points, values: Points) -> Points:
+        """(..., 2) of what the outline has at each of its own points (N, 2)."""
+        return np.stack([np.interp(place, self._place, column) for column in values.T], axis=-1)
+
     def ribbon(self, places: tuple[float, float], heights: tuple[float, float], lift: float) -> Points:
         """Vertices of a strip that stands ``lift`` metres proud of the wall, between two places and two heights."""
         count = max(2, int(abs(places[1] - places[0]) / 0.04))
         place = np.repeat(np.linspace(*places, count + 1)[:, None], 4, axis=1)
         edge = min(0.3 * (heights[1] - heights[0]), lift)
         z = np.tile([heights[0], heights[0] + edge, heights[1] - edge, heights[1]], (count + 1, 1))
-        normal = np.stack([np.interp(place, self._place, self._normal[:, i]) for i in (0, 1)], axis=-1)
         points = self.skin(place, z)
-        points[..., :2] += normal * (np.array([-0.004, lift, lift, -0.004]))[:, None]
+        points[..., :2] += self._at(place, self._normal) * (np.array([-0.004, lift, lift, -0.004]))[:, None]
         points[..., 1] = np.where(place == 0.0, 0.0, points[..., 1])
         return points
 

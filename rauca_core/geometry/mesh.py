@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,9 +87,7 @@ def crease_normals(
     counts = np.bincount(vertex, minlength=len(positions))
     start = np.cumsum(counts) - counts
     # Every pair (corner, other corner at the same vertex), as flat arrays.
-    repeats = counts[vertex]
-    corner = np.repeat(np.arange(len(vertex)), repeats)
-    offset = np.arange(len(corner)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    corner, offset = spread_out(counts[vertex])
     other = order[start[vertex[corner]] + offset]
     near = (normals[corner // 3] * normals[other // 3]).sum(axis=1) >= np.cos(np.radians(angle_deg)) - 1e-9
     summed = np.zeros((len(vertex), 3))
@@ -107,3 +106,18 @@ def _corner_angles(corners: Points) -> Points:
     back = np.roll(corners, 1, axis=1) - corners
     cosine = (out * back).sum(axis=2) / np.maximum(np.linalg.norm(out, axis=2) * np.linalg.norm(back, axis=2), 1e-30)
     return np.arccos(np.clip(cosine, -1, 1))
+
+
+def spread_out(counts: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of ``counts[i]`` items for each i, laid end to end: the i of each, and its number among those of i."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def chunks(counts: NDArray[np.integer], most: int) -> Iterator[slice]:
+    """Stretches of ``counts`` that sum to about ``most``, or hold a single one."""
+    ends, start = np.cumsum(counts), 0
+    while start < len(counts):
+        stop = max(int(np.searchsorted(ends, ends[start] - counts[start] + most)), start + 1)
+        yield slice(start, stop)
+        start = stop

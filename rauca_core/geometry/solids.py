@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .mesh import MeshParts
 
 Points = NDArray[np.float64]
+SAMPLES = 64  # of an outline, between two of its control points
 
 
 def monotone_curve(table: Points, at: Points) -> Points:
@@ -49,7 +50,7 @@ def curve_through(points: Points, at: Points) -> Points:
     return np.stack([monotone_curve(np.stack([knots, column], axis=1), at) for column in points.T], axis=-1)
 
 
-def half_outline(control: Points, samples: int = 64) -> Points:
+def half_outline(control: Points) -> Points:
     """A dense polyline (N, 2) through ``control`` (M, 2), which starts and ends on the axis y = 0.
 
     Centripetal Catmull-Rom, mirrored at both ends so that the whole outline is smooth where it crosses the axis.
@@ -59,7 +60,7 @@ def half_outline(control: Points, samples: int = 64) -> Points:
     pieces = []
     for p0, p1, p2, p3 in zip(points, points[1:], points[2:], points[3:], strict=False):
         knots = np.cumsum([0.0] + [np.linalg.norm(b - a) ** 0.5 for a, b in ((p0, p1), (p1, p2), (p2, p3))])
-        t = np.linspace(knots[1], knots[2], samples, endpoint=False)[:, None]
+        t = np.linspace(knots[1], knots[2], SAMPLES, endpoint=False)[:, None]
 
         def blend(a: Points, b: Points, i: int, j: int, t: Points = t, knots: Points = knots) -> Points:
             return ((knots[j] - t) * a + (t - knots[i]) * b) / (knots[j] - knots[i])
@@ -79,14 +80,9 @@ def lathe(profile: Points, segments: int) -> Points:
     """Turn a profile (N, 2) of (radius, y) around the y axis: (segments + 1, N, 3) grid."""
     angle = np.linspace(0, 2 * np.pi, segments + 1)[:, None]
     angle[-1] = 0.0  # the last column is the first, to the bit
-    return np.stack(
-        [
-            profile[:, 0] * np.cos(angle),
-            np.broadcast_to(profile[:, 1], (segments + 1, len(profile))),
-            profile[:, 0] * np.sin(angle),
-        ],
-        axis=-1,
-    )
+    radius, y = profile.T
+    level = np.broadcast_to(y, (segments + 1, len(y)))
+    return np.stack([radius * np.cos(angle), level, radius * np.sin(angle)], axis=-1)
 
 
 def add_box(
@@ -95,21 +91,12 @@ def add_box(
     """Add a box, its four long edges seen along x chamfered by ``bevel``; metres."""
     half = np.array(size) / 2
     b = min(bevel, half[1] * 0.9, half[2] * 0.9)
-    ring = np.array(
-        [
-            [half[1] - b, -half[2]],
-            [half[1], -half[2] + b],
-            [half[1], half[2] - b],
-            [half[1] - b, half[2]],
-            [-half[1] + b, half[2]],
-            [-half[1], half[2] - b],
-            [-half[1], -half[2] + b],
-            [-half[1] + b, -half[2]],
-        ]
-    )
-    scale = np.array([0.0, 1 - b / max(half[1], half[2]), 1.0, 1.0, 1 - b / max(half[1], half[2]), 0.0])
+    y, z = half[1:]
+    side, height = np.array([y - b, y, y, y - b]), np.array([-z, b - z, z - b, z])
+    ring = np.column_stack([np.concatenate([side, -side]), np.concatenate([height, height[::-1]])])[[*range(8), 0]]
+    inset = 1 - b / max(y, z)
+    scale = np.array([0.0, inset, 1.0, 1.0, inset, 0.0])
     x = np.array([-half[0], -half[0], -half[0] + b, half[0] - b, half[0], half[0]])
-    ring = np.vstack([ring, ring[:1]])
     points = np.empty((len(x), len(ring), 3))
     points[..., 0] = x[:, None]
     points[..., 1:] = ring * scale[:, None, None]

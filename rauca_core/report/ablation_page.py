@@ -33,12 +33,12 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
     Raises:
         RaucaError: images, detections or camouflages of the study are missing; then nothing was written.
     """
-    study, experiment, base = found.study, found.experiment, out.parent
+    study, experiment = found.study, found.experiment
     scores = found.scores()
-    verdicts, main = found.verdicts(scores), _main_table(found, scores, base)
+    verdicts, main = found.verdicts(scores), _main_table(found, scores)
     paper = next((one for one in paper_tables() if one.beside == experiment.paper), None)
-    beside = None if paper is None else _beside_table(found, scores, paper, base)
-    gaps = _gaps(found, verdicts, base) if verdicts else None
+    beside = None if paper is None else _beside_table(found, scores, paper)
+    gaps = _gaps(found, verdicts) if verdicts else None
     told = {
         "title": experiment.title,
         "scope": experiment.question,
@@ -67,7 +67,7 @@ def _lead(verdicts: Sequence[Verdict]) -> list[str]:
     return [f"Of the paper's orderings: {told}."] if told else []
 
 
-def _main_table(found: Findings, scores: Scores, base: Path) -> Table:
+def _main_table(found: Findings, scores: Scores) -> Table:
     """AP of every row and detector, a block per set of weathers."""
     names = in_table_order(list(scores.detectors))
     blocks = []
@@ -75,8 +75,8 @@ def _main_table(found: Findings, scores: Scores, base: Path) -> Table:
         rows = []
         for row, title in found.titles.items():
             attacked = found.attacked if row not in (NORMAL, RANDOM) else ()
-            cells = [_cell(found, scores, row, entry, [name], base, name in attacked) for name in names]
-            rows.append(Row(title, (*cells, _cell(found, scores, row, entry, found.detectors, base))))
+            cells = [_cell(found, scores, row, entry, [name], name in attacked) for name in names]
+            rows.append(Row(title, (*cells, _cell(found, scores, row, entry, found.detectors))))
         blocks.append(Block(weathers_title(entry.weathers), tuple(rows)))
     left_out = " but this project's own" if len(found.detectors) < len(names) else ""
     repeats = f", mean of {found.seeds} optimizations" if found.seeds > 1 else ""
@@ -92,7 +92,6 @@ def _cell(
     row: str,
     entry: Entry,
     detectors: Sequence[str],
-    base: Path,
     white_box: bool = False,
 ) -> Cell:
     """AP of a row; where it is a mean, its source is what holds all of its parts."""
@@ -100,16 +99,16 @@ def _cell(
     every = list(detectors) == list(entry.results.detectors)
     column = [detectors[0]] if len(detectors) == 1 else [MEAN] if every else []
     keys = ("table", paints[0], *column) if len(paints) == 1 else ("table",)
-    return sourced(estimate, entry, base, *keys, white_box=white_box)
+    return sourced(estimate, entry, *keys, white_box=white_box)
 
 
-def _beside_table(found: Findings, scores: Scores, paper: PaperTable, base: Path) -> Table:
+def _beside_table(found: Findings, scores: Scores, paper: PaperTable) -> Table:
     """Averages of ours and of the paper's rows, side by side."""
     blocks, entries = paper.table.blocks, found.study.entries
     names = {NORMAL: "Normal", RANDOM: "Random", **{v.key: v.paper_row for v in found.variants}}
     rows = []
     for row, title in found.titles.items():
-        ours = [_cell(found, scores, row, entry, found.detectors, base) for entry in entries]
+        ours = [_cell(found, scores, row, entry, found.detectors) for entry in entries]
         rows.append(Row(title, (*ours, *(_printed(block, names[row], paper.number) for block in blocks))))
     columns = [
         *(Column(weathers_title(entry.weathers), "measured here") for entry in entries),
@@ -126,7 +125,7 @@ def _printed(block: Block, name: str | None, table: int) -> Cell | None:
     return None if row is None else Cell(row.value, source=Source(f"the paper, Table {table}", (str(name), AVERAGE)))
 
 
-def _gaps(found: Findings, verdicts: Sequence[Verdict], base: Path) -> Table:
+def _gaps(found: Findings, verdicts: Sequence[Verdict]) -> Table:
     """What decides the verdicts: a row per pair, its gap over all views and those of parts."""
     comparisons = [(verdict, one) for verdict in verdicts for one in verdict.comparisons]
     scopes = unique(scope for _, one in comparisons for scope in one.by_scope)
@@ -137,7 +136,7 @@ def _gaps(found: Findings, verdicts: Sequence[Verdict], base: Path) -> Table:
         of = [entry for entry in entries if len(entries) == 1 or entry.weathers == scope]
         if gap is None:
             return None
-        return sourced(gap, of[0], base, "table") if of else Cell(gap.ap, gap.low, gap.high)
+        return sourced(gap, of[0], "table") if of else Cell(gap.ap, gap.low, gap.high)
 
     rows = []
     for verdict, one in comparisons:

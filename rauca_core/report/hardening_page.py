@@ -33,7 +33,7 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
     Raises:
         RaucaError: images or detections that are missing or have changed; then nothing was written.
     """
-    tables = [_table(gains, found, out.parent) for gains in found.gains]
+    tables = [_table(gains, found) for gains in found.gains]
     told = {
         "title": f"{found.before}, hardened",
         "lead": [_sentence(gains) for gains in found.gains],
@@ -44,13 +44,13 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
     return write_study_page(found.study, out, "hardening.html", told, tables, about, found.facts, limits=_LIMITS)
 
 
-def _table(gains: Gains, found: Hardened, base: Path) -> Table:
+def _table(gains: Gains, found: Hardened) -> Table:
     """A row per paint, the vehicle's own first and the mean over the held-out ones last."""
     entry = gains.entry
 
     def row(gain: Gain, *keys: str) -> Row:
         def cell(estimate: Estimate, *detector: str) -> Cell:
-            return sourced(estimate, entry, base, "table", *keys, *(detector if keys else ()))
+            return sourced(estimate, entry, "table", *keys, *(detector if keys else ()))
 
         share = None if gain.recovered is None else cell(gain.recovered)
         told = cell(gain.before, found.before), cell(gain.after, found.after), cell(gain.change), share

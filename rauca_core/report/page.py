@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
@@ -13,13 +12,13 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from ..contract.files import write_bytes
+from ..contract.files import file_digest, write_bytes
 from ..study.families import family_of, in_table_order, is_own
 from ..study.study import Study
 from ..version import __version__
 from .figures import Style, color_rules, curve_svg, is_ring, themed, themed_color
-from .study_tables import defence_title, results_file, unique, vehicles_of, weathers_title, white_box_of
-from .table import Cell, Column, Place, Row, Table, laid_out, listing
+from .study_tables import defence_title, unique, vehicles_of, weathers_title, white_box_of
+from .table import Cell, Column, Place, Row, Source, Table, laid_out, listing
 from .writers import TEMPLATES, tables_csv, tables_json, tables_latex
 
 
@@ -53,12 +52,12 @@ def write_study_page(
     Returns:
         What was written, the page first.
     """
-    files = {".csv": tables_csv(tables), ".json": tables_json(tables, study.command, about)}
+    first, base = study.entries[0].results, out.parent
+    files = {".csv": tables_csv(tables, base), ".json": tables_json(tables, study.command, about, base)}
     if latex:
         files[".tex"] = tables_latex(tables, study.command)
-    first, base = study.entries[0].results, out.parent
-    # file of results, relative to the page -> id of the row that tells about it
-    anchors = {results_file(entry, base): f"data-{number}" for number, entry in enumerate(study.entries, start=1)}
+    # file of results -> id of the row that tells about it
+    anchors = {entry.folder / "results.json": f"data-{i}" for i, entry in enumerate(study.entries, start=1)}
     counted = {
         "lowest score counted": first.settings.score_threshold,
         "overlap of non-maximum suppression": first.settings.iou_threshold,
@@ -70,6 +69,7 @@ def write_study_page(
         "styles": {},
         "colors": Markup(color_rules()),
         "anchors": anchors,
+        "base": base,
         "commands": unique([study.command, *commands]),
         "results": _results(study, base, anchors),
         "beside": [out.with_suffix(suffix).name for suffix in files],
@@ -86,17 +86,17 @@ def write_study_page(
     return [out.with_suffix(suffix) for suffix in written]
 
 
-def _results(study: Study, base: Path, anchors: Mapping[str, str]) -> Table:
+def _results(study: Study, base: Path, anchors: Mapping[Path, str]) -> Table:
     several = len(vehicles_of(study)) > 1
     names = ["vehicle"] * several + ["defence", "frames", "left out", "bootstrap draws", "file"]
     rows = []
     for entry in study.entries:
-        results, file = entry.results, results_file(entry, base)
+        results, path = entry.results, entry.folder / "results.json"
         told = [*([entry.vehicle] if several else []), defence_title(entry.defence)]
         told += [str(len(results.frames)), str(len(results.dropped)), results.draws]
-        digest = hashlib.sha256((entry.folder / "results.json").read_bytes()).hexdigest()
-        cells = (*map(Cell, told), Cell(file, link=file), Cell(digest[:16]))
-        rows.append(Row(weathers_title(entry.weathers), cells, anchors[file]))
+        file = Source(path, ()).told(base)
+        cells = (*map(Cell, told), Cell(file, link=file), Cell(file_digest(path)[:16]))
+        rows.append(Row(weathers_title(entry.weathers), cells, anchors[path]))
     columns = (*(Column(name, kind="text") for name in names), Column("sha256", kind="code"))
     return listing("results", "weathers", columns, tuple(rows))
 
@@ -153,11 +153,11 @@ def _small_interval(place: Place) -> str:
     return f"{low.removeprefix('0')}–{high.removeprefix('0')}"
 
 
-def _source(place: Place) -> str:
-    """The value with its interval and where it stands, as shown when it is pointed at."""
+def _source(place: Place, base: Path) -> str:
+    """The value with its interval and where it stands, as shown when it is pointed at on a page in ``base``."""
     if place.cell is None or place.cell.source is None:
         return ""
     source = place.cell.source
-    where = f"{source.file}: {' / '.join(key for key in source.keys if key)}"
+    where = f"{source.told(base)}: {' / '.join(key for key in source.keys if key)}"
     ends = place.interval
     return f"{place.shown}, 95 % interval {ends[0]} to {ends[1]}; {where}" if ends else where

@@ -61,8 +61,7 @@ def write_report(study: measured.Study, out: Path, notes: ReportNotes | None = N
         RaucaError: images, detections or camouflages that are missing or do not belong to the results; then nothing
             was written.
     """
-    notes, base = notes or ReportNotes(), out.parent
-    tables, curves = tables_of(study, base), curves_of(study, base)
+    notes, tables, curves = notes or ReportNotes(), tables_of(study), curves_of(study)
     papers = {paper.beside: paper for paper in paper_tables()}
     last_of_kind = {table.key.partition("-")[0]: table.key for table in tables}
     told = {
@@ -217,7 +216,7 @@ def save_showcase(study: measured.Study, folder: Path) -> list[Path]:
     files = {"table.md": _markdown(entry).encode()}
     files |= {f"map-{camouflage.name}.jpg": jpeg for camouflage, jpeg in maps_of([entry])}
     styles = paint_styles(entry.results.paints)
-    curves = {curve.key.partition("-")[0]: curve for curve in curves_of(study, folder)[entry.weathers]}
+    curves = {curve.key.partition("-")[0]: curve for curve in curves_of(study)[entry.weathers]}
     files |= {f"ap-{name}.svg": curve_svg(curve, styles).encode() for name, curve in curves.items()}
     for name, data in files.items():
         write_bytes(folder / name, data)

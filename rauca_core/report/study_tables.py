@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 from ..contract import load_camouflage
 from ..study.defences import NO_DEFENCE
@@ -54,15 +52,9 @@ def white_box_of(entry: Entry) -> dict[str, tuple[str, ...]]:
     return {paint: tuple(names.split("+")) for paint, names in made.items() if isinstance(names, str)}
 
 
-def results_file(entry: Entry, base: Path) -> str:
-    """The entry's results as a page in the folder ``base`` names them."""
-    return Path(os.path.relpath(entry.folder / "results.json", base)).as_posix()
-
-
-def sourced(estimate: Estimate, entry: Entry, base: Path, *keys: str, white_box: bool = False) -> Cell:
+def sourced(estimate: Estimate, entry: Entry, *keys: str, white_box: bool = False) -> Cell:
     """The cell of a number that stands in the entry's results under ``keys``, or is computed from what stands there."""
-    source = Source(results_file(entry, base), keys)
-    return Cell(estimate.ap, estimate.low, estimate.high, source, white_box)
+    return Cell(estimate.ap, estimate.low, estimate.high, Source(entry.folder / "results.json", keys), white_box)
 
 
 def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Column, ...]:
@@ -71,22 +63,21 @@ def detector_columns(names: Sequence[str], attacked: Iterable[str]) -> tuple[Col
     return tuple(Column(name, family_of(name), is_own(name), name in met) for name in names)
 
 
-def tables_of(study: Study, base: Path) -> list[Table]:
-    """Every table that the study has numbers for; sources are told relative to the folder ``base``."""
+def tables_of(study: Study) -> list[Table]:
+    """Every table that the study has numbers for."""
     vehicles = vehicles_of(study)
-    alone = len(vehicles) == 1
-    tables = [_by_detector(study, vehicle, alone, base) for vehicle in vehicles]
-    tables += [_by_defence(study, vehicle, alone, base) for vehicle in vehicles]
-    tables += [] if alone else [_by_vehicle(study, base)]
+    tables = [_by_detector(study, vehicle) for vehicle in vehicles]
+    tables += [_by_defence(study, vehicle) for vehicle in vehicles]
+    tables += [_by_vehicle(study)] if len(vehicles) > 1 else []
     return [table for table in tables if table.blocks]
 
 
-def _by_detector(study: Study, vehicle: str, alone: bool, base: Path) -> Table:
+def _by_detector(study: Study, vehicle: str) -> Table:
     blocks = [(weathers_title(entry.weathers), entry) for entry in study.of(vehicle=vehicle, defence=NO_DEFENCE)]
-    return _table("detectors", "Average precision", "by detector", vehicle, alone, blocks, base)
+    return _table("detectors", "Average precision", "by detector", study, vehicle, blocks)
 
 
-def _by_defence(study: Study, vehicle: str, alone: bool, base: Path) -> Table:
+def _by_defence(study: Study, vehicle: str) -> Table:
     """The undefended views of the same weathers come first, to compare with."""
     defended = unique(e.weathers for e in study.of(vehicle=vehicle) if e.defence != NO_DEFENCE)
     blocks = []
@@ -97,13 +88,11 @@ def _by_defence(study: Study, vehicle: str, alone: bool, base: Path) -> Table:
         blocks += [(defence_title(entry.defence) + where, entry) for entry in ordered]
     views = f"in {weathers_title(defended[0]).lower()}, " if len(defended) == 1 else ""
     what = f"{views}each image defended before detection"
-    return _table("defences", "Defences", what, vehicle, alone, blocks, base)
+    return _table("defences", "Defences", what, study, vehicle, blocks)
 
 
-def _table(
-    key: str, title: str, what: str, vehicle: str, alone: bool, blocks: Sequence[tuple[str, Entry]], base: Path
-) -> Table:
-    """AP of paints and detectors of one vehicle, a block per (title, entry); ``alone``: the study has no other."""
+def _table(key: str, title: str, what: str, study: Study, vehicle: str, blocks: Sequence[tuple[str, Entry]]) -> Table:
+    """AP of paints and detectors of one of the study's vehicles, a block per (title, entry)."""
     names = in_table_order(unique(name for _, entry in blocks for name in entry.results.detectors))
     attacked = [name for _, entry in blocks for names in white_box_of(entry).values() for name in names]
     published = [name for name in names if not is_own(name)]
@@ -111,39 +100,39 @@ def _table(
         averages = [Column(AVERAGE)]
     else:
         averages = [Column("all", AVERAGE), Column(PUBLISHED, AVERAGE)]
-    drawn = [Block(heading, _rows(entry, names, published, len(averages) > 1, base)) for heading, entry in blocks]
+    drawn = [Block(heading, _rows(entry, names, published, len(averages) > 1)) for heading, entry in blocks]
     category = blocks[0][1].category.capitalize() if blocks else ""
     caption = f"{category} AP@0.5 of the {vehicle}, {what}."
-    of = ("", "") if alone else (f"-{vehicle}", f": {vehicle}")
+    of = ("", "") if len(vehicles_of(study)) == 1 else (f"-{vehicle}", f": {vehicle}")
     return Table(key + of[0], title + of[1], caption, (*detector_columns(names, attacked), *averages), tuple(drawn))
 
 
-def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool, base: Path) -> tuple[Row, ...]:
+def _rows(entry: Entry, names: Sequence[str], published: Sequence[str], split: bool) -> tuple[Row, ...]:
     against, recorded = white_box_of(entry), Recorded(entry)
     here = [name for name in published if name in entry.results.detectors]
     rows = []
     for paint in entry.results.paints:
-        cells = [_cell(entry, paint, name, base, name in against.get(paint, ())) for name in (*names, MEAN)]
+        cells = [_cell(entry, paint, name, name in against.get(paint, ())) for name in (*names, MEAN)]
         if split:
-            cells.append(sourced(recorded.mean_over(here, paint), entry, base, "table", paint) if here else None)
+            cells.append(sourced(recorded.mean_over(here, paint), entry, "table", paint) if here else None)
         rows.append(Row(paint, tuple(cells)))
     return tuple(rows)
 
 
-def _cell(entry: Entry, paint: str, detector: str, base: Path, white_box: bool = False) -> Cell | None:
+def _cell(entry: Entry, paint: str, detector: str, white_box: bool = False) -> Cell | None:
     """The cell of a paint and a detector (or ``"mean"``); None where the entry has none."""
     found = entry.results.table.get(paint, {}).get(detector)
-    return None if found is None else sourced(found, entry, base, "table", paint, detector, white_box=white_box)
+    return None if found is None else sourced(found, entry, "table", paint, detector, white_box=white_box)
 
 
-def _by_vehicle(study: Study, base: Path) -> Table:
+def _by_vehicle(study: Study) -> Table:
     entries = study.of(defence=NO_DEFENCE)
     category = {entry.vehicle: entry.category for entry in entries}
     blocks = []
     for weathers in unique(entry.weathers for entry in entries):
         here = {entry.vehicle: entry for entry in entries if entry.weathers == weathers}
         paints = unique(paint for entry in here.values() for paint in entry.results.paints)
-        cells = [[_cell(here[v], paint, MEAN, base) if v in here else None for v in category] for paint in paints]
+        cells = [[_cell(here[v], paint, MEAN) if v in here else None for v in category] for paint in paints]
         rows = tuple(Row(paint, tuple(row)) for paint, row in zip(paints, cells, strict=True))
         blocks.append(Block(weathers_title(weathers), rows))
     columns = tuple(Column(vehicle, of) for vehicle, of in category.items())
@@ -151,24 +140,24 @@ def _by_vehicle(study: Study, base: Path) -> Table:
     return Table("vehicles", "Other vehicles", caption, columns, tuple(blocks))
 
 
-def curves_of(study: Study, base: Path) -> dict[str, list[Table]]:
+def curves_of(study: Study) -> dict[str, list[Table]]:
     """Weathers -> a table per parameter that varies there, whose columns are its values.
 
     Of the first vehicle, undefended, mean over detectors.
     """
     entries = study.of(vehicle=vehicles_of(study)[0], defence=NO_DEFENCE)
     return {
-        entry.weathers: [_curve(entry, axis, base) for axis in AXES if len(entry.results.groups[axis]) > 1]
+        entry.weathers: [_curve(entry, axis) for axis in AXES if len(entry.results.groups[axis]) > 1]
         for entry in entries
     }
 
 
-def _curve(entry: Entry, axis: str, base: Path) -> Table:
+def _curve(entry: Entry, axis: str) -> Table:
     groups = entry.results.groups[axis]
     rows = []
     for paint in entry.results.paints:
         places = [("groups", axis, str(index), "mean", paint) for index in range(len(groups))]
-        cells = [sourced(group.mean[paint], entry, base, *keys) for group, keys in zip(groups, places, strict=True)]
+        cells = [sourced(group.mean[paint], entry, *keys) for group, keys in zip(groups, places, strict=True)]
         rows.append(Row(paint, tuple(cells)))
     sizes = sorted({group.frames for group in groups})
     frames = f"{sizes[0]}" if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 Kind = Literal["score", "change", "share", "loss", "number", "text", "code"]
@@ -37,10 +39,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a number stands: a file beside the report, and the path of keys inside it."""
+    """Where a number stands: a file, or the name of what was printed, and the path of keys inside it."""
 
-    file: str
+    file: Path | str
     keys: tuple[str, ...]
+
+    def told(self, base: Path) -> str:
+        """The file as a page in the folder ``base`` names it."""
+        return self.file if isinstance(self.file, str) else Path(os.path.relpath(self.file, base)).as_posix()
 
 
 @dataclass(frozen=True)
@@ -136,11 +142,9 @@ class Table:
         return result
 
 
-def listing(
-    key: str, corner: str, columns: tuple[Column, ...], rows: tuple[Row, ...], title: str = "", caption: str = ""
-) -> Table:
+def listing(key: str, corner: str, columns: tuple[Column, ...], rows: tuple[Row, ...], title: str = "") -> Table:
     """A table of one block whose rows do not compete."""
-    return Table(key, title, caption, columns, (Block("", rows),), ranked=False, corner=corner)
+    return Table(key, title, "", columns, (Block("", rows),), ranked=False, corner=corner)
 
 
 def is_normal(paint: str) -> bool:

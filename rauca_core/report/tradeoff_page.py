@@ -33,12 +33,10 @@ def write_curve(curve: TradeOff, out: Path) -> list[Path]:
     Raises:
         RaucaError: images, detections or camouflages of the study are missing; then nothing was written.
     """
-    base, entries = out.parent, curve.study.entries
+    entries = curve.study.entries
     results, scores = entries[0].results, [_scores(curve, entry) for entry in entries]
-    numbers = _numbers(curve, scores, base)
-    sweeps = [
-        sweep for entry, found in zip(entries, scores, strict=True) for sweep in _sweeps(curve, entry, found, base)
-    ]
+    numbers = _numbers(curve, scores)
+    sweeps = [sweep for entry, found in zip(entries, scores, strict=True) for sweep in _sweeps(curve, entry, found)]
     picker, attacked = FramePicker(entries[:1]), curve.attacked[0]
     told = {
         "title": "What naturalness costs",
@@ -81,7 +79,7 @@ def _black_box(curve: TradeOff) -> list[str]:
     return [name for name in curve.study.entries[0].results.detectors if name not in curve.attacked]
 
 
-def _sweeps(curve: TradeOff, entry: Entry, scores: Scores, base: Path) -> list[Table]:
+def _sweeps(curve: TradeOff, entry: Entry, scores: Scores) -> list[Table]:
     """AP along the distance of points that differ in their bound, and along their patches; the free one is in both."""
     near = [(p.distance.mean, p.label) for p in curve.points if p.distance is not None and p.feature_cm is None]
     fine = [(p.feature_cm or 0.0, p.label) for p in curve.points if p.bound is None]
@@ -92,7 +90,7 @@ def _sweeps(curve: TradeOff, entry: Entry, scores: Scores, base: Path) -> list[T
     where = weathers_title(entry.weathers) if len(curve.study.entries) > 1 else ""
 
     def cell(paint: str, kind: str) -> Cell:
-        return sourced(scores[paint][kind], entry, base, "table", paint)
+        return sourced(scores[paint][kind], entry, "table", paint)
 
     def table(key: str, axis: str, places: Sequence[tuple[str, str]]) -> Table:
         rows = [Row(kind, tuple(cell(label, kind) for label, _ in places)) for kind in (WHITE, BLACK)]
@@ -106,7 +104,7 @@ def _sweeps(curve: TradeOff, entry: Entry, scores: Scores, base: Path) -> list[T
     return [table(*axis) for axis in axes if len(axis[2]) > 1]
 
 
-def _numbers(curve: TradeOff, scores: Sequence[Scores], base: Path) -> Table:
+def _numbers(curve: TradeOff, scores: Sequence[Scores]) -> Table:
     """A row per camouflage: what was asked, what it is, what was found."""
     rows = []
     for point in curve.points:
@@ -116,7 +114,7 @@ def _numbers(curve: TradeOff, scores: Sequence[Scores], base: Path) -> Table:
         told = point.bound, *distances, *patches, point.losses["attack"]
         cells = [None if value is None else Cell(value) for value in told]
         for entry, found in zip(curve.study.entries, scores, strict=True):
-            cells += [sourced(one, entry, base, "table", point.label) for one in found[point.label].values()]
+            cells += [sourced(one, entry, "table", point.label) for one in found[point.label].values()]
         rows.append(Row(point.label, tuple(cells)))
     distance = ("bound", "mean dE", "mean dE2000", "largest dE")
     patch = ("asked for", "smallest found", "median found")

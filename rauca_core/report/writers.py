@@ -22,32 +22,37 @@ HEADER = (
 )  # fmt: skip
 
 
-def tables_csv(tables: Sequence[Table]) -> bytes:
-    """UTF-8 CSV, a line per value at full precision; empty fields where there is no interval, rank or source."""
+def tables_csv(tables: Sequence[Table], base: Path) -> bytes:
+    """UTF-8 CSV, a line per value at full precision; empty fields where there is no interval, rank or source.
+
+    Args:
+        base: the folder that sources are told relative to.
+    """
     stream = io.StringIO()
     writer = csv.DictWriter(stream, HEADER, lineterminator="\n")
     writer.writeheader()
     for table in tables:
-        writer.writerows({**value, "keys": " / ".join(value["keys"])} for value in _values(table))
+        writer.writerows({**value, "keys": " / ".join(value["keys"])} for value in _values(table, base))
     return stream.getvalue().encode()
 
 
-def tables_json(tables: Sequence[Table], command: str, about: Mapping[str, Any]) -> bytes:
+def tables_json(tables: Sequence[Table], command: str, about: Mapping[str, Any], base: Path) -> bytes:
     """The same values under the title and caption of their table, with the command and what else is known of a study.
 
     Args:
         about: more fields, as JSON.
+        base: as of :func:`tables_csv`.
     """
     name, version = FORMAT
     listed = [
-        {"key": table.key, "title": table.title, "caption": table.caption, "values": list(_values(table))}
+        {"key": table.key, "title": table.title, "caption": table.caption, "values": list(_values(table, base))}
         for table in tables
     ]
     value = {"format": name, "version": version, "command": command, **about, "tables": listed}
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _values(table: Table) -> Iterator[dict[str, Any]]:
+def _values(table: Table, base: Path) -> Iterator[dict[str, Any]]:
     """Every value of a table with what it belongs to."""
     for block in table.blocks:
         for row, ranks in zip(block.rows, table.ranks(block), strict=True):
@@ -58,7 +63,7 @@ def _values(table: Table) -> Iterator[dict[str, Any]]:
                         "table": table.key, "block": block.title, "row": row.name, "group": column.group,
                         "column": column.name, "kind": column.kind, "own": column.own, "white_box": cell.white_box,
                         "value": cell.value, "low": cell.low, "high": cell.high, "rank": RANKS.get(rank, ""),
-                        "file": source.file, "keys": list(source.keys),
+                        "file": source.told(base), "keys": list(source.keys),
                     }  # fmt: skip
 
 

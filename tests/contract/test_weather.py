@@ -4,12 +4,10 @@ import itertools
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError, Weather, find_preset, preset_notes, weather_from_carla
 from rauca_core.contract.schema import Fields
-from rauca_core.contract.weather import FOG_TOP_M
 
 
 def physics(weather):
@@ -87,14 +85,10 @@ def test_what_carla_has_and_we_have_not_is_told(tmp_path):
     assert weather_from_carla({"sun_azimuth_angle": 90}, "x")[0].sun_azimuth_angle == 270.0
 
 
-def test_fog_halves_every_ten_metres_at_falloff_one():
+def test_fog_is_uniform_without_falloff():
     fog = Weather("fog", 45, fog_density=50, fog_falloff=1.0)
     assert fog.extinction == pytest.approx(0.015)
-    heights = np.array([-1.0, 0.0, 10.0, FOG_TOP_M + 0.1])
-    assert fog.extinction_at(heights) == pytest.approx([0.0, fog.extinction, fog.extinction / 2, 0.0])
-    even = replace(fog, fog_falloff=0.0)
-    assert even.extinction_at(5.0) == even.extinction
-    assert even.fog_is_uniform
+    assert replace(fog, fog_falloff=0.0).fog_is_uniform
     assert not fog.fog_is_uniform
 
 

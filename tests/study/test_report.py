@@ -198,7 +198,7 @@ def test_the_average_without_our_own_detectors_has_the_same_intervals(
     unseen = [frame.id for frame in study.entries[1].results.frames]
     found = measure(views, renders, [own, published], out, resamples=20, only=unseen)
     study = Study("c", (Entry("unseen", "none", "box", "car", found, out),))
-    (table,) = tables_of(study, tmp_path)
+    (table,) = tables_of(study)
     assert [column.name for column in table.columns] == [published.name, own.name, "all", "pre-trained"]
     for row in table.blocks[0].rows:
         alone, _, _, average = row.cells

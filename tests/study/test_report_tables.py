@@ -97,7 +97,7 @@ def test_families_and_the_order_of_columns() -> None:
 def test_the_tables_of_a_study(tmp_path: Path) -> None:
     sedan = [("sedan", "seen", "none"), ("sedan", "unseen", "none"), ("sedan", "seen", "lgs")]
     study = study_at(tmp_path, [*sedan, ("boat", "seen", "none")])
-    tables = {table.key: table for table in tables_of(study, tmp_path)}
+    tables = {table.key: table for table in tables_of(study)}
     assert list(tables) == ["detectors-sedan", "detectors-boat", "defences-sedan", "vehicles"]
     main = tables["detectors-sedan"]
     assert [b.title for b in main.blocks] == ["Seen weathers", "Unseen weathers"]
@@ -123,7 +123,7 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
     assert [row.cells[1] is None for row in vehicles.blocks[1].rows] == [True] * 3  # the boat met no unseen weathers
 
     defended = study_at(tmp_path / "defended", [("sedan", "seen", "lgs"), ("boat", "seen", "lgs")])
-    assert [table.key for table in tables_of(defended, tmp_path)] == ["defences-sedan", "defences-boat"]
+    assert [table.key for table in tables_of(defended)] == ["defences-sedan", "defences-boat"]
 
 
 @pytest.mark.parametrize(
@@ -150,13 +150,13 @@ def test_the_headline_says_what_the_table_says(
 
 def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
     study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "seen", "pad"), ("boat", "seen", "none")])
-    curves = [curve for some in curves_of(study, tmp_path).values() for curve in some]
+    curves = [curve for some in curves_of(study).values() for curve in some]
     assert [curve.key for curve in curves] == ["azimuth-seen"]
     checked = 0
-    for table in [*tables_of(study, tmp_path), *curves]:
+    for table in [*tables_of(study), *curves]:
         for cell in (cell for part in table.blocks for row in part.rows for cell in row.cells if cell):
             assert cell.source
-            value = json.loads((tmp_path / cell.source.file).read_text())
+            value = json.loads(cell.source.file.read_text())
             for key in cell.source.keys:
                 value = value[int(key)] if isinstance(value, list) else value[key]
             if "ap" in value:
@@ -170,9 +170,9 @@ def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
 
 def test_csv_and_json_hold_every_number_in_full(tmp_path: Path) -> None:
     study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "unseen", "none")], ("normal", HOSTILE, 'a,"b"\n'))
-    tables = tables_of(study, tmp_path)
-    lines = list(csv.DictReader(io.StringIO(tables_csv(tables).decode(), newline="")))
-    value = json.loads(tables_json(tables, study.command, {}))
+    tables = tables_of(study)
+    lines = list(csv.DictReader(io.StringIO(tables_csv(tables, tmp_path).decode(), newline="")))
+    value = json.loads(tables_json(tables, study.command, {}, tmp_path))
     assert value["command"] == "rauca evaluate --out here"
     stored = [line for table in value["tables"] for line in table["values"]]
     assert len(lines) == len(stored) == 2 * 3 * 7
@@ -227,7 +227,7 @@ def checked(latex: str) -> list[list[str]]:
 def test_latex_holds_the_numbers_and_is_well_formed(tmp_path: Path, detectors: tuple[str, ...]) -> None:
     paints = ("normal", "random_1", HOSTILE, "[x]", "日本 ü")
     study = study_at(tmp_path, [("sedan", "seen", "none"), ("sedan", "unseen", "none")], paints, detectors)
-    (table,) = tables_of(study, tmp_path)
+    (table,) = tables_of(study)
     latex = tables_latex([table], "rauca evaluate\n\\input{secret}").decode()
     assert latex.splitlines()[0] == "% Written by: rauca evaluate \\input{secret}"
     rows = checked(latex)
