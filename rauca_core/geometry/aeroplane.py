@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..contract import Vehicle
 from .assemble import assemble, read_profile
-from .mesh import MeshParts
+from .mesh import Indices, Mask, MeshParts, Points
 from .solids import add_box, add_solids, add_tube, lathe, monotone_curve
 
 AEROPLANES = ("aeroplane",)
@@ -20,7 +20,6 @@ CHORD = np.array([0.0, 0.012, 0.05, 0.11, 0.2, 0.32, 0.46, 0.6, 0.730, 0.738, 0.
 BAY_M = 0.4
 FLAPPED_BAYS = 2
 FLAP_GAP = 8  # the cell of CHORD that is the gap
-Points = NDArray[np.float64]
 
 
 def build_aeroplane(name: str) -> Vehicle:
@@ -63,7 +62,7 @@ def _fuselage_materials(fuselage: dict[str, Any], x: Points, angle: Points) -> N
     part = np.searchsorted(np.array(fuselage["panels_x"]), at)
     names = np.repeat(np.array(["paint/tail", "paint/cabin", "paint/nose"])[part], len(around), axis=1)
 
-    def between(values: Points, pair: list[float]) -> NDArray[np.bool_]:
+    def between(values: Points, pair: list[float]) -> Mask:
         return (values > pair[0]) & (values < pair[1])
 
     windows, screens = fuselage["windows"], fuselage["screens"]
@@ -103,7 +102,7 @@ def add_wing(parts: MeshParts, sections: Points, panel: str) -> None:
     parts.grid(points, names)
 
 
-def _filled(sections: Points) -> tuple[Points, NDArray[np.int64]]:
+def _filled(sections: Points) -> tuple[Points, Indices]:
     """Sections at most ``BAY_M`` apart, and the given bay that each of their gaps, and the tip, belongs to."""
     rows, bay = [sections[:1]], []
     for i, (here, there) in enumerate(pairwise(sections)):

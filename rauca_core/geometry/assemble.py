@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..contract import Material, Vehicle
 from ..contract.assets import assets_folder
 from ..contract.schema import Fields
-from .mesh import MeshParts, crease_normals
+from .mesh import MeshParts, Points, crease_normals
 from .unwrap import unwrap
 
 CREASE_DEG = 38.0
@@ -69,6 +68,6 @@ def assemble(name: str, category: str, parts: MeshParts, central: Collection[str
     return unwrap(vehicle, groups=groups)
 
 
-def _middle(values: NDArray[np.float64]) -> float:
+def _middle(values: Points) -> float:
     """Half way between the least and the greatest; exactly 0 when they mirror each other."""
     return float(np.ptp(values) / 2 + values.min())

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh import chunks, face_normals, spread_out
+from .mesh import Floats, Indices, Integers, Mask, Points, chunks, face_normals, spread_out
 
 CHUNK = 2_000_000  # candidate texels tested at once
 
 
-def covered(uvs: NDArray[np.floating], size: int, conservative: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def covered(uvs: Floats, size: int, conservative: bool) -> tuple[Indices, Indices]:
     """Texels under UV triangles.
 
     Args:
@@ -33,7 +33,7 @@ def covered(uvs: NDArray[np.floating], size: int, conservative: bool) -> tuple[N
     return np.concatenate(texels), np.concatenate(faces)
 
 
-def _candidates(corners: NDArray[np.float64], size: int) -> Iterator[tuple[NDArray[np.int64], ...]]:
+def _candidates(corners: Points, size: int) -> Iterator[tuple[Indices, ...]]:
     """(face, column, row) of every texel in the bounding boxes of triangles, in chunks."""
     low = np.clip(np.floor(corners.min(axis=1)), 0, size - 1).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1)), 0, size - 1).astype(np.int64)
@@ -46,12 +46,10 @@ def _candidates(corners: NDArray[np.float64], size: int) -> Iterator[tuple[NDArr
         yield face, low[face, 0] + along, low[face, 1] + down
 
 
-def _inside(
-    corners: NDArray[np.float64], face: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64], half: float
-) -> NDArray[np.bool_]:
+def _inside(corners: Points, face: Indices, x: Floats, y: Floats, half: float) -> Mask:
     """Whether the square of half-width ``half`` around (x, y) meets the triangle ``face``; for 0, strictly inside."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    area: NDArray[np.float64] = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    area: Floats = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     sign = np.sign(area)
     result = np.full(len(x), True) if half else (sign != 0)[face]
     for p, q in ((a, b), (b, c), (c, a)):
@@ -63,12 +61,7 @@ def _inside(
     return result
 
 
-def density_spread(
-    uvs: NDArray[np.floating],
-    positions: NDArray[np.floating],
-    triangles: NDArray[np.integer],
-    chart: NDArray[np.int64],
-) -> NDArray[np.float64]:
+def density_spread(uvs: Floats, positions: Floats, triangles: Integers, chart: Indices) -> Floats:
     """(charts,) spread of the texel density within each chart.
 
     The density of a face is ``sqrt(uv area / surface area)``; the spread is the coefficient of variation (standard
@@ -81,13 +74,13 @@ def density_spread(
     return np.sqrt(np.bincount(chart, area * (density - mean[chart]) ** 2) / weight) / mean
 
 
-def signed_uv_area(uvs: NDArray[np.floating]) -> NDArray[np.float64]:
+def signed_uv_area(uvs: Floats) -> Floats:
     """(F,) area of UV triangles (F, 3, 2), negative where mirrored."""
     one, two = (uvs[:, 1:] - uvs[:, :1]).astype(np.float64).transpose(1, 0, 2)
     return (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2
 
 
-def chart_of_faces(triangles: NDArray[np.integer], uvs: NDArray[np.float32]) -> NDArray[np.int64]:
+def chart_of_faces(triangles: Integers, uvs: NDArray[np.float32]) -> Indices:
     """(F,) chart number of each face: faces are joined where they share a vertex with the same UV."""
     keys = np.concatenate([triangles.reshape(-1, 1), np.round(uvs.reshape(-1, 2) * 2**20)], axis=1).astype(np.int64)
     _, corner = np.unique(keys, axis=0, return_inverse=True)

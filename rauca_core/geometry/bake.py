@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from .atlas import signed_uv_area
 from .bake_fit import fit_texture
-from .mesh import chunks, spread_out
+from .mesh import Floats, Indices, Mask, Points, chunks, spread_out
 
-ColorAt = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float32]]
+ColorAt = Callable[[Indices, Floats], NDArray[np.float32]]
 MAX_PER_TEXEL = 8
 
 
@@ -30,13 +30,13 @@ class Carried:
     """
 
     linear: NDArray[np.float32]
-    read: NDArray[np.bool_]
+    read: Mask
     overlap: float
 
 
 def carry(
-    source_uvs: NDArray[np.floating],
-    target_uvs: NDArray[np.floating],
+    source_uvs: Floats,
+    target_uvs: Floats,
     size: int,
     color_at: ColorAt,
     source_size: int,
@@ -78,9 +78,7 @@ def carry(
     return Carried(linear, read, float((hits > 1).sum() / max(hit.sum(), 1)))
 
 
-def samples_per_texel(
-    source_uvs: NDArray[np.floating], target_uvs: NDArray[np.floating], source_size: int, size: int
-) -> int:
+def samples_per_texel(source_uvs: Floats, target_uvs: Floats, source_size: int, size: int) -> int:
     """Samples per texel of the target and axis: two, or two per texel of the source where that is finer."""
     source, target = np.abs(signed_uv_area(source_uvs)), np.abs(signed_uv_area(target_uvs))
     order = np.argsort(ratio := np.sqrt(source / np.maximum(target, 1e-30)))
@@ -89,7 +87,7 @@ def samples_per_texel(
     return int(np.clip(np.ceil(2 * dense * source_size / size - 0.1), 2, MAX_PER_TEXEL))
 
 
-def bilinear(picture: NDArray[np.float32], uv: NDArray[np.floating]) -> NDArray[np.float32]:
+def bilinear(picture: NDArray[np.float32], uv: Floats) -> NDArray[np.float32]:
     """Values of a picture (H, W, C), row 0 at the top, at UVs (N, 2), as a renderer's bilinear filter reads them.
 
     Beyond [0, 1] the border continues.
@@ -114,13 +112,13 @@ CHUNK = 250_000  # samples at a time: some 20 ms, so that a window beside this t
 class Samples:
     """Sample points of the target layout that lie on a face; all arrays (N,), ``uv`` (N, 2) in the source layout."""
 
-    face: NDArray[np.int64]
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
-    uv: NDArray[np.float64]
+    face: Indices
+    row: Indices
+    column: Indices
+    uv: Floats
 
 
-def samples(source_uvs: NDArray[np.floating], target_uvs: NDArray[np.floating], side: int) -> Iterator[Samples]:
+def samples(source_uvs: Floats, target_uvs: Floats, side: int) -> Iterator[Samples]:
     """Visit the centers of a ``side`` x ``side`` grid over the target layout, row 0 at the top (v = 1).
 
     A center on the edge that two faces share belongs to one of them. Within a face the two layouts are affine to each
@@ -142,7 +140,7 @@ def samples(source_uvs: NDArray[np.floating], target_uvs: NDArray[np.floating], 
         yield Samples(f, row[span], column, uv)
 
 
-def _affine(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _affine(source: Floats, target: Floats) -> tuple[Floats, ...]:
     """Source UV at each face's first corner (F, 2), and its change (F, 2, 2) per step in the target."""
     d, s = (np.swapaxes(x[:, 1:] - x[:, :1], 1, 2) for x in (target, source))
     area = d[:, 0, 0] * d[:, 1, 1] - d[:, 0, 1] * d[:, 1, 0]
@@ -151,7 +149,7 @@ def _affine(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[N
     return source[:, 0], s @ (inverse / safe[:, None, None])
 
 
-def _spans(corners: NDArray[np.float64], side: int) -> tuple[NDArray[np.int64], ...]:
+def _spans(corners: Points, side: int) -> tuple[Indices, ...]:
     """(face, row, first column, number of columns) of every run of centers inside a face."""
     low, high = (_center(f(corners[..., 1], axis=1), side) for f in (np.min, np.max))
     face, within = spread_out(high - low)
@@ -171,7 +169,7 @@ def _spans(corners: NDArray[np.float64], side: int) -> tuple[NDArray[np.int64], 
     return face[keep], row[keep], first[keep], count[keep]
 
 
-def _center(x: NDArray[np.float64], side: int) -> NDArray[np.int64]:
+def _center(x: Floats, side: int) -> Indices:
     """The first center at or after ``x``, within the grid."""
     return np.ceil(np.clip(x, 0, side) - 0.5).astype(np.int64)
 
@@ -179,7 +177,7 @@ def _center(x: NDArray[np.float64], side: int) -> NDArray[np.int64]:
 DILATION = 8  # texels around an island that repeat its edge, so that coarse levels read across seams without a halo
 
 
-def fill_gaps(linear: NDArray[np.float32], known: NDArray[np.bool_], dilation: int = DILATION) -> NDArray[np.float32]:
+def fill_gaps(linear: NDArray[np.float32], known: Mask, dilation: int = DILATION) -> NDArray[np.float32]:
     """Fill the unknown texels of a texture.
 
     The edge of each island is first repeated outwards for ``dilation`` texels. The rest takes, level by level, the mean
@@ -197,9 +195,7 @@ def fill_gaps(linear: NDArray[np.float32], known: NDArray[np.bool_], dilation: i
     return _mip_filled(filled, known)
 
 
-def _dilated(
-    linear: NDArray[np.float32], known: NDArray[np.bool_], steps: int
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _dilated(linear: NDArray[np.float32], known: Mask, steps: int) -> tuple[NDArray[np.float32], Mask]:
     """Each step gives the unknown neighbors of known texels the mean of these."""
     # A border of one unknown texel spares every step the question of what lies beyond.
     colors, done = np.pad(linear, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
@@ -219,7 +215,7 @@ def _dilated(
     return colors[1:-1, 1:-1], done[1:-1, 1:-1]
 
 
-def _mip_filled(linear: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _mip_filled(linear: NDArray[np.float32], known: Mask) -> NDArray[np.float32]:
     """Give each unknown texel the mean of its mip cell's non-empty quarters, from the coarsest level down."""
     if known.all():
         return linear

@@ -12,6 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from .mesh import Mask
+
 Plane = NDArray[np.float32]
 Offset = tuple[int, int]
 ITERATIONS = 8  # of conjugate gradients; more change less than 0.02 dB
@@ -19,8 +21,8 @@ HOLD = 0.003  # how strongly a texel is held at its plain average, per sample of
 
 
 def fit_texture(
-    colors: NDArray[np.float16], hit: NDArray[np.bool_], per_texel: int, progress: Callable[[float], None]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    colors: NDArray[np.float16], hit: Mask, per_texel: int, progress: Callable[[float], None]
+) -> tuple[NDArray[np.float32], Mask]:
     """Fit a texture to samples on a regular grid.
 
     Minimizes ``sum over samples of (bilinear(t) - c)^2 + hold * |t - average|^2`` by conjugate gradients, started from
@@ -60,7 +62,7 @@ def _phases(n: int) -> list[tuple[int, int, list[tuple[Offset, float]]]]:
     return [(i, j, [((y, x), a * b) for y, a in along[i] for x, b in along[j]]) for i, j in cells]
 
 
-def _coupling(hit: NDArray[np.bool_], n: int) -> dict[Offset, Plane]:
+def _coupling(hit: Mask, n: int) -> dict[Offset, Plane]:
     """The normal matrix: ``coupling[d][t]`` couples the texels ``t`` and ``t + d``, neighbors or the same."""
     shape = hit.shape[0] // n, hit.shape[1] // n
     planes: dict[Offset, Plane] = {(y, x): np.zeros(shape, np.float32) for y in (-1, 0, 1) for x in (-1, 0, 1)}
@@ -72,7 +74,7 @@ def _coupling(hit: NDArray[np.bool_], n: int) -> dict[Offset, Plane]:
     return planes
 
 
-def _gathered(channel: NDArray[np.float16], hit: NDArray[np.bool_], n: int) -> Plane:
+def _gathered(channel: NDArray[np.float16], hit: Mask, n: int) -> Plane:
     """The right-hand side: each texel's weighted sum of the samples that read it."""
     total: Plane = np.zeros((hit.shape[0] // n, hit.shape[1] // n), np.float32)
     for i, j, taps in _phases(n):

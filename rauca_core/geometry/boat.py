@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from ..contract import Vehicle
 from .assemble import assemble, read_profile
-from .mesh import MeshParts
+from .mesh import MeshParts, Points
 from .solids import add_solids, add_tube, curve_through
 
 BOATS = ("boat", "boat_detailed")
 CENTRAL_PANELS = ("deck", "transom", "roof", "house front", "house rear")
 CROWN_M = 0.04  # the roof of a cabin is this much higher in the middle
-Points = NDArray[np.float64]
 
 
 def build_boat(name: str) -> Vehicle:

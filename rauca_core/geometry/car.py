@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..contract import Vehicle
 from .assemble import assemble, read_profile
 from .car_body import SCREEN_LINE, CarBody, add_skin
-from .mesh import MeshParts
+from .mesh import MeshParts, Points
 from .solids import add_box, add_tube, lathe
 
 CARS = ("sedan", "hatchback", "suv", "van")
 CENTRAL_PANELS = ("nose", "tail", "bonnet", "roof", "boot")
 RAIL_LIFT_M = 0.05
-Points = NDArray[np.float64]
 
 
 def build_car(name: str) -> Vehicle:

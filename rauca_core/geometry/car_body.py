@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh import MeshParts
+from .mesh import Mask, MeshParts, Points
 from .solids import half_outline, monotone_curve, smoothstep
 
-Points = NDArray[np.float64]
 ROWS = ("sill", "skirt", "intake", "bumper", "gap", "lamp_low", "lamp_high")
 ARCH_FAN_M = 0.025  # the columns over a wheel arch spread by this much from the arch to the belt
 
@@ -212,7 +211,7 @@ def add_skin(parts: MeshParts, body: CarBody) -> None:
     parts.grid(np.stack([edge * [1, 0, 1], edge], axis=1), "underbody")
 
 
-def _wall_materials(body: CarBody, wall: NDArray[np.float64]) -> Names:
+def _wall_materials(body: CarBody, wall: Points) -> Names:
     """(columns - 1, rows - 1) material of each cell of the wall with vertices ``wall`` (columns, rows, 3)."""
     features, columns = body.profile["features"], body.columns
     splits = np.array(body.profile["wall"]["splits"])
@@ -254,7 +253,7 @@ def _deck_materials(body: CarBody) -> Names:
     lines = len(body.profile["deck"]["flat_width"]) - 1
     line = np.arange(lines)[None, :]
 
-    def between(pair: list[float]) -> NDArray[np.bool_]:
+    def between(pair: list[float]) -> Mask:
         return (middle < pair[0]) & (middle > pair[1])
 
     screen, window = features["windscreen"], features["rear_window"]
@@ -284,7 +283,7 @@ def _deck_materials(body: CarBody) -> Names:
     return names
 
 
-def _side_panels(body: CarBody, place: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
+def _side_panels(body: CarBody, place: Points) -> dict[str, Mask]:
     """Where each side panel lies among places along the outline."""
     first, second, third = body.place_of_x(np.array(body.profile["features"]["door_gaps"]))
     return {
@@ -295,7 +294,7 @@ def _side_panels(body: CarBody, place: NDArray[np.float64]) -> dict[str, NDArray
     }
 
 
-def _is_gap(body: CarBody, places: NDArray[np.float64], gaps: list[float]) -> NDArray[np.bool_]:
+def _is_gap(body: CarBody, places: Points, gaps: list[float]) -> Mask:
     """(columns - 1,) True between the two columns that border a shut line."""
     middle = 0.5 * (places[1:] + places[:-1])
     return (np.abs(middle[:, None] - body.place_of_x(np.array(gaps))) < 0.002).any(axis=1)

@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int64]
+Integers = NDArray[np.integer]
+Mask = NDArray[np.bool_]
 WELD_M = 1e-5
 
 
@@ -64,7 +68,7 @@ class MeshParts:
         return positions[used], compact.reshape(-1, 3).astype(np.int32), names[keep]
 
 
-def face_normals(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> tuple[Points, Points]:
+def face_normals(positions: Floats, triangles: Integers) -> tuple[Points, Points]:
     """Unit normals (F, 3) and areas (F,) of triangles; a degenerate triangle has the normal 0 and the area 0."""
     corners = np.asarray(positions, np.float64)[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -72,9 +76,7 @@ def face_normals(positions: NDArray[np.floating], triangles: NDArray[np.integer]
     return cross / np.maximum(length, 1e-30)[:, None], length / 2
 
 
-def crease_normals(
-    positions: NDArray[np.floating], triangles: NDArray[np.integer], angle_deg: float
-) -> NDArray[np.float32]:
+def crease_normals(positions: Floats, triangles: Integers, angle_deg: float) -> NDArray[np.float32]:
     """Unit shading normals (F, 3, 3) per corner: smooth, but split where faces meet at more than ``angle_deg``.
 
     A corner's normal is the mean of the face normals around its vertex that lie within the angle of its own face,
@@ -108,13 +110,13 @@ def _corner_angles(corners: Points) -> Points:
     return np.arccos(np.clip(cosine, -1, 1))
 
 
-def spread_out(counts: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def spread_out(counts: Integers) -> tuple[Indices, Indices]:
     """Of ``counts[i]`` items for each i, laid end to end: the i of each, and its number among those of i."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
-def chunks(counts: NDArray[np.integer], most: int) -> Iterator[slice]:
+def chunks(counts: Integers, most: int) -> Iterator[slice]:
     """Stretches of ``counts`` that sum to about ``most``, or hold a single one."""
     ends, start = np.cumsum(counts), 0
     while start < len(counts):

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..contract import RaucaError
 from .atlas import covered, signed_uv_area
+from .mesh import Indices, Mask, Points
 
-Points = NDArray[np.float64]
 Habit = tuple[tuple[float, float, float], str]
 CELL_TEXELS = 4  # charts are placed on a lattice of this pitch
 ROTATIONS = 4
@@ -41,11 +40,11 @@ class Footprint:
     """
 
     points: Points
-    mask: NDArray[np.bool_]
+    mask: Mask
     runs: list[tuple[int, list[int]]]
 
 
-def pack_charts(uvs: Points, chart: NDArray[np.int64], size: int, padding: int) -> Points:
+def pack_charts(uvs: Points, chart: Indices, size: int, padding: int) -> Points:
     """Place charts on a page at the largest common scale that fits.
 
     Args:
@@ -134,7 +133,7 @@ def _footprints(points: Points, cells: int) -> list[Footprint]:
 
 
 def _best_spot(
-    rotations: list[Footprint], taken: NDArray[np.bool_], weights: tuple[float, float, float]
+    rotations: list[Footprint], taken: Mask, weights: tuple[float, float, float]
 ) -> tuple[Footprint, int, int] | None:
     """The rotation and free place that keep a chart closest to the page's first corner."""
     cells = len(taken)
@@ -171,7 +170,7 @@ def _collisions(page: int, footprint: Footprint) -> int:
     return blocked
 
 
-def _runs(mask: NDArray[np.bool_], cells: int) -> list[tuple[int, list[int]]]:
+def _runs(mask: Mask, cells: int) -> list[tuple[int, list[int]]]:
     """A mask's :attr:`Footprint.runs` on a page of (cells, cells)."""
     edges = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(edges == 1)
@@ -180,13 +179,13 @@ def _runs(mask: NDArray[np.bool_], cells: int) -> list[tuple[int, list[int]]]:
     return [(int(length), starts[lengths == length].tolist()) for length in np.unique(lengths)]
 
 
-def _bits(mask: NDArray[np.bool_]) -> int:
+def _bits(mask: Mask) -> int:
     """A page as one number: a bit for each cell, row after row, the first cell's the lowest."""
     wide = np.pad(mask, ((0, 0), (0, _stride(len(mask)) - len(mask))))
     return int.from_bytes(np.packbits(wide, bitorder="little").tobytes(), "little")
 
 
-def _cells(bits: int, cells: int) -> NDArray[np.bool_]:
+def _cells(bits: int, cells: int) -> Mask:
     """:func:`_bits` undone."""
     stride = _stride(cells)
     packed = np.frombuffer(bits.to_bytes(cells * stride // 8, "little"), np.uint8)
@@ -198,7 +197,7 @@ def _stride(cells: int) -> int:
     return -(-cells // 8) * 8
 
 
-def _bitmap(points: Points, height: int, width: int) -> NDArray[np.bool_]:
+def _bitmap(points: Points, height: int, width: int) -> Mask:
     """(height, width) lattice cells that a chart touches, row 0 at y = 0."""
     side = max(height, width)
     unit = points / (side * CELL_TEXELS)
@@ -208,7 +207,7 @@ def _bitmap(points: Points, height: int, width: int) -> NDArray[np.bool_]:
     return mask.reshape(side, side)[:height, :width]
 
 
-def _dilate(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+def _dilate(mask: Mask, steps: int) -> Mask:
     for axis in (0, 1):
         wide = mask.copy()
         for shift in range(1, steps + 1):

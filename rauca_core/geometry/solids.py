@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .mesh import MeshParts
+from .mesh import MeshParts, Points
 
-Points = NDArray[np.float64]
 SAMPLES = 64  # of an outline, between two of its control points
 
 

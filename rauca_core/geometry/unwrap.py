@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..contract import RaucaError, Vehicle
 from .atlas import chart_of_faces, covered, density_spread, signed_uv_area
-from .mesh import face_normals
+from .mesh import Floats, Indices, Integers, Points, face_normals
 from .pack import pack_charts
 
 ATLAS_SIZE = 1024
@@ -23,7 +23,7 @@ def unwrap(
     vehicle: Vehicle,
     size: int = ATLAS_SIZE,
     padding: int = PADDING_TEXELS,
-    groups: NDArray[np.integer] | None = None,
+    groups: Integers | None = None,
 ) -> Vehicle:
     """Give the paint faces a UV atlas of their own, and the paint mask that goes with it.
 
@@ -55,9 +55,7 @@ def unwrap(
     return repack(vehicle, flat, size, padding)
 
 
-def repack(
-    vehicle: Vehicle, flat: NDArray[np.float64], size: int = ATLAS_SIZE, padding: int = PADDING_TEXELS
-) -> Vehicle:
+def repack(vehicle: Vehicle, flat: Points, size: int = ATLAS_SIZE, padding: int = PADDING_TEXELS) -> Vehicle:
     """Pack flattened paint faces (F_paint, 3, 2) into an atlas, each chart scaled to its area on the surface.
 
     Returns and raises as :func:`unwrap`.
@@ -72,7 +70,7 @@ def repack(
     return replace(vehicle, uvs=uvs, paint_mask=chart_mask(uvs[paint], size), padding_texels=padding, base_texture=None)
 
 
-def chart_mask(uvs: NDArray[np.floating], size: int) -> NDArray[np.uint8]:
+def chart_mask(uvs: Floats, size: int) -> NDArray[np.uint8]:
     """(size, size) mask: 255 on every texel that a face (F, 3, 2) touches and on those next to it, else 0."""
     texels, _ = covered(uvs, size, conservative=True)
     mask = np.zeros((size + 2 * MASK_DILATION,) * 2, np.bool_)
@@ -84,14 +82,12 @@ def chart_mask(uvs: NDArray[np.floating], size: int) -> NDArray[np.uint8]:
     return np.where(wide, 255, 0).astype(np.uint8)
 
 
-def _charts(faces: NDArray[np.integer], flat: NDArray[np.float64]) -> NDArray[np.int64]:
+def _charts(faces: Integers, flat: Points) -> Indices:
     """Chart of each face; UVs of any scale."""
     return chart_of_faces(faces, (flat / max(np.abs(flat).max(), 1e-30)).astype(np.float32))
 
 
-def _flatten(
-    positions: NDArray[np.float32], faces: NDArray[np.int32], groups: NDArray[np.integer], max_cost: float
-) -> NDArray[np.float64]:
+def _flatten(positions: NDArray[np.float32], faces: NDArray[np.int32], groups: Integers, max_cost: float) -> Points:
     """Flat charts of faces by xatlas: UVs (F, 3, 2), apart from each other."""
     import xatlas
 
