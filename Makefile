@@ -70,7 +70,7 @@ $(VENV)/.docs: $(READY)
 $(VENV)-4.5/.ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-4.5
 	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH)
-	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[optimize,report,dev] xatlas bpy==4.5.15 'numpy<2'
+	$(VENV)-4.5/bin/python -m pip install --quiet $(TORCH) -e .[optimize,report,dev] xatlas trimesh bpy==4.5.15 'numpy<2'
 	touch $@
 
 clean:

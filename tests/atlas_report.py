@@ -22,8 +22,8 @@ class AtlasReport:
     Attributes:
         charts: connected pieces of the atlas.
         overlap: texels whose center lies inside more than one face, as a fraction of those inside any.
-        density_spread: (charts,) area-weighted coefficient of variation, over the faces of one chart, of the texel
-            density ``sqrt(uv area / surface area)``; 0 keeps every distance ratio of areas exactly.
+        worst_spread: the largest, of any chart, area-weighted coefficient of variation of its faces' texel density
+            ``sqrt(uv area / surface area)``; 0 keeps every distance ratio of areas exactly.
         density_of_charts: coefficient of variation of the charts' mean densities, weighted by area.
         padding_texels: least number of untouched texels between two charts, up to ``PADDING_SEARCH``.
         border_texels: least number of untouched texels between a chart and the border of the atlas.
@@ -34,18 +34,13 @@ class AtlasReport:
 
     charts: int
     overlap: float
-    density_spread: tuple[float, ...]
+    worst_spread: float
     density_of_charts: float
     padding_texels: int
     border_texels: int
     utilisation: float
     out_of_range: int
     degenerate: int
-
-    @property
-    def worst_spread(self) -> float:
-        """The largest density spread of any chart."""
-        return max(self.density_spread, default=0.0)
 
 
 def atlas_report(vehicle: Vehicle) -> AtlasReport:
@@ -69,7 +64,7 @@ def atlas_report(vehicle: Vehicle) -> AtlasReport:
     return AtlasReport(
         charts=charts,
         overlap=(np.bincount(texels, minlength=1) > 1).sum() / max(unique, 1),
-        density_spread=tuple(np.round(spread, 5).tolist()),
+        worst_spread=float(np.round(spread, 5).max(initial=0.0)),
         density_of_charts=float(np.sqrt(np.average((mean - overall) ** 2, weights=weight)) / overall),
         padding_texels=padding,
         border_texels=border,

@@ -1,25 +1,26 @@
-"""One small scene, built once: a painted box in the street."""
+"""What runs inside Blender, and a small scene of it, a painted box in the street. Without bpy the folder is skipped."""
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
-from rauca_core.contract import Plan, Quality, Ring, Weather
+pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+import bpy
+
+import blender_addon
+from blender_addon.scene import nodes
+from blender_addon.scene.session import Session
+from rauca_core.contract import Plan, Quality, RaucaError, Ring, Vehicle, Weather
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
     """Of values in [0, 1], dB."""
     return float(-10 * np.log10(np.mean((a - b) ** 2)))
-
-
-@pytest.fixture(scope="session")
-def bpy_module():
-    return pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 
 def small_plan(atlas_id: str, **changes: object) -> Plan:
@@ -41,12 +42,34 @@ def small_plan(atlas_id: str, **changes: object) -> Plan:
     return Plan(**(settings | changes))
 
 
-@pytest.fixture
-def session(bpy_module, box_vehicle):
-    from blender_addon.scene.session import Session
+def refusal(call: Callable[..., object], *given: object, **more: object) -> str:
+    """The words in which an operator, or what it calls, refuses to work; the window knows no options."""
+    with pytest.raises((RaucaError, RuntimeError)) as told:
+        call(*given, **more)
+    assert told.type is RuntimeError or "\n" not in str(told.value)  # Blender breaks the lines of a report
+    words = " ".join(str(told.value).split())
+    assert "--" not in words
+    return words
 
-    bpy_module.ops.wm.read_factory_settings(use_empty=True)
-    built = Session(small_plan(box_vehicle.atlas_id), box_vehicle)
+
+def mesh_object(name: str, corners: ArrayLike, faces: Sequence[Sequence[int]], *materials: str) -> bpy.types.Object:
+    """A new object that no scene has yet; of its materials those are made that are not there."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.asarray(corners).tolist(), [], faces)
+    for material in materials:
+        mesh.materials.append(bpy.data.materials.get(material) or bpy.data.materials.new(material))
+    return bpy.data.objects.new(name, mesh)
+
+
+def small_session(vehicle: Vehicle, **changes: object) -> Session:
+    """In an empty Blender; its plan is the small one with ``changes``."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return Session(small_plan(vehicle.atlas_id, **changes), vehicle)
+
+
+@pytest.fixture
+def session(box_vehicle):
+    built = small_session(box_vehicle)
     built.enter(0)
     built.set_weather(built.plan.weathers[0])
     return built
@@ -59,25 +82,22 @@ def empty_scene() -> bool:
 
 
 @pytest.fixture
-def addon(bpy_module, empty_scene):
+def addon(empty_scene):
     """Blender with the add-on enabled; yields ``bpy``."""
-    import blender_addon
-
-    bpy_module.ops.wm.read_factory_settings(use_empty=empty_scene)
+    bpy.ops.wm.read_factory_settings(use_empty=empty_scene)
     blender_addon.register()
-    bpy_module.context.preferences.addons.new().module = blender_addon.__name__
-    yield bpy_module
-    addons = bpy_module.context.preferences.addons
+    bpy.context.preferences.addons.new().module = blender_addon.__name__
+    yield bpy
+    addons = bpy.context.preferences.addons
     if enabled := addons.get(blender_addon.__name__):  # a test may have loaded other preferences
         addons.remove(enabled)
     blender_addon.unregister()
-    assert not hasattr(bpy_module.types.Scene, "rauca")
+    assert not hasattr(bpy.types.Scene, "rauca")
 
 
 @pytest.fixture
-def named_in_german(bpy_module, monkeypatch):
+def named_in_german(monkeypatch):
     """New nodes have the names that Blender gives them where new data is named in German."""
-    from blender_addon.scene import nodes
 
     def named(tree, kind, _add=nodes.add, **inputs):
         node = _add(tree, kind, **inputs)
@@ -85,19 +105,3 @@ def named_in_german(bpy_module, monkeypatch):
         return node
 
     monkeypatch.setattr(nodes, "add", named)
-
-
-@pytest.fixture
-def small_disk() -> Iterator[Path]:
-    """A disk of 3 MB, mounted where only a process of its own sees it, which every process may go through."""
-    mount = "mount -t tmpfs -o size=3m tmpfs /mnt && echo mounted && exec sleep 1000"
-    command = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", mount]
-    try:
-        keeper = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    except FileNotFoundError:
-        pytest.skip("this system has no unshare")
-    with keeper:
-        if not keeper.stdout.readline():
-            pytest.skip("this user may not mount a disk")
-        yield Path(f"/proc/{keeper.pid}/root/mnt")
-        keeper.kill()

@@ -64,8 +64,3 @@ def a_layer(box: bpy.types.Object, name: str, scale: float = 1.0, shift: float =
         for k, loop in enumerate(polygon.loop_indices):
             place = np.array([polygon.index % 3, polygon.index // 3]) / 3 * min(scale, 1.0) + 0.02 + shift
             layer.uv[loop].vector = corners[k] + place
-
-
-def words(told) -> str:
-    """A report's text in one line."""
-    return " ".join(str(told.value).split())

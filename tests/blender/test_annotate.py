@@ -1,20 +1,25 @@
 """Ids and the visible share of the paint: exact numbers, from geometry alone."""
 
+from dataclasses import replace
+
+import bpy
 import numpy as np
 import pytest
 
-from rauca_core.contract import RaucaError
+from blender_addon.scene import annotate, nodes
+from blender_addon.scene.frame import render_frame
+from blender_addon.scene.massing import BOX_FACES
+from rauca_core.contract import load_frame, load_passes
+from rauca_core.contract.color import TEST, linear_to_srgb, recolor
 from rauca_core.contract.semantics import CLASS_IDS
+from rauca_core.runtime.images import read_image
 
-from .conftest import psnr
+from .conftest import mesh_object, psnr
 
 
-def add_cube(session, bpy_module, location, size, **properties):
-    mesh = bpy_module.data.meshes.new("cube")
-    half = size / 2
-    corners = [(x, y, z) for z in (-half, half) for y in (-half, half) for x in (-half, half)]
-    mesh.from_pydata(corners, [], [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
-    thing = bpy_module.data.objects.new("cube", mesh)
+def add_cube(session, location, size, **properties):
+    corners = np.array([(x, y, z) for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
+    thing = mesh_object("cube", corners * size, BOX_FACES)
     thing.location = tuple(location)
     for name, value in properties.items():
         thing[name] = value
@@ -46,8 +51,6 @@ def test_ids_are_whole_and_agree_with_coverage(session):
 
 
 def test_the_vehicle_is_resolved_as_if_the_whole_frame_were(session, monkeypatch):
-    from blender_addon.scene import annotate
-
     seen = session.annotations(0, [0])[0]
     monkeypatch.setattr(annotate, "FEW_SAMPLES", annotate.SAMPLES)
     whole = session.annotations(0, [0])[0]
@@ -60,10 +63,10 @@ def test_the_vehicle_is_resolved_as_if_the_whole_frame_were(session, monkeypatch
     assert np.median(off) < 0.005
 
 
-def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(session, bpy_module):
-    add_cube(session, bpy_module, beside(session, -3.0, 0.2), 1.5, rauca_instance=201, rauca_category="truck")
-    post = add_cube(session, bpy_module, beside(session, 2.6, 0.2), 0.8)
-    material = bpy_module.data.materials.new("post")
+def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(session):
+    add_cube(session, beside(session, -3.0, 0.2), 1.5, rauca_instance=201, rauca_category="truck")
+    post = add_cube(session, beside(session, 2.6, 0.2), 0.8)
+    material = bpy.data.materials.new("post")
     material["rauca_class"] = "pole"
     post.data.materials.append(material)
     seen = session.annotations(0, [0])[0]
@@ -79,17 +82,10 @@ def test_other_vehicles_are_numbered_and_surfaces_named_by_their_material(sessio
     assert len(session.scene.objects["cube"].material_slots) == 0  # the bare cube is bare again
 
 
-@pytest.mark.parametrize("properties", [{"rauca_instance": 300, "rauca_category": "bus"}, {"rauca_instance": 203}])
-def test_a_vehicle_without_number_or_category_is_refused_by_name(session, bpy_module, properties):
-    add_cube(session, bpy_module, (0, 0, 9), 1.0, **properties)
-    with pytest.raises(RaucaError, match=r"object cube: rauca_instance \d+ .*1 to 254"):
-        session.annotations(0, [0])
-
-
-def test_the_visible_share_is_pixels_seen_over_pixels_expected(session, bpy_module):
+def test_the_visible_share_is_pixels_seen_over_pixels_expected(session):
     alone = session.annotations(0, [0])[0]
     assert alone.visible > 0.97
-    wall = add_cube(session, bpy_module, beside(session, 0.9, 0.5), 1.0)
+    wall = add_cube(session, beside(session, 0.9, 0.5), 1.0)
     hidden = session.annotations(0, [0])[0]
     paint = CLASS_IDS["paint"]
     counted = (hidden.semantic == paint).sum() / (alone.semantic == paint).sum()
@@ -99,12 +95,10 @@ def test_the_visible_share_is_pixels_seen_over_pixels_expected(session, bpy_modu
     assert session.annotations(0, [0])[0].visible < 0.05
 
 
-def test_a_container_of_fog_hides_nothing(session, bpy_module):
-    from blender_addon.scene import nodes
-
+def test_a_container_of_fog_hides_nothing(session):
     before = session.annotations(0, [0])[0]
-    haze = add_cube(session, bpy_module, beside(session, 0.0, 0.5), 3.0)
-    material = bpy_module.data.materials.new("haze")
+    haze = add_cube(session, beside(session, 0.0, 0.5), 3.0)
+    material = bpy.data.materials.new("haze")
     tree = nodes.fresh_tree(material)
     nodes.output(tree, Volume=nodes.add(tree, "ShaderNodeVolumeScatter").outputs[0])
     haze.data.materials.append(material)
@@ -116,13 +110,6 @@ def test_a_container_of_fog_hides_nothing(session, bpy_module):
 
 
 def test_a_check_is_rendered_for_real_and_predicted_by_the_light_maps(session, tmp_path):
-    from dataclasses import replace
-
-    from blender_addon.scene.frame import render_frame
-    from rauca_core.contract import load_frame, load_passes
-    from rauca_core.contract.color import TEST, linear_to_srgb, recolor
-    from rauca_core.runtime.images import read_image
-
     session.plan = replace(session.plan, recolor_share=1.0)
     task = session.plan.frames()[0]
     seen = session.annotations(0, [0])[0]

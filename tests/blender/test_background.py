@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
 from blender_addon.jobs.background import Job, JobUpdate, Task
 from blender_addon.jobs.child import IN_THE_WINDOW, ending
 from blender_addon.jobs.thumbnails import COLOR, MARGIN, SIDE, curve, thumbnail

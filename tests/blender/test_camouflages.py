@@ -7,6 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blender_addon.core import files
+from blender_addon.scene.camouflages import MARGIN, read_paintwork, render_camouflages
+from blender_addon.scene.frame import render_chunk
+from blender_addon.scene.render import Crop
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Dataset, Quality, Weather, claim_folder, planned_frames
 from rauca_core.runtime.images import read_image
@@ -17,8 +21,6 @@ from tests.hostile.nasty import DEEP
 @pytest.fixture
 def painted(session, box_vehicle, tmp_path):
     """Makes a data set in a weather that the session renders, and a paint for it."""
-    from blender_addon.scene.camouflages import read_paintwork
-    from blender_addon.scene.frame import render_chunk
 
     def make(weather, size, samples, frames=None):
         session.plan = replace(session.plan, size=size, quality=Quality(samples), weathers=(weather,))
@@ -38,8 +40,6 @@ def progress(done, total, last):
 @pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 50)], ids=lambda w: w.name)
 def test_predicted_and_rendered_camouflage_agree(session, painted, tmp_path, weather):
     """The core promise, end to end: taps and light maps predict what Cycles renders in a texture they never saw."""
-    from blender_addon.scene.camouflages import render_camouflages
-
     dataset, paintwork = painted(weather, 128, 16)
     render_camouflages(session, dataset, [paintwork], tmp_path / "renders", progress)
     found = measure_agreement(dataset, tmp_path / "random.json", tmp_path / "renders" / "random")
@@ -50,10 +50,6 @@ def test_predicted_and_rendered_camouflage_agree(session, painted, tmp_path, wea
 
 
 def test_a_part_and_the_data_sets_own_image_make_the_whole_frame(session, painted, tmp_path, monkeypatch):
-    from blender_addon.core import files
-    from blender_addon.scene.camouflages import MARGIN, render_camouflages
-    from blender_addon.scene.render import Crop
-
     dataset, paintwork = painted(Weather("rain", 30, precipitation=60), 192, 8, frames=1)
     frame, asked = dataset.frames()[0], []
     monkeypatch.setattr(files, "require_space", lambda folder, needed: asked.append(needed))

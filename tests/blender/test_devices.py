@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
 from blender_addon import devices
 from rauca_core.contract import RaucaError
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
 from blender_addon.scene.frame import MOST_STOPS, TARGET, expose, metered_stops
 from blender_addon.scene.light_maps import refine_edges
 from rauca_core.contract.semantics import CLASS_IDS, TARGET_INSTANCE

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 
+import bpy
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
-from blender_addon.scene.overrides import override, restore  # noqa: E402
+from blender_addon.scene.overrides import override, restore
 
 VALUES = {"cycles.film_exposure": 2.0, "render.resolution_x": 64, "view_settings.view_transform": "Raw"}
 

@@ -2,11 +2,17 @@
 
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
 
-from rauca_core.contract import Weather
+from blender_addon.scene import nodes
+from blender_addon.scene.frame import rain_before
+from blender_addon.scene.light_maps import light_maps
+from blender_addon.scene.vehicle import SceneVehicle
+from rauca_core.contract import Weather, rain
 from rauca_core.contract.color import linear_to_srgb, to_bytes
+from rauca_core.runtime.images import read_image
 
 from .conftest import psnr
 
@@ -31,7 +37,7 @@ def test_coverage_box_and_distance_are_the_geometrys(session, box_vehicle):
     assert np.isinf(annotation.distance[0]).any()  # sky along the top row
 
 
-def test_the_scene_is_as_before_after_annotation(session, bpy_module):
+def test_the_scene_is_as_before_after_annotation(session):
     def slots():
         return {o.name: [s.material.name for s in o.material_slots] for o in session.scene.objects}
 
@@ -48,19 +54,24 @@ def test_the_scene_is_as_before_after_annotation(session, bpy_module):
     assert np.array_equal(session.render(0, 0, session.plan.weathers[0]), image)
 
 
-@pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 60), Weather("night", -30)])
-def test_light_maps_predict_a_color_they_never_saw(session, weather):
-    from blender_addon.scene.light_maps import light_maps
+RAIN = Weather("rain", 40, 60, 20, cloudiness=95, precipitation=70, precipitation_deposits=70, wetness=90)
 
+
+@pytest.mark.parametrize("weather", [Weather("day", 45), Weather("fog", 45, 60, 60), Weather("night", -30), RAIN])
+def test_light_maps_predict_a_color_they_never_saw(session, weather):
     session.set_weather(weather)
-    painted = session.annotations(0, [0])[0].paint > 0
+    annotation = session.annotations(0, [0])[0]
+    painted = annotation.paint > 0
     color = np.array([0.5, 0.1, 0.25], np.float32)
     A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
-    session.vehicle.paint.set_color((0.5, 0.1, 0.25))
-    rendered = linear_to_srgb(session.render(0, 0, weather))
-    predicted = linear_to_srgb(A * color + B)
     assert np.isfinite(A).all()
     assert A[~painted].max() == 0
+    session.vehicle.paint.set_color((0.5, 0.1, 0.25))
+    rendered, predicted = session.render(0, 0, weather), A * color + B
+    if drops := rain_before(session, 0, 0, weather, annotation.distance):
+        assert np.array_equal(drops.alpha, rain_before(session, 0, 0, weather, annotation.distance).alpha)
+        rendered, predicted = rain.over(rendered, drops), rain.over_gain(A, drops) * color + rain.over(B, drops)
+    rendered, predicted = linear_to_srgb(rendered), linear_to_srgb(predicted)
     assert psnr(rendered[painted], predicted[painted]) > 34
     assert psnr(rendered[~painted], predicted[~painted]) > 34
 
@@ -82,27 +93,22 @@ def test_a_uv_map_lands_where_the_uvs_say(session, box_vehicle):
     assert again[int(front[1]), int(front[0]), 2] - again[int(front[1]), int(front[0]), 0] < 0.1
 
 
-def test_display_transform_is_blenders_standard(session, bpy_module, tmp_path):
-    from rauca_core.runtime.images import read_image
-
+def test_display_transform_is_blenders_standard(session, tmp_path):
     linear = session.render(0, 0, session.plan.weathers[0])
     scene = session.scene
     scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
     scene.render.image_settings.color_depth = "8"
     scene.render.dither_intensity = 0
     scene.render.filepath = str(tmp_path / "blender.png")
-    bpy_module.ops.render.render(write_still=True, scene=scene.name)
+    bpy.ops.render.render(write_still=True, scene=scene.name)
     difference = read_image(tmp_path / "blender.png").astype(int) - to_bytes(linear_to_srgb(linear))
     assert np.abs(difference).max() <= 1
 
 
-def test_lamps_are_lit_in_a_blender_of_another_language(bpy_module, box_vehicle, named_in_german):
-    from blender_addon.scene import nodes
-    from blender_addon.scene.vehicle import SceneVehicle
-
-    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+def test_lamps_are_lit_in_a_blender_of_another_language(box_vehicle, named_in_german):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
     materials = [m if m.kind == "paint" else replace(m, kind="headlamp") for m in box_vehicle.materials]
-    vehicle = SceneVehicle(bpy_module.data.scenes.new("rauca"), replace(box_vehicle, materials=materials))
+    vehicle = SceneVehicle(bpy.data.scenes.new("rauca"), replace(box_vehicle, materials=materials))
     vehicle.light_lamps(1.0)
     shaders = [nodes.principled(material.node_tree) for material in vehicle.materials]
     assert [shader.inputs["Emission Strength"].default_value for shader in shaders] == [0.0, 12.0]

@@ -2,14 +2,23 @@
 
 from dataclasses import dataclass, field
 
+import bpy
 import numpy as np
 import pytest
+from mathutils.bvhtree import BVHTree
 
+from blender_addon.scene.blocks import values_of
+from blender_addon.scene.massing import BOX_FACES
+from blender_addon.scene.ring import eye_at
+from blender_addon.scene.town import Town
+from blender_addon.scene.town.sides import ROWS
+from blender_addon.scene.town.site import layout
+from blender_addon.scene.town.tables import DISTRICTS, FURNITURE, GLAZINGS, PARKED, SURFACES, TREES
 from rauca_core.contract import Quality, Ring, Weather
 from rauca_core.contract.color import linear_to_srgb
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES
 
-from .conftest import small_plan
+from .conftest import small_session
 
 SEEDS, LOCATIONS = (1, 2), 6
 BODY = (2.35, 0.95, 1.5)  # half length, half width, height of a car, metres
@@ -31,13 +40,11 @@ class Findings:
 
 
 @pytest.fixture(scope="module")
-def findings(bpy_module):
-    from blender_addon.scene.town import Town
-
-    bpy_module.ops.wm.read_factory_settings(use_empty=True)
+def findings():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
     found = []
     for seed in SEEDS:
-        scene = bpy_module.data.scenes.new("town")
+        scene = bpy.data.scenes.new("town")
         town = Town(scene, seed)
         for location in range(LOCATIONS):
             town.enter(location)
@@ -47,8 +54,6 @@ def findings(bpy_module):
 
 
 def _inspect(scene, town, location):
-    from blender_addon.scene.ring import eye_at
-
     result = Findings(town.layout(location).district.name, lamps=len(town.lamps))
     pose, depsgraph = town.pose(location), scene.view_layers[0].depsgraph
 
@@ -91,26 +96,16 @@ def _corners(low, high):
 
 
 def _box_tree(corners):
-    from mathutils.bvhtree import BVHTree
-
-    from blender_addon.scene.massing import BOX_FACES
-
     return BVHTree.FromPolygons(corners.tolist(), BOX_FACES)
 
 
 def _tree_of(thing):
-    from mathutils.bvhtree import BVHTree
-
-    from blender_addon.scene.blocks import values_of
-
     frame = np.array(thing.matrix_world)
     placed = values_of(thing.data.vertices, "co", np.float32, 3) @ frame[:3, :3].T + frame[:3, 3]
     return BVHTree.FromPolygons(placed.tolist(), [tuple(p.vertices) for p in thing.data.polygons])
 
 
-def test_districts_take_turns_in_an_order_of_the_seed(bpy_module):
-    from blender_addon.scene.town.site import layout
-
+def test_districts_take_turns_in_an_order_of_the_seed():
     for seed in range(5):
         assert len({layout(seed, i).district.name for i in range(LOCATIONS)}) == LOCATIONS
         assert layout(seed, 0).district is layout(seed, LOCATIONS).district
@@ -120,10 +115,7 @@ def test_districts_take_turns_in_an_order_of_the_seed(bpy_module):
     assert len(shapes) == 3  # straight, bend, crossing
 
 
-def test_tables_name_what_there_is(bpy_module):
-    from blender_addon.scene.town.sides import ROWS
-    from blender_addon.scene.town.tables import DISTRICTS, FURNITURE, GLAZINGS, PARKED, SURFACES, TREES
-
+def test_tables_name_what_there_is():
     materials = {*SURFACES, *GLAZINGS}
     for district in DISTRICTS:
         assert {district.road, district.pavement, district.apron, *district.walls} <= materials, district.name
@@ -169,16 +161,9 @@ def test_every_material_names_a_known_class_and_each_district_has_lamps(findings
 
 
 @pytest.fixture
-def town_session(bpy_module, box_vehicle):
-    from blender_addon.scene.session import Session
-
-    def build():
-        bpy_module.ops.wm.read_factory_settings(use_empty=True)
-        quick = {"size": 64, "quality": Quality(2, denoise=False), "light": False, "locations": 4}
-        plan = small_plan(box_vehicle.atlas_id, **quick, ring=Ring((40.0, 220.0), (12.0,), (8.0,)))
-        return Session(plan, box_vehicle)
-
-    return build
+def town_session(box_vehicle):
+    quick = {"size": 64, "quality": Quality(2, denoise=False), "light": False, "locations": 4}
+    return lambda: small_session(box_vehicle, **quick, ring=Ring((40.0, 220.0), (12.0,), (8.0,)))
 
 
 @pytest.mark.parametrize("weather", [Weather("day", 45.0), Weather("night", -30.0)], ids=lambda w: w.name)
@@ -233,17 +218,16 @@ def test_windows_shine_at_night_only(town_session):
 
 
 @pytest.mark.parametrize("own", ["truck", "bus"])
-def test_none_of_the_vehicles_own_class_is_parked(bpy_module, own):
+def test_none_of_the_vehicles_own_class_is_parked(own):
     """Average precision counts one object of the class in an image."""
-    from blender_addon.scene.town import Town
 
     def parked(own_class):
-        bpy_module.ops.wm.read_factory_settings(use_empty=True)
-        town = Town(bpy_module.data.scenes.new("town"), SEEDS[0], own_class)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        town = Town(bpy.data.scenes.new("town"), SEEDS[0], own_class)
         found = set()
         for location in range(LOCATIONS):
             town.enter(location)
-            found |= {(location, o["rauca_category"]) for o in bpy_module.data.objects if "rauca_category" in o}
+            found |= {(location, o["rauca_category"]) for o in bpy.data.objects if "rauca_category" in o}
         return found
 
     every = parked("car")

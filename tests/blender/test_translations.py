@@ -8,13 +8,12 @@ import string
 from collections.abc import Iterator
 from pathlib import Path
 
+import bpy
 import pytest
 
-bpy = pytest.importorskip("bpy")
-
-import blender_addon  # noqa: E402 - after the skip
-from blender_addon import registration  # noqa: E402
-from blender_addon.translations import words  # noqa: E402
+import blender_addon
+from blender_addon import registration
+from blender_addon.translations import words
 
 WORDS = words("de")
 ADD_ON = Path(blender_addon.__file__).parent

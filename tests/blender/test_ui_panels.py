@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 from types import MethodType, SimpleNamespace
 
+import bpy
 import numpy as np
-import pytest
 
-bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+from blender_addon import registration
+from blender_addon.jobs import watch
+from blender_addon.jobs.background import JobUpdate, Task
 
-from .painted_box import painted_box  # noqa: E402 - after the skip
-from .timer import until  # noqa: E402
+from .painted_box import painted_box
+from .timer import until
 
 TALKS = "import time; print('it works', flush=True); time.sleep(600)"
 
@@ -33,8 +35,6 @@ class Drawn:
 
 
 def draw_all(shading: str = "SOLID") -> None:
-    from blender_addon import registration
-
     real = bpy.context
     system = SimpleNamespace(addons=real.preferences.addons, system=SimpleNamespace(ui_scale=1.0))
     space = SimpleNamespace(shading=SimpleNamespace(type=shading, use_scene_world=False))
@@ -60,9 +60,6 @@ def test_settings_are_drawn(addon, tmp_path):
 
 
 def test_jobs_are_drawn(addon, tmp_path, monkeypatch):
-    from blender_addon.jobs import watch
-    from blender_addon.jobs.background import JobUpdate, Task
-
     pictures = {name: np.zeros((8, 8, 3), np.uint8) for name in ("frame", "uv_map", "painted")}
     told = JobUpdate(3, 9, 10.0, "slow", [{"loss": 1.0, "score": 0.5}] * 2, pictures)
     monkeypatch.setattr(Task, "hear", lambda self, line: told)

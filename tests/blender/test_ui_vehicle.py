@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import re
+import sys
+
+import bpy
 import numpy as np
 import pytest
 
-from rauca_core.contract import RaucaError, load_vehicle
+from blender_addon.scene.mesh_edits import mark_faces
+from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
+from blender_addon.scene.vehicle_files import import_vehicle
+from blender_addon.steps.vehicle import unwrap
+from blender_addon.steps.vehicle.panel import state
+from blender_addon.steps.vehicle.unwrap import UnwrapChild
+from rauca_core.contract import load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.geometry import repack
 from rauca_core.runtime.images import read_image
 from tests.atlas_report import atlas_report
 
-bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
-
-from .painted_box import a_box  # noqa: E402 - after the skip
-from .timer import until  # noqa: E402
+from .conftest import refusal
+from .painted_box import a_box
+from .timer import until
 
 
 @pytest.fixture
@@ -49,24 +57,17 @@ def uv_layers(name) -> list[str]:
 
 
 def test_nothing_picked_says_what_to_do(vehicle):
-    from blender_addon.steps.vehicle.panel import state
-
     assert state(bpy.context).kind == "missing"
-    with pytest.raises(RaucaError, match="No vehicle: in step 1, Vehicle, pick an object"):
-        vehicle.chosen(bpy.context)
+    assert "No vehicle: in step 1, Vehicle, pick an object" in refusal(vehicle.chosen, bpy.context)
     assert not bpy.ops.rauca.unwrap_paint.poll()
     assert not bpy.ops.rauca.check_uvs.poll()
     vehicle.origin = "COLLECTION"
-    with pytest.raises(RaucaError, match="choose a collection that has objects"):
-        vehicle.chosen(bpy.context)
+    assert "choose a collection that has objects" in refusal(vehicle.chosen, bpy.context)
     vehicle.origin, vehicle.file = "FILE", ""
-    with pytest.raises(RaucaError, match="choose a file"):
-        vehicle.chosen(bpy.context)
+    assert "choose a file" in refusal(vehicle.chosen, bpy.context)
 
 
 def test_every_shipped_vehicle_can_be_added_and_comes_out_as_itself(vehicle):
-    from blender_addon.steps.vehicle.panel import state
-
     bpy.context.scene.cursor.location = (5.0, -3.0, 0.5)
     for name in ("sedan", "van", "cube"):
         assert undoable(bpy.ops.rauca.add_vehicle, vehicle=name) == {"FINISHED"}
@@ -97,13 +98,10 @@ def test_a_shipped_vehicle_that_was_edited_is_no_longer_the_shipped_one(vehicle)
 
 
 def test_a_deleted_object_is_no_vehicle(vehicle):
-    from blender_addon.steps.vehicle.panel import state
-
     box = a_box()
     bpy.context.scene.collection.objects.unlink(box)
     assert "no longer in this scene" in state(bpy.context).words
-    with pytest.raises(RaucaError, match="pick an object of this scene"):
-        vehicle.chosen(bpy.context)
+    assert "pick an object of this scene" in refusal(vehicle.chosen, bpy.context)
 
 
 # --- the same as the headless import
@@ -127,9 +125,6 @@ def parts_with_everything() -> None:
 
 @pytest.mark.parametrize("marked", [False, True])
 def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_path, marked):
-    from blender_addon.scene.mesh_edits import mark_faces
-    from blender_addon.scene.vehicle_files import import_vehicle
-
     parts_with_everything()
     if marked:
         mark_faces(bpy.data.objects["Body"].data, np.arange(6) < 2)
@@ -161,8 +156,6 @@ def test_a_scene_object_is_what_the_headless_import_makes_of_it(vehicle, tmp_pat
     ],
 )
 def test_what_renders_show_is_the_vehicle_whatever_the_viewport_hides(vehicle, tmp_path, hide, faces):
-    from blender_addon.scene.vehicle_files import import_vehicle
-
     body, wheels = a_box("Body"), a_box("Wheels", "tyre", size=(3.0, 2.2, 0.5))
     parts = bpy.data.collections.new("Parts")
     bpy.context.scene.collection.children.link(parts)
@@ -220,18 +213,13 @@ def test_two_uv_layers_the_one_that_renders_show_is_taken_and_told(vehicle):
 def test_an_object_that_cannot_be_the_vehicle_is_refused_in_one_line(vehicle, make, expected):
     make(a_box())
     bpy.context.view_layer.update()
-    with pytest.raises(RaucaError, match=expected) as told:
-        vehicle.chosen(bpy.context)
-    assert "\n" not in str(told.value)
-    assert "--" not in str(told.value)
+    assert re.search(expected, refusal(vehicle.chosen, bpy.context))
 
 
 # --- paint by faces
 
 
 def test_faces_are_marked_unmarked_selected_and_undone(vehicle):
-    from blender_addon.steps.vehicle.panel import state
-
     box = a_box()
     assert not bpy.ops.rauca.mark_paint.poll()
     select(box, lambda polygon: polygon.index < 3)
@@ -258,15 +246,12 @@ def test_faces_are_marked_unmarked_selected_and_undone(vehicle):
 def test_marking_says_what_is_wrong(vehicle):
     box = a_box()
     select(box, lambda polygon: False)
-    with pytest.raises(RuntimeError, match="No face is selected"):
-        bpy.ops.rauca.mark_paint(action="ASSIGN")
+    assert "No face is selected" in refusal(bpy.ops.rauca.mark_paint, action="ASSIGN")
     vehicle.object = None
-    with pytest.raises(RuntimeError, match="pick an object"):
-        bpy.ops.rauca.mark_paint(action="ASSIGN")
+    assert "pick an object" in refusal(bpy.ops.rauca.mark_paint, action="ASSIGN")
     bpy.ops.object.mode_set(mode="OBJECT")
     vehicle.object, vehicle.paint = box, "FACES"
-    with pytest.raises(RaucaError, match="no face is marked as paint"):
-        vehicle.chosen(bpy.context)
+    assert "no face is marked as paint" in refusal(vehicle.chosen, bpy.context)
 
 
 # --- UVs
@@ -290,8 +275,6 @@ def test_unwrapping_makes_a_clean_layer_beside_the_others(vehicle):
 
 def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
     """Every quad is cut along its diagonal by an atlas that lays each triangle apart: each comes out whole."""
-    from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
-
     a_box()
     bare = to_unwrap(vehicle.reading(bpy.context))
     apart = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) + 2.0 * np.arange(10)[:, None, None] * [1.0, 0.0]
@@ -302,10 +285,6 @@ def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
 
 
 def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
-    import sys
-
-    from blender_addon.steps.vehicle import unwrap
-
     told = []
     monkeypatch.setitem(sys.modules, "xatlas", None)
     write = unwrap.write_unwrapped
@@ -318,9 +297,6 @@ def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
 
 
 def test_the_child_process_unwraps_as_the_window_asks(vehicle):
-    from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
-    from blender_addon.steps.vehicle.unwrap import UnwrapChild
-
     box = a_box()
     child = UnwrapChild(to_unwrap(vehicle.reading(bpy.context)))
     try:
@@ -330,8 +306,7 @@ def test_the_child_process_unwraps_as_the_window_asks(vehicle):
         child.stop()
     assert not child.folder.exists()
     box.data.vertices[0].co.x += 0.1
-    with pytest.raises(RaucaError, match="changed while it was unwrapped"):
-        write_unwrapped(vehicle.reading(bpy.context), fresh)
+    assert "changed while it was unwrapped" in refusal(write_unwrapped, vehicle.reading(bpy.context), fresh)
     assert uv_layers("Box") == ["UVMap"]
     box.data.vertices[0].co.x = -0.5
     assert write_unwrapped(vehicle.reading(bpy.context), fresh) == 5
@@ -380,8 +355,7 @@ def test_a_mesh_that_cannot_be_written_to_is_read_but_not_unwrapped(vehicle, mak
     make(a_box())
     bpy.context.view_layer.update()
     assert vehicle.chosen(bpy.context).paint_faces().any()
-    with pytest.raises(RuntimeError, match=expected):
-        bpy.ops.rauca.unwrap_paint()
+    assert re.search(expected, refusal(bpy.ops.rauca.unwrap_paint))
 
 
 def test_the_check_finds_each_fault_and_selects_its_faces(vehicle):
@@ -425,7 +399,6 @@ def test_faults_behind_modifiers_are_counted_but_cannot_be_selected(vehicle):
     box = a_box()
     box.modifiers.new("Mirror", "MIRROR").use_axis = (False, True, False)
     box.data.uv_layers[0].uv.foreach_set("vector", np.full(2 * len(box.data.loops), 0.5, np.float32))
-    with pytest.raises(RuntimeError, match="Convert > Mesh applies them"):
-        bpy.ops.rauca.check_uvs()
+    assert "Convert > Mesh applies them" in refusal(bpy.ops.rauca.check_uvs)
     assert vehicle.checked
     assert vehicle.missing > 0

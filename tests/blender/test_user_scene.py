@@ -3,33 +3,32 @@
 import math
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
 
+from blender_addon.scene.session import Session, build_place
+from blender_addon.scene.user_scene import UserScene
 from rauca_core.contract import Quality, RaucaError, Ring, Scenery, Weather
 from rauca_core.contract.semantics import CLASS_IDS
 
-from .conftest import small_plan
+from .conftest import mesh_object, small_plan
 
 
 @pytest.fixture
-def yard(bpy_module, tmp_path):
+def yard(tmp_path):
     """Writes a .blend: a floor, a lamp, a sun, a world, marks, and a driver that would leave a trace."""
-    bpy = bpy_module
     bpy.ops.wm.read_factory_settings(use_empty=True)
     trace = tmp_path / "driver was run"
 
     def write(marks=("rauca b", "rauca a"), change=None, name="yard.blend"):
         scene = bpy.data.scenes.new("yard")
-        floor = _quad(bpy, "floor", 30.0, 0.5)
-        stone, named = bpy.data.materials.new("stone"), bpy.data.materials.new("slab")
-        named["rauca_class"] = "road"
-        floor.data.materials.append(named)
+        floor = _quad("floor", 30.0, 0.5, "slab")
+        floor.data.materials[0]["rauca_class"] = "road"
         inner = bpy.data.collections.new("things")
         scene.collection.children.link(inner)
         inner.objects.link(floor)
-        block = _quad(bpy, "block", 1.0, 3.0)
-        block.data.materials.append(stone)
+        block = _quad("block", 1.0, 3.0, "stone")
         driver = block.driver_add("location", 0).driver
         driver.expression = f"open({str(trace)!r}, 'w').write('x') or 7.0"
         block.location = (0.0, 15.0, 0.0)
@@ -54,12 +53,9 @@ def yard(bpy_module, tmp_path):
     return write
 
 
-def _quad(bpy, name, half, height):
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(
-        [(x, y, height) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))], [], [(0, 1, 2, 3)]
-    )
-    return bpy.data.objects.new(name, mesh)
+def _quad(name, half, height, *materials):
+    corners = [(-half, -half, height), (half, -half, height), (half, half, height), (-half, half, height)]
+    return mesh_object(name, corners, [(0, 1, 2, 3)], *materials)
 
 
 def _plan(vehicle, path, locations=2):
@@ -67,17 +63,14 @@ def _plan(vehicle, path, locations=2):
     return small_plan(vehicle.atlas_id, **quick, locations=locations, scenery=Scenery.of_file(path))
 
 
-def _place(bpy, path, locations=2, own="car"):
-    from blender_addon.scene.user_scene import UserScene
-
+def _place(path, locations=2, own="car"):
     scene = bpy.data.scenes.new("rauca")
     return scene, UserScene(scene, path, locations, own)
 
 
 @pytest.fixture
-def entered(bpy_module, yard, box_vehicle):
+def entered(yard, box_vehicle):
     """Writes a changed .blend and enters its first location."""
-    from blender_addon.scene.session import Session
 
     def enter(change=None, **plan):
         path = yard(change=change)
@@ -88,7 +81,7 @@ def entered(bpy_module, yard, box_vehicle):
     return enter
 
 
-def _instance(bpy, scene, collection, x=3.0, y=-5.5, number=None, category="bus"):
+def _instance(scene, collection, x=3.0, y=-5.5, number=None, category="bus"):
     """An empty that shows a collection, beside the first location's vehicle."""
     shown = bpy.data.objects.new("shown", None)
     shown.instance_type, shown.instance_collection, shown.location = "COLLECTION", collection, (x, y, 0.5)
@@ -98,9 +91,9 @@ def _instance(bpy, scene, collection, x=3.0, y=-5.5, number=None, category="bus"
     return shown
 
 
-def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
+def test_marks_are_locations_in_order_of_their_names(yard):
     path = yard()
-    scene, place = _place(bpy_module, path)
+    scene, place = _place(path)
     for location, (x, turn) in enumerate(((3.0, 90.0), (0.0, 0.0))):  # "rauca a" was the second one written
         pose = place.pose(location)
         assert pose[:3, 3] == pytest.approx((x, -2.0, 0.5), abs=1e-6)
@@ -112,7 +105,7 @@ def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
     assert {"floor", "block", "shop light", "rauca lamp 1"} <= names
     assert "sun" not in names
     assert scene.world is None
-    assert [s.name for s in bpy_module.data.scenes if s.name == "yard"] == []
+    assert [s.name for s in bpy.data.scenes if s.name == "yard"] == []
     told = " ".join(place.notes)
     assert "sun 'sun'" in told
     assert "world 'dusk'" in told
@@ -120,16 +113,16 @@ def test_marks_are_locations_in_order_of_their_names(bpy_module, yard):
     assert all("\n" not in note for note in place.notes)
 
 
-def test_no_script_of_the_file_is_run(bpy_module, yard):
+def test_no_script_of_the_file_is_run(yard):
     path = yard()
-    before = bpy_module.context.preferences.filepaths.use_scripts_auto_execute
-    bpy_module.context.preferences.filepaths.use_scripts_auto_execute = True  # however much the user trusts others
+    before = bpy.context.preferences.filepaths.use_scripts_auto_execute
+    bpy.context.preferences.filepaths.use_scripts_auto_execute = True  # however much the user trusts others
     try:
-        scene, _ = _place(bpy_module, path)
+        scene, _ = _place(path)
         scene.frame_set(5)
         scene.view_layers[0].update()
     finally:
-        bpy_module.context.preferences.filepaths.use_scripts_auto_execute = before
+        bpy.context.preferences.filepaths.use_scripts_auto_execute = before
     assert not yard.trace.exists()
     assert scene.objects["block"].animation_data is None or not scene.objects["block"].animation_data.drivers
 
@@ -163,16 +156,24 @@ def test_fog_lies_on_the_ground_wherever_the_vehicle_stands(entered, falloff):
     assert np.abs(there - here).mean() < 0.01 * here.mean()
 
 
-def test_another_file_than_the_plans_is_refused(bpy_module, yard, box_vehicle):
-    from blender_addon.scene.session import build_place
-
+def test_another_file_than_the_plans_is_refused(yard, box_vehicle):
     plan = _plan(box_vehicle, yard())
     other = yard(marks=("rauca a",), name="other.blend")
-    scene = bpy_module.data.scenes.new("rauca")
+    scene = bpy.data.scenes.new("rauca")
     with pytest.raises(RaucaError, match="not the scene"):
         build_place(scene, plan, other)
     with pytest.raises(RaucaError, match="give that file as --scene"):
         build_place(scene, replace(plan), None)
+
+
+def refused(path, words, *more):
+    """Another scene is told in one line that names it, and nothing of it is left behind."""
+    before = [sorted(kind.keys()) for kind in (bpy.data.objects, bpy.data.materials)]
+    with pytest.raises(RaucaError, match=words) as told:
+        _place(path, *more)
+    assert str(path) in str(told.value)
+    assert "\n" not in str(told.value)
+    assert [sorted(kind.keys()) for kind in (bpy.data.objects, bpy.data.materials)] == before
 
 
 @pytest.mark.parametrize(
@@ -183,65 +184,50 @@ def test_another_file_than_the_plans_is_refused(bpy_module, yard, box_vehicle):
         (("rauca a", "rauca b"), 3, "marks 2 locations .rauca a, rauca b. but 3 are asked for"),
     ],
 )
-def test_missing_marks(bpy_module, yard, marks, locations, words):
-    path = yard(marks)
-    known = set(bpy_module.data.objects.keys())
-    with pytest.raises(RaucaError, match=words) as told:
-        _place(bpy_module, path, locations)
-    assert "\n" not in str(told.value)
-    assert set(bpy_module.data.objects.keys()) == known  # nothing of the file is left behind
+def test_missing_marks(yard, marks, locations, words):
+    refused(yard(marks), words, locations)
 
 
-def test_faults_of_the_scene_are_told(bpy_module, yard):
-    def misname(scene):
-        scene.objects["block"].data.materials[0]["rauca_class"] = "wall"
+def misname(scene):
+    scene.objects["block"].data.materials[0]["rauca_class"] = "wall"
 
-    def lose_image(scene):
-        image = bpy_module.data.images.new("bricks", 4, 4)
-        image.source, image.filepath = "FILE", "//lost.png"
-        material = scene.objects["block"].data.materials[0]
-        if material.node_tree is None:
-            material.use_nodes = True  # until 5.0
-        material.node_tree.nodes.new("ShaderNodeTexImage").image = image
 
-    def upend(scene):
-        scene.objects["rauca a"].rotation_euler = (0.0, math.radians(-90), 0.0)
+def lose_image(scene):
+    image = bpy.data.images.new("bricks", 4, 4)
+    image.source, image.filepath = "FILE", "//lost.png"
+    material = scene.objects["block"].data.materials[0]
+    if material.node_tree is None:
+        material.use_nodes = True  # until 5.0
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
 
-    for change, words in (
-        (misname, "rauca_class 'wall'"),
-        (lose_image, "lost.png is missing"),
-        (upend, "no direction"),
-    ):
-        path = yard(change=change)
-        with pytest.raises(RaucaError, match=words) as told:
-            _place(bpy_module, path)
-        assert str(path) in str(told.value)
-        assert "\n" not in str(told.value)
+
+def upend(scene):
+    scene.objects["rauca a"].rotation_euler = (0.0, math.radians(-90), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(misname, "rauca_class 'wall'"), (lose_image, "lost.png is missing"), (upend, "no direction")],
+)
+def test_faults_of_the_scene_are_told(yard, change, words):
+    refused(yard(change=change), words)
 
 
 @pytest.mark.parametrize(
     ("number", "category"),
-    [
-        *((number, "bus") for number in (255, 0, "7", 7.4, math.nan, math.inf, True)),
-        (7, "boat"),
-        (7, 3),
-    ],
+    [*((number, "bus") for number in (255, 0, "7", 7.4, math.nan, math.inf, True)), (7, "boat"), (7, 3), (7, None)],
 )
-def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_rendered(bpy_module, yard, number, category):
+def test_an_object_that_is_no_other_vehicle_is_refused_before_anything_is_rendered(yard, number, category):
     def misnumber(scene):
-        block = next(thing for thing in scene.objects if thing.name == "floor")
-        block["rauca_instance"], block["rauca_category"] = number, category
+        scene.objects["floor"]["rauca_instance"] = number
+        if category is not None:
+            scene.objects["floor"]["rauca_category"] = category
 
-    path = yard(change=misnumber)
-    known = set(bpy_module.data.materials.keys())
-    with pytest.raises(RaucaError, match=r"object floor: rauca_instance .* a whole number from 1 to 254") as told:
-        _place(bpy_module, path, own="boat")
-    assert str(path) in str(told.value)
-    assert "\n" not in str(told.value)
-    assert set(bpy_module.data.materials.keys()) == known
+    words = r"object floor: rauca_instance .* a whole number from 1 to 254"
+    refused(yard(change=misnumber), words, 2, "boat")
 
 
-def _add_nodes(bpy, thing, kind, **settings):
+def _add_nodes(thing, kind, **settings):
     """A geometry nodes modifier of one node; ``settings`` are the values of its sockets."""
     group = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
@@ -259,14 +245,12 @@ def _add_nodes(bpy, thing, kind, **settings):
     return modifier
 
 
-def test_what_is_linked_from_another_file_is_annotated_too(bpy_module, yard, tmp_path):
-    bpy, library = bpy_module, tmp_path / "library.blend"
+def test_what_is_linked_from_another_file_is_annotated_too(yard, tmp_path):
+    library = tmp_path / "library.blend"
 
     def link(scene):
         props = bpy.data.collections.new("props")
-        shed, lone = _quad(bpy, "shed", 1.0, 2.0), _quad(bpy, "lone", 1.0, 1.0)
-        for thing in (shed, lone):
-            thing.data.materials.append(bpy.data.materials["slab"])
+        shed, lone = _quad("shed", 1.0, 2.0, "slab"), _quad("lone", 1.0, 1.0, "slab")
         props.objects.link(shed)
         bpy.data.libraries.write(str(library), {props, lone}, fake_user=True)
         for thing in (shed, lone, props):
@@ -274,55 +258,48 @@ def test_what_is_linked_from_another_file_is_annotated_too(bpy_module, yard, tmp
         with bpy.data.libraries.load(str(library), link=True) as (_, target):
             target.collections, target.objects = ["props"], ["lone"]
         for number in (1, 2):
-            _instance(bpy, scene, target.collections[0], number=number)
+            _instance(scene, target.collections[0], number=number)
         scene.collection.objects.link(target.objects[0])
 
-    scene, _ = _place(bpy, yard(change=link))
+    scene, _ = _place(yard(change=link))
     shown = {instance.object.original.name for instance in scene.view_layers[0].depsgraph.object_instances}
     assert {"shed", "lone", "floor", "block"} <= shown
     assert not any(thing.library or thing.data.library for thing in bpy.data.objects if thing.type == "MESH")
 
 
-@pytest.mark.parametrize("kind", ["GeometryNodeSetMaterial", "GeometryNodeMeshCube", "GeometryNodeTransform"])
-def test_a_surface_whose_material_geometry_nodes_choose_is_refused(bpy_module, yard, kind):
-    path = yard(change=lambda scene: _add_nodes(bpy_module, scene.objects["floor"], kind))
-    if kind == "GeometryNodeTransform":  # leaves the materials alone
-        scene, _ = _place(bpy_module, path)
-        assert [slot.material.name for slot in scene.objects["floor"].material_slots] == ["slab"]
-        return
-    with pytest.raises(RaucaError, match=r"yard.blend: object floor: its geometry nodes .* apply its modifiers"):
-        _place(bpy_module, path)
-
-
-@pytest.mark.parametrize("hidden", ["object", "modifier"])
-def test_a_surface_that_only_the_viewport_hides_is_refused_too(bpy_module, yard, hidden):
+@pytest.mark.parametrize("kind", ["GeometryNodeSetMaterial", "GeometryNodeMeshCube"])
+@pytest.mark.parametrize("hidden", ["nothing", "object", "modifier"])  # in the viewport alone
+def test_a_surface_whose_material_geometry_nodes_choose_is_refused(yard, kind, hidden):
     def add_nodes(scene):
-        modifier = _add_nodes(bpy_module, scene.objects["block"], "GeometryNodeSetMaterial")
+        modifier = _add_nodes(scene.objects["block"], kind)
         scene.objects["block"].hide_viewport = hidden == "object"
-        modifier.show_viewport = hidden == "object"
+        modifier.show_viewport = hidden != "modifier"
 
-    with pytest.raises(RaucaError, match=r"yard.blend: object block: its geometry nodes .* apply its modifiers"):
-        _place(bpy_module, yard(change=add_nodes))
+    refused(yard(change=add_nodes), r"yard.blend: object block: its geometry nodes .* apply its modifiers")
+
+
+def test_geometry_nodes_that_leave_the_materials_alone_are_welcome(yard):
+    scene, _ = _place(yard(change=lambda scene: _add_nodes(scene.objects["floor"], "GeometryNodeTransform")))
+    assert [slot.material.name for slot in scene.objects["floor"].material_slots] == ["slab"]
 
 
 @pytest.mark.parametrize("how", ["object", "collection", "excluded", "instancer", "inner", "modifier", "nowhere"])
-def test_what_no_render_shows_is_not_refused(bpy_module, entered, how):
+def test_what_no_render_shows_is_not_refused(entered, how):
     """Neither another vehicle of the data set's own class nor a material that geometry nodes choose."""
 
     def hide(scene):
-        tools = bpy_module.data.collections.new("tools")
-        tool = _quad(bpy_module, "tool", 1.0, 1.0)
-        tool.data.materials.append(bpy_module.data.materials["stone"])
+        tools = bpy.data.collections.new("tools")
+        tool = _quad("tool", 1.0, 1.0, "stone")
         tool.location = (3.0, -5.5, 0.5)
         tools.objects.link(tool)
         settings = {"Selection": False} if how == "nowhere" else {}
-        modifier = _add_nodes(bpy_module, tool, "GeometryNodeSetMaterial", **settings)
+        modifier = _add_nodes(tool, "GeometryNodeSetMaterial", **settings)
         if how in ("modifier", "nowhere"):
             modifier.show_render = how == "nowhere"
         else:
             tool["rauca_instance"], tool["rauca_category"] = 3, "car"
         if how in ("instancer", "inner"):
-            _instance(bpy_module, scene, tools, 0.0, 0.0).hide_render = how == "instancer"
+            _instance(scene, tools, 0.0, 0.0).hide_render = how == "instancer"
         else:
             scene.collection.children.link(tools)
         tool.hide_render = how in ("object", "inner")
@@ -333,37 +310,35 @@ def test_what_no_render_shows_is_not_refused(bpy_module, entered, how):
     assert entered(hide).annotations(0, [0])[0].others == ()
 
 
-def test_a_collections_instance_has_its_own_number_before_what_it_brings(bpy_module, entered):
+def test_a_collections_instance_has_its_own_number_before_what_it_brings(entered):
     """Numbers are whole, though a custom property is a float where nobody says otherwise."""
 
     def add_instance(scene):
-        parts = bpy_module.data.collections.new("parts")
-        inner = _quad(bpy_module, "inner", 1.0, 1.0)
+        parts = bpy.data.collections.new("parts")
+        inner = _quad("inner", 1.0, 1.0)
         inner["rauca_instance"], inner["rauca_category"] = 3, "car"
         parts.objects.link(inner)
-        _instance(bpy_module, scene, parts, number=4.0)
+        _instance(scene, parts, number=4.0)
 
     seen = entered(add_instance).annotations(0, [0])[0]
     assert [(other.id, other.category) for other in seen.others] == [(4, "bus")]
 
 
-def test_what_a_collections_instance_brings_is_seen(bpy_module, entered):
+def test_what_a_collections_instance_brings_is_seen(entered):
     """Its sun stays behind; its truck is another vehicle where the instance says so, and only there."""
 
     def add_instances(scene):
-        rig = bpy_module.data.collections.new("rig")
-        rig.objects.link(bpy_module.data.objects.new("rig sun", bpy_module.data.lights.new("rig sun", "SUN")))
-        truck = _quad(bpy_module, "truck", 1.0, 1.0)
-        tarpaulin = bpy_module.data.materials.new("tarpaulin")
-        tarpaulin["rauca_class"] = "pole"  # a class that nothing else here has
-        truck.data.materials.append(tarpaulin)
+        rig = bpy.data.collections.new("rig")
+        rig.objects.link(bpy.data.objects.new("rig sun", bpy.data.lights.new("rig sun", "SUN")))
+        truck = _quad("truck", 1.0, 1.0, "tarpaulin")
+        truck.data.materials[0]["rauca_class"] = "pole"  # a class that nothing else here has
         rig.objects.link(truck)
-        _instance(bpy_module, scene, rig, y=-5.5, number=9, category="truck")
-        _instance(bpy_module, scene, rig, y=1.5)
+        _instance(scene, rig, y=-5.5, number=9, category="truck")
+        _instance(scene, rig, y=1.5)
 
     session = entered(add_instances)
     assert "sun 'rig sun'" in " ".join(session.place.notes)
-    assert "rig sun" not in bpy_module.data.objects
+    assert "rig sun" not in bpy.data.objects
     seen = session.annotations(0, [0])[0]
     assert [(other.id, other.category) for other in seen.others] == [(9, "truck")]
     assert (seen.semantic[seen.instances == 9] == CLASS_IDS["other_vehicle"]).all()
@@ -372,9 +347,7 @@ def test_what_a_collections_instance_brings_is_seen(bpy_module, entered):
     assert not (elsewhere == CLASS_IDS["other_vehicle"]).any()
 
 
-def test_what_is_no_blend_is_told(bpy_module, tmp_path):
-    for content in (b"not a scene", b"", b"BLENDER-v405"):
-        path = tmp_path / "broken.blend"
-        path.write_bytes(content)
-        with pytest.raises(RaucaError, match=r"broken.blend: cannot be read as .blend"):
-            _place(bpy_module, path, 1)
+@pytest.mark.parametrize("content", [b"not a scene", b"", b"BLENDER-v405"])
+def test_what_is_no_blend_is_told(tmp_path, content):
+    (tmp_path / "broken.blend").write_bytes(content)
+    refused(tmp_path / "broken.blend", r"broken.blend: cannot be read as .blend", 1)

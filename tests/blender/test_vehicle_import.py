@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
+import trimesh
 
+from blender_addon.scene.images import read_image_blender
+from blender_addon.scene.uvs import smart_project
+from blender_addon.scene.vehicle_files import import_vehicle
 from rauca_core.contract import RaucaError
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
 from tests.atlas_report import atlas_report
-
-bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
-from blender_addon.scene.images import read_image_blender  # noqa: E402
-from blender_addon.scene.uvs import smart_project  # noqa: E402
-from blender_addon.scene.vehicle_files import import_vehicle  # noqa: E402
+from tests.blender.conftest import mesh_object
 
 CORNERS = np.array([(x, y, z) for z in (0, 1.5) for y in (-1, 1) for x in (-2, 2)], float)
 QUADS = [(0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6), (4, 5, 7, 6)]
@@ -55,33 +54,9 @@ def box_obj(tmp_path) -> Path:
 
 def write_glb(path: Path, points=CORNERS, name="body paint") -> Path:
     """The box's sides as glTF (y up, front +z) with one material and no UVs."""
-    gltf_points = np.stack([points[:, 1], points[:, 2], points[:, 0]], axis=1).astype("<f4")
-    faces = np.array([t for q in QUADS for t in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))], "<u2")
-    data = gltf_points.tobytes() + faces.tobytes()
-    low, high = np.nan_to_num(gltf_points).min(axis=0), np.nan_to_num(gltf_points).max(axis=0)
-    document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
-        "materials": [{"name": name}, {"name": "unused"}],
-        "buffers": [{"byteLength": len(data)}],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": gltf_points.nbytes},
-            {"buffer": 0, "byteOffset": gltf_points.nbytes, "byteLength": faces.nbytes},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3", "min": low.tolist(),
-             "max": high.tolist()},
-            {"bufferView": 1, "componentType": 5123, "count": faces.size, "type": "SCALAR"},
-        ],
-    }  # fmt: skip
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    data += b"\0" * (-len(data) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
-    path.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks)
+    faces = [triangle for a, b, c, d in QUADS for triangle in ((a, b, c), (a, c, d))]
+    look = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(name=name))
+    trimesh.Trimesh(points[:, [1, 2, 0]], faces, visual=look, process=False).export(path)
     return path
 
 
@@ -93,10 +68,9 @@ def saved(path: Path) -> Path:
 
 
 def _painted_box(name="car"):
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(CORNERS.tolist(), [], QUADS)
-    mesh.materials.append(bpy.data.materials.new("car paint"))
-    return bpy.data.objects.new(name, mesh)
+    box = mesh_object(name, CORNERS, QUADS)
+    box.data.materials.append(bpy.data.materials.new("car paint"))  # its own
+    return box
 
 
 def refused(match: str, *arguments) -> None:
@@ -303,50 +277,56 @@ def test_the_real_car(shared_folder):
     refused("cannot tell which faces are paint", folder / "etron.obj")
 
 
-def test_bad_files(tmp_path, box_obj):
-    refused("not found", tmp_path / "none.obj")
-    (tmp_path / "car.fbx").write_bytes(b"x")
-    refused("'.fbx' is not read; use .obj", tmp_path / "car.fbx")
-    for suffix in (".obj", ".glb", ".gltf", ".blend"):
-        path = tmp_path / ("garbage" + suffix)
-        path.write_bytes(bytes(range(256)) * 40)
-        refused("cannot be read|no faces", path)
-        path.write_bytes(b"")
-        refused("cannot be read|no faces", path)
-    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
-    refused("no faces", tmp_path / "points.obj")
-    (tmp_path / "nan.obj").write_text(obj_text().replace("v 2 ", "v nan ").replace("v 2.0 ", "v nan "))
-    refused("vertices are NaN", tmp_path / "nan.obj")
+@pytest.mark.parametrize("suffix", [".obj", ".glb", ".gltf", ".blend"])
+@pytest.mark.parametrize("content", [bytes(range(256)) * 40, b""])
+def test_garbage(tmp_path, suffix, content):
+    (tmp_path / f"garbage{suffix}").write_bytes(content)
+    refused("cannot be read|no faces", tmp_path / f"garbage{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("car.fbx", "x", "'.fbx' is not read; use .obj"),
+        ("car.obj", None, "not found"),
+        ("car.obj", "v 0 0 0\nv 1 0 0\n", "no faces"),
+        ("car.obj", obj_text().replace("v 2.0 ", "v nan "), "vertices are NaN"),
+        ("car.obj", obj_text(CORNERS * 100.0), "metres are expected; scale it"),
+        ("car.obj", obj_text(CORNERS * 0.01), "metres are expected; scale it"),
+        ("car.obj", obj_text(names=("a", "b")), "cannot tell which faces are paint"),
+    ],
+)
+def test_bad_files(tmp_path, name, content, told):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    refused(told, tmp_path / name)
+
+
+def test_a_glb_of_no_numbers(tmp_path):
     broken = CORNERS.copy()
     broken[3] = np.nan
     refused("NaN", write_glb(tmp_path / "nan.glb", broken), None, "body paint")
-    for scale in (100.0, 0.01):
-        (tmp_path / "size.obj").write_text(obj_text(CORNERS * scale))
-        refused("metres are expected; scale it", tmp_path / "size.obj")
 
 
 def test_bad_paint(tmp_path, box_obj):
     refused("it has 'car_paint', 'window glass'", box_obj, None, "chrome")
-    (tmp_path / "plain.obj").write_text(obj_text(names=("a", "b")))
-    refused("cannot tell which faces are paint", tmp_path / "plain.obj")
-    mask = tmp_path / "mask.png"
-
-    def with_mask(pixels: np.ndarray, match: str, path: Path = box_obj) -> None:
-        mask.write_bytes(png_bytes(pixels.astype(np.uint8)))
-        refused(match, path, mask, None)
-
-    with_mask(np.zeros((64, 64)), "is black")
-    with_mask(np.full((64, 128), 255), "must be square")
-    with_mask(np.full((32, 32), 255), "at least 64x64")
-    with_mask(np.full((64, 64, 3), (255, 0, 0)), "has colors")
-    corner = np.zeros((64, 64))
-    corner[0, 0] = 255
-    with_mask(corner, "white nowhere on the vehicle's UVs")
     refused("not found", box_obj, tmp_path / "none.png")
+    mask = tmp_path / "mask.png"
     mask.write_bytes(b"no image")
     refused("not a readable image", box_obj, mask, None)
-    bare = tmp_path / "bare.obj"
-    bare.write_text(obj_text(with_uv=False))
-    with_mask(np.full((64, 64), 255), "its UVs cannot be used", bare)
+    corner = np.zeros((64, 64))
+    corner[0, 0] = 255
+    for pixels, told in (
+        (np.zeros((64, 64)), "is black"),
+        (np.full((64, 128), 255), "must be square"),
+        (np.full((32, 32), 255), "at least 64x64"),
+        (np.full((64, 64, 3), (255, 0, 0)), "has colors"),
+        (corner, "white nowhere on the vehicle's UVs"),
+    ):
+        mask.write_bytes(png_bytes(pixels.astype(np.uint8)))
+        refused(told, box_obj, mask, None)
+    mask.write_bytes(png_bytes(np.full((64, 64), 255, np.uint8)))
+    (tmp_path / "bare.obj").write_text(obj_text(with_uv=False))
+    refused("its UVs cannot be used", tmp_path / "bare.obj", mask, None)
     (tmp_path / "box.png").write_bytes(png_bytes(np.zeros((128, 128, 3), np.uint8)))
-    with_mask(np.full((64, 64), 255), "is 64x64, the texture 128x128")
+    refused("is 64x64, the texture 128x128", box_obj, mask, None)

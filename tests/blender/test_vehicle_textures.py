@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="the bpy wheel is not installed")
-
-from .painted_box import a_box  # noqa: E402 - after the skip
+from .painted_box import a_box
 
 COLOR = (128, 51, 26)
 

@@ -2,14 +2,19 @@
 
 import itertools
 import math
+from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camera, Quality, Weather, rain
-from rauca_core.contract.color import linear_to_srgb
+from blender_addon.scene import camera as placing
+from blender_addon.scene import nodes, render, wetness
+from blender_addon.scene.sky import exposure_stops
+from blender_addon.scene.weather import SceneWeather, VehicleLamps, headlamp_positions
+from rauca_core.contract import Camera, Material, Quality, Weather
 
-from .conftest import psnr
+from .conftest import mesh_object
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 FROM_ABOVE = Camera.look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3), 60, 16, 16)
@@ -19,12 +24,9 @@ RAW = Quality(32, denoise=False)
 class Yard:
     """A flat ground, a weather and whatever a test puts there."""
 
-    def __init__(self, bpy, albedo=(0.18, 0.18, 0.18), porosity=None):
-        from blender_addon.scene import render
-        from blender_addon.scene.weather import SceneWeather
-
+    def __init__(self, albedo=(0.18, 0.18, 0.18), porosity=None):
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        self.bpy, self.scene = bpy, bpy.data.scenes.new("yard")
+        self.scene = bpy.data.scenes.new("yard")
         render.prepare(self.scene)
         self.lamps = []
         corners = [(-60, -60, 0), (60, -60, 0), (60, 60, 0), (-60, 60, 0)]
@@ -32,9 +34,7 @@ class Yard:
         self.weather = SceneWeather(self.scene, self.lamps)
 
     def material(self, albedo, porosity=None):
-        from blender_addon.scene import nodes, wetness
-
-        material = self.bpy.data.materials.new("surface")
+        material = bpy.data.materials.new("surface")
         tree = nodes.fresh_tree(material)
         color, roughness = (*albedo, 1.0), 0.8
         if porosity is not None:
@@ -44,17 +44,14 @@ class Yard:
         return material
 
     def add(self, name, corners, faces, material):
-        mesh = self.bpy.data.meshes.new(name)
-        mesh.from_pydata(corners, [], faces)
-        mesh.materials.append(material)
-        thing = self.bpy.data.objects.new(name, mesh)
+        thing = mesh_object(name, corners, faces, material.name)
         self.scene.collection.objects.link(thing)
         return thing
 
     def lamp(self, position, energy=260.0):
-        light = self.bpy.data.lights.new("lamp", "SPOT")
+        light = bpy.data.lights.new("lamp", "SPOT")
         light.energy, light.spot_size = energy, 2.5
-        thing = self.bpy.data.objects.new("lamp", light)
+        thing = bpy.data.objects.new("lamp", light)
         thing.location = position
         self.scene.collection.objects.link(thing)
         self.lamps.append(thing)
@@ -64,17 +61,14 @@ class Yard:
         return self.color(weather, camera, quality, seed) @ LUMINANCE
 
     def color(self, weather, camera=FROM_ABOVE, quality=RAW, seed=1):
-        from blender_addon.scene import camera as placing
-        from blender_addon.scene import render
-
         self.weather.apply(weather)
         placing.place(self.scene, camera)
         return render.render_linear(self.scene, quality, seed)[..., :3]
 
 
 @pytest.fixture
-def yard(bpy_module):
-    return Yard(bpy_module)
+def yard():
+    return Yard()
 
 
 @pytest.mark.parametrize(("cover", "altitudes"), [(0, (0, 5, 10, 30, 45, 90)), *((c, (90, 8)) for c in (50, 80, 100))])
@@ -138,17 +132,17 @@ def test_fog_lies_low_where_it_falls_off(yard):
 
 
 @pytest.mark.parametrize("porosity", [0.0, 1.0])
-def test_dry_is_bit_for_bit_what_it_was(bpy_module, porosity):
+def test_dry_is_bit_for_bit_what_it_was(porosity):
     weather = Weather("w", 30)
-    plain = Yard(bpy_module, (0.2, 0.1, 0.05)).color(weather)
-    yard = Yard(bpy_module, (0.2, 0.1, 0.05), porosity)
+    plain = Yard((0.2, 0.1, 0.05)).color(weather)
+    yard = Yard((0.2, 0.1, 0.05), porosity)
     assert np.array_equal(yard.color(weather), plain)
     yard.color(Weather("w", 30, wetness=80, precipitation_deposits=50))
     assert np.array_equal(yard.color(weather), plain)
 
 
-def test_wet_ground_is_darker_and_glossier(bpy_module):
-    yard = Yard(bpy_module, porosity=1.0)
+def test_wet_ground_is_darker_and_glossier():
+    yard = Yard(porosity=1.0)
     dry, wet = Weather("w", 40, 0, cloudiness=30), Weather("w", 40, 0, cloudiness=30, wetness=90)
     assert yard.look(wet).mean() < 0.6 * yard.look(dry).mean()
     # Towards the sun, at its mirror angle, water shines.
@@ -158,8 +152,8 @@ def test_wet_ground_is_darker_and_glossier(bpy_module):
     assert shine[1] > 3 * shine[0]
 
 
-def test_puddles_cover_more_the_more_water_lies(bpy_module):
-    yard = Yard(bpy_module, porosity=1.0)
+def test_puddles_cover_more_the_more_water_lies():
+    yard = Yard(porosity=1.0)
     wide = Camera.look_at(np.array([0.0, 0.0, 30.0]), np.array([0.01, 0.0, 0.0]), 60, 48, 48)
     dark = []
     for deposits in (20, 50, 100):
@@ -170,20 +164,18 @@ def test_puddles_cover_more_the_more_water_lies(bpy_module):
     assert 0.6 < dark[2] < 0.98
 
 
-def test_wet_paint_is_glossier_and_keeps_its_color(bpy_module):
+def test_wet_paint_is_glossier_and_keeps_its_color():
     """Porosity 0: what the color adds is the same wet and dry, up to the water's own reflection."""
     rise = {}
-    for wetness in (0, 90):
-        weather = Weather("w", 40, 0, cloudiness=100, wetness=wetness)
-        white = Yard(bpy_module, (0.8, 0.8, 0.8), 0.0).look(weather).mean()
-        black = Yard(bpy_module, (0.0, 0.0, 0.0), 0.0).look(weather).mean()
-        rise[wetness] = white - black
+    for water in (0, 90):
+        weather = Weather("w", 40, 0, cloudiness=100, wetness=water)
+        white = Yard((0.8, 0.8, 0.8), 0.0).look(weather).mean()
+        black = Yard((0.0, 0.0, 0.0), 0.0).look(weather).mean()
+        rise[water] = white - black
     assert rise[90] == pytest.approx(rise[0], rel=0.06)
 
 
 def test_at_night_lamps_alone_light_the_street(yard):
-    from blender_addon.scene.sky import exposure_stops
-
     yard.lamp((0.0, 0.0, 6.0))
     under, beside = FROM_ABOVE, Camera.look_at(np.array([50.0, 0, 10]), np.array([50.0, 0.01, 0]), 60, 16, 16)
     night = Weather("w", -30)
@@ -200,11 +192,6 @@ def test_at_night_lamps_alone_light_the_street(yard):
 
 
 def test_headlamps_throw_light_ahead(yard, box_vehicle):
-    from dataclasses import replace
-
-    from blender_addon.scene.weather import VehicleLamps, headlamp_positions
-    from rauca_core.contract import Material
-
     assert headlamp_positions(box_vehicle).shape == (0, 3)
     front = box_vehicle.material.copy()
     front[2:4] = 2  # the +x side
@@ -214,7 +201,7 @@ def test_headlamps_throw_light_ahead(yard, box_vehicle):
     positions = headlamp_positions(lit)
     assert len(positions) == 1 or sorted(np.sign(positions[:, 1])) == [-1, 1]
     assert (positions[:, 0] > 2.0).all()
-    anchor = yard.bpy.data.objects.new("vehicle", None)
+    anchor = bpy.data.objects.new("vehicle", None)
     yard.scene.collection.objects.link(anchor)
     beams = VehicleLamps(yard.scene, anchor, lit)
     ahead = Camera.look_at(np.array([6.0, 0, 10]), np.array([6.0, 0.01, 0]), 30, 16, 16)
@@ -224,22 +211,3 @@ def test_headlamps_throw_light_ahead(yard, box_vehicle):
     beams.shine(0.0)
     assert on > 4 * back
     assert yard.look(Weather("w", -30), ahead).mean() == pytest.approx(back, rel=0.1)
-
-
-def test_light_maps_with_rain_predict_a_color_rendered_in_rain(session):
-    from blender_addon.scene.frame import rain_before
-    from blender_addon.scene.light_maps import light_maps
-
-    weather = Weather("rain", 40, 60, 20, cloudiness=95, precipitation=70, precipitation_deposits=70, wetness=90)
-    session.set_weather(weather)
-    annotation = session.annotations(0, [0])[0]
-    painted = annotation.paint > 0
-    color = np.array([0.5, 0.1, 0.25], np.float32)
-    A, B, _ = light_maps(session, 0, 0, weather, painted, np.full(3, 0.26, np.float32))
-    drops = rain_before(session, 0, 0, weather, annotation.distance)
-    again = rain_before(session, 0, 0, weather, annotation.distance)
-    assert np.array_equal(drops.alpha, again.alpha)
-    session.vehicle.paint.set_color((0.5, 0.1, 0.25))
-    rendered = linear_to_srgb(rain.over(session.render(0, 0, weather), drops))
-    predicted = linear_to_srgb(rain.over_gain(A, drops) * color + rain.over(B, drops))
-    assert psnr(rendered[painted], predicted[painted]) > 34

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from blender_addon.jobs import watch
+
 
 def until(reached: Callable[[], bool], seconds: float = 900.0, tick: Callable[[], object] | None = None) -> float:
     """Let the timer's function, or ``tick``, run until ``reached``; returns the longest it took on this thread."""
-    from blender_addon.jobs import watch
-
     tick = tick or watch.tick
     deadline, longest = time.monotonic() + seconds, 0.0
     while not reached():

@@ -37,13 +37,9 @@ class Gaps:
         return Gaps(gaps[:, 0].tolist(), (gaps[:, 0] - gaps[:, 2]).tolist(), own, slowest)
 
     def __str__(self) -> str:
-        return "; ".join(
-            [
-                f"{len(self.wall)} turns in {sum(self.wall):.0f} s",
-                f"wall {_figures(self.wall)}",
-                f"less waiting for a core {_figures(self.busy)}",
-                f"the add-on's own code {_figures(self.own)}, slowest {self.slowest}",
-            ]
+        return (
+            f"{len(self.wall)} turns in {sum(self.wall):.0f} s; wall {_figures(self.wall)}; less waiting for a core "
+            f"{_figures(self.busy)}; the add-on's own code {_figures(self.own)}, slowest {self.slowest}"
         )
 
 

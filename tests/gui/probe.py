@@ -21,38 +21,30 @@ PANELS_AND_OPERATORS = (bpy.types.Panel, bpy.types.Operator)
 OWN = ".rauca."  # part of the name of every module of the extension
 
 
-class Clock:
-    """Times of the window's thread: by the wall, on a core, and waiting for one."""
+class Heart:
+    """Notes every gap between two turns of Blender's event loop, and the time the add-on itself takes of them."""
 
     def __init__(self) -> None:
-        self._schedule = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
+        self._schedule = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")  # of the window's thread
+        self.gaps: list[tuple[float, float, float]] = []
+        self.own: list[tuple[str, float, float]] = []
+        self.seen: dict[str, float] = {}  # when each watched function was last called
+        self._last = self.now()
 
     def now(self) -> tuple[float, float, float]:
         """Seconds: wall, running on a core, ready to run without getting a core."""
         running, waiting, _ = self._schedule.read_text(encoding="ascii").split()
         return time.monotonic(), int(running) * 1e-9, int(waiting) * 1e-9
 
-
-class Heart:
-    """Notes every gap between two turns of Blender's event loop, and the time the add-on itself takes of them."""
-
-    def __init__(self) -> None:
-        self.clock = Clock()
-        self.gaps: list[tuple[float, float, float]] = []
-        self.own: list[tuple[str, float, float]] = []
-        self.seen: dict[str, float] = {}  # when each watched function was last called
-        self._last = self.clock.now()
-
     def beat(self) -> None:
-        now = self.clock.now()
+        now = self.now()
         self.gaps.append(tuple(round(b - a, 6) for a, b in zip(self._last, now, strict=True)))  # type: ignore[arg-type]
         self._last = now
 
     def take(self) -> dict[str, list[object]]:
         """What was noted since the last call."""
-        taken: dict[str, list[object]] = {"gaps": list(self.gaps), "own": list(self.own)}
-        self.gaps.clear()
-        self.own.clear()
+        taken: dict[str, list[object]] = {"gaps": [*self.gaps], "own": [*self.own]}
+        self.gaps, self.own = [], []
         return taken
 
     def watch(self, owner: object, name: str) -> None:
@@ -61,11 +53,11 @@ class Heart:
         called = f"{owner.__name__.rpartition('.')[2]}.{name}"  # type: ignore[attr-defined]
 
         def timed(*given: object) -> object:
-            before = self.clock.now()
+            before = self.now()
             try:
                 return plain(*given)
             finally:
-                wall, _, waited = (b - a for a, b in zip(before, self.clock.now(), strict=True))
+                wall, _, waited = (b - a for a, b in zip(before, self.now(), strict=True))
                 self.own.append((called, round(wall, 6), round(waited, 6)))
                 self.seen[called] = time.monotonic()
 

@@ -24,7 +24,8 @@ class Screen:
     def __init__(self, root: Path, size: tuple[int, int], log: Path) -> None:
         self.root, self.size = root, size
         self.number = next(n for n in range(90, 200) if not _taken(n))
-        self.environment = {
+        self._environment = {
+            **os.environ,
             "DISPLAY": f":{self.number}",
             "LIBGL_ALWAYS_SOFTWARE": "1",
             "GALLIUM_DRIVER": "llvmpipe",
@@ -50,14 +51,12 @@ class Screen:
     def start(self, command: Sequence[str], log: Path, **more: str) -> subprocess.Popen[bytes]:
         """Start a program on this screen; what it says goes to ``log``."""
         with log.open("wb") as file:
-            return subprocess.Popen(
-                self.inside(command), env=self._environment(more), stdout=file, stderr=subprocess.STDOUT
-            )
+            around = self._environment | more
+            return subprocess.Popen(self.inside(command), env=around, stdout=file, stderr=subprocess.STDOUT)
 
     def run(self, command: Sequence[str], check: bool = True) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.inside(command), env=self._environment({}), capture_output=True, text=True, check=check
-        )
+        command = self.inside(command)
+        return subprocess.run(command, env=self._environment, capture_output=True, text=True, check=check)
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse; pixels from the top left, as everywhere here."""
@@ -86,9 +85,6 @@ class Screen:
 
     def _do(self, *action: str) -> None:
         self.run(["xdotool", *action])
-
-    def _environment(self, more: dict[str, str]) -> dict[str, str]:
-        return {**os.environ, **self.environment, **more}
 
 
 def lacking(root: Path, programs: Sequence[str]) -> list[str]:

@@ -26,19 +26,14 @@ def ablate(*arguments: object) -> str:
     return CliRunner().invoke(app, ["ablate", *map(str, arguments)], catch_exceptions=False).output
 
 
-@pytest.fixture(scope="module")
-def _weights() -> None:
-    published_weights("yolov3-tiny")
-
-
 def written(folder: Path) -> dict[str, int]:
     """Every file that took work, and when it was written."""
     kinds = (".png", ".npz", ".safetensors")
     return {str(p.relative_to(folder)): p.stat().st_mtime_ns for p in folder.rglob("*") if p.suffix in kinds}
 
 
-@pytest.mark.usefixtures("_weights")
 def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
+    published_weights("yolov3-tiny")
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     out, data = tmp_path / "views", tmp_path / "data"
     asked = ["views", "--quick", "--out", out, *SMALL]
@@ -64,8 +59,8 @@ def test_an_ablation_from_views_to_verdicts_and_again(tmp_path: Path) -> None:
     assert {name for name in again if again[name] != before[name]} == {str(lost.relative_to(data))}
 
 
-@pytest.mark.usefixtures("_weights")
 def test_mistakes_are_told_before_anything_is_made(tmp_path: Path) -> None:
+    published_weights("yolov3-tiny")
     for asked, told in (
         (("nothing",), "ablation: no 'nothing'; choose one of baselines"),
         (("beta", "--variants", "beta-0,x"), "beta: no variant 'x'; choose of beta-100"),

@@ -8,19 +8,16 @@ from pathlib import Path
 import pytest
 
 from benchmarks.in_blender import open_vehicle
-from rauca_core.contract import RaucaError
-from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy
+from rauca_core.contract import ApplyCamouflage, RaucaError
+from rauca_core.runtime.blender import LIBRARIES, blender_command, reason_of, require_bpy, run_blender
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture
-def _no_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_blender_is_told_with_what_would_do_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "bpy", None)
-
-
-@pytest.mark.usefixtures("_no_wheel")
-def test_a_missing_blender_is_told_with_what_would_do_without_it(tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match=r"^Blender is missing: .*Python 3.12\)$"):
         require_bpy()
     with pytest.raises(RaucaError, match=r"or pass --blender PROGRAM$"):
@@ -29,15 +26,18 @@ def test_a_missing_blender_is_told_with_what_would_do_without_it(tmp_path: Path)
         open_vehicle(str(tmp_path / "car.glb"))
 
 
-def test_a_blender_program_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RaucaError, match="blender: no such program"):
-        blender_command(tmp_path / "job.json", tmp_path / "blender")
-
-
-def test_how_a_job_died_is_told_by_its_own_sentence_or_its_signal() -> None:
-    assert reason_of("bake", 2, ["x", "error: car.obj: no faces\n", "quit\n"]) == "car.obj: no faces"
-    assert "killed by SIGKILL (out of memory?)" in reason_of("bake", -9, [])
-    assert reason_of("bake", 11, ["last words\n", "\n"]) == "bake: Blender stopped with code 11: last words"
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("import os; os.kill(os.getpid(), 9)", r"killed by SIGKILL \(out of memory\?\)"),
+        ("import sys; print('RuntimeError: boom\\n', file=sys.stderr); sys.exit(3)", "code 3: RuntimeError: boom$"),
+        ("import sys; print('error: the disk is full\\nbye', file=sys.stderr); sys.exit(2)", "^the disk is full$"),
+    ],
+)
+def test_a_job_that_dies_is_told_with_its_reason(monkeypatch: pytest.MonkeyPatch, code: str, told: str) -> None:
+    monkeypatch.setattr("rauca_core.runtime.blender.blender_command", lambda *_: [sys.executable, "-c", code])
+    with pytest.raises(RaucaError, match=told):
+        run_blender(ApplyCamouflage(Path(), Path()), lambda _: None)
 
 
 def test_a_library_that_the_system_lacks_is_named_with_the_packages_that_bring_it() -> None:

@@ -20,6 +20,7 @@ def test_the_list_names_every_detector_and_what_it_needs(tmp_path: Path, monkeyp
         if source.files:
             assert f"{source.name}: rauca weights fetch {source.name}" in shown
     assert "sparse-rcnn_r50_fpn_1x_coco.py" in shown
+    assert "yolov3-tiny" in CliRunner().invoke(app, ["weights", "list"], catch_exceptions=False).stdout
 
 
 def test_a_learning_rate_of_nothing_is_refused(tmp_path: Path) -> None:

@@ -18,13 +18,11 @@ from rauca_core.study.evaluate import Judges
 from rauca_core.study.study import Study, load_study
 from tests.published import published_weights
 
-SEDAN = assets_folder() / "vehicles" / "sedan"
 
-
-def paint(path: Path, color: tuple[int, int, int], vehicle: Path = SEDAN) -> Path:
-    atlas, name = load_vehicle(vehicle, read_image).atlas_id, vehicle.name
+def paint(path: Path, color: tuple[int, int, int]) -> Path:
+    atlas = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image).atlas_id
     pixels = np.broadcast_to(np.uint8(color), (16, 16, 3)).copy()
-    save_camouflage(path, Camouflage(path.stem, name, atlas, 16, "plain"), png_bytes(pixels))
+    save_camouflage(path, Camouflage(path.stem, "sedan", atlas, 16, "plain"), png_bytes(pixels))
     return path
 
 
@@ -32,13 +30,8 @@ def evaluate(*arguments: object) -> str:
     return CliRunner().invoke(app, ["evaluate", *map(str, arguments)], catch_exceptions=False).output
 
 
-@pytest.fixture(scope="module")
-def _weights() -> None:
-    published_weights("yolov4-tiny")
-
-
-@pytest.mark.usefixtures("_weights")
 def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
+    published_weights("yolov4-tiny")
     pytest.importorskip("bpy", reason="the bpy wheel is not installed")
     out, plain = tmp_path / "study", paint(tmp_path / "plain.json", (255, 0, 0))
     asked = ["--camouflage", plain, "--detectors", "yolov4-tiny", "--weathers", "single", "--defences", "none,bits"]
@@ -72,7 +65,6 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
     assert all(path.stat().st_mtime_ns == stamps[path] for path in views)
 
 
-@pytest.mark.usefixtures("_weights")
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
@@ -95,18 +87,18 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
 def test_mistakes_are_told_before_anything_is_rendered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], complaint: str
 ) -> None:
+    published_weights("yolov4-tiny")
     monkeypatch.chdir(tmp_path)
     shutil.copy(assets_folder() / "weathers" / "unseen.json", "seen.json")
-    save_camouflage(
-        tmp_path / "stranger.json", Camouflage("x", "tank", "123", 2, "plain"), png_bytes(np.zeros((2, 2, 3), np.uint8))
-    )
+    black = png_bytes(np.zeros((2, 2, 3), np.uint8))
+    save_camouflage(tmp_path / "stranger.json", Camouflage("x", "tank", "123", 2, "plain"), black)
     with pytest.raises(RaucaError, match=complaint):
         evaluate(*arguments, "--out", "study", *(() if "--detectors" in arguments else ("--detectors", "yolov4-tiny")))
     assert not (tmp_path / "study").exists()
 
 
-@pytest.mark.usefixtures("_weights")
 def test_two_spellings_of_a_defence_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    published_weights("yolov4-tiny")
     seen: list[Judges] = []
 
     def stand_in(engine: object, out: Path, places: object, paints: object, judges: Judges, command: str) -> Study:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -31,11 +29,14 @@ from rauca_core.contract.files import png_bytes
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 
+pytest.importorskip("bpy", reason="the bpy wheel is not installed")
+
+from blender_addon import devices
+from blender_addon.jobs.dataset_job import _Run
+
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 MAKE = REPOSITORY / "pipelines" / "make_dataset.py"
 SMALL = ["--azimuths", "2", "--elevations", "15", "--distances", "6", "--size", "64", "--samples", "2"]
-
-pytest.importorskip("bpy", reason="the bpy wheel is not installed")
 
 
 def run(script: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -102,11 +103,6 @@ def test_a_second_run_renders_nothing_and_repairs_what_is_gone(dataset):
     assert (victim / "image.png").read_bytes() == before  # the same seed renders the same bits
 
 
-def test_another_plan_in_the_same_folder_is_refused(dataset):
-    told = refused(MAKE, "--out", dataset.folder, *SMALL, "--seed", "9")
-    assert told.startswith(f"error: {dataset.folder}: holds a data set made with")
-
-
 def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
     """One whose atlas is the same: taller, or of another color; the plan alone cannot tell."""
     given = load_vehicle(dataset.folder / "vehicle", read_image)
@@ -121,8 +117,6 @@ def test_a_changed_vehicle_in_the_same_folder_is_refused(dataset, tmp_path):
 
 
 def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_vehicle):
-    from blender_addon.jobs.dataset_job import _Run
-
     box_vehicle.save(tmp_path / "vehicle")
     taller = replace(box_vehicle, positions=box_vehicle.positions * np.float32([1, 1, 1.5]))
     (tmp_path / "dataset.json").write_text("{}")
@@ -130,26 +124,6 @@ def test_a_vehicle_that_another_shard_wrote_meanwhile_is_refused(tmp_path, box_v
     with pytest.raises(RaucaError, match="holds a data set of another"):
         run._claim(SimpleNamespace(shared_writing=contextlib.nullcontext))
     assert (tmp_path / "dataset.json").read_text() == "{}"
-
-
-def test_interrupted_then_resumed(tmp_path):
-    folder = tmp_path / "set"
-    command = [sys.executable, str(MAKE), "--out", str(folder), *SMALL, "--azimuths", "6"]
-    job = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for line in job.stdout:
-        if line.startswith("[2/"):
-            job.send_signal(signal.SIGTERM)
-            break
-    _, complaint = job.communicate(timeout=60)
-    assert job.returncode == 2
-    assert complaint.strip().splitlines()[-1].startswith("interrupted:")
-    finished = Dataset(folder).frames()
-    assert 2 <= len(finished) < 18
-    assert not list(folder.rglob(".partial-*"))
-    times = {f.id: os.stat(folder / "frames" / f.id / "frame.json").st_mtime_ns for f in finished}
-    assert run(MAKE, "--out", folder, *SMALL, "--azimuths", "6").returncode == 0
-    assert len(Dataset(folder).frames()) == 18
-    assert times == {i: os.stat(folder / "frames" / i / "frame.json").st_mtime_ns for i in times}
 
 
 def test_camouflages_are_rendered_on_the_same_views(dataset, tmp_path):
@@ -192,23 +166,8 @@ def test_a_disk_too_small_is_told_before_anything_is_written(tmp_path):
     assert not (tmp_path / "set").exists()
 
 
-def test_the_device_is_refused_or_recorded(tmp_path):
+def test_the_device_is_recorded(tmp_path):
     """This machine may have a GPU or none; either way the data set says what rendered it."""
-    from blender_addon import devices
-
     one = ["--out", tmp_path / "set", *SMALL, "--azimuths", "1", "--weathers", "single", "--size", "32"]
-    if not devices.gpus():
-        told = refused(MAKE, *one, "--render-device", "gpu")
-        assert told.startswith("error: --render-device gpu: Blender")
-        assert "sees no GPU" in told
-        assert not (tmp_path / "set").exists()
     assert run(MAKE, *one, "--render-device", "auto").returncode == 0
     assert Dataset(tmp_path / "set").plan.device == devices.find("auto").described
-
-
-def test_a_plan_of_another_data_set_makes_the_same_frames(dataset, tmp_path):
-    assert run(MAKE, "--out", tmp_path / "again", "--plan", dataset.folder / "dataset.json").returncode == 0
-    for frame in dataset.frames():
-        assert (tmp_path / "again" / "frames" / frame.id / "image.png").read_bytes() == (
-            dataset.frame_folder(frame.id) / "image.png"
-        ).read_bytes()
