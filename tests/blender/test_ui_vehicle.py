@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 
 import bpy
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from blender_addon.scene.mesh_edits import mark_faces
 from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
 from blender_addon.scene.vehicle_files import import_vehicle
-from blender_addon.steps.vehicle import unwrap
 from blender_addon.steps.vehicle.panel import state
 from blender_addon.steps.vehicle.unwrap import UnwrapChild
 from rauca_core.contract import load_vehicle
@@ -282,18 +280,6 @@ def test_no_polygon_is_torn_by_the_cuts_of_the_atlas(vehicle):
     report = atlas_report(vehicle.chosen(bpy.context))
     assert (report.charts, report.overlap, report.out_of_range, report.degenerate) == (5, 0, 0, 0)
     assert report.worst_spread < 1e-3
-
-
-def test_without_xatlas_blender_unwraps_and_says_so(vehicle, monkeypatch):
-    told = []
-    monkeypatch.setitem(sys.modules, "xatlas", None)
-    write = unwrap.write_unwrapped
-    monkeypatch.setattr(unwrap, "write_unwrapped", lambda *given: told.append(given) or write(*given))
-    a_box()
-    assert bpy.ops.rauca.unwrap_paint() == {"FINISHED"}
-    assert uv_layers("Box") == ["UVMap", "rauca"]
-    assert atlas_report(vehicle.chosen(bpy.context)).overlap == 0
-    assert "Smart UV Project" in unwrap.unwrapped(told[0][1])[1]
 
 
 def test_the_child_process_unwraps_as_the_window_asks(vehicle):

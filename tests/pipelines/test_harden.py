@@ -41,10 +41,7 @@ GOOD = ["frcnn-synth", "--data", "data", "--held-out", "one=one.json"]
     ("arguments", "complaint"),
     [
         ([*GOOD, "--camouflage", "one.json"], "one.json: the same UV map as one.json; what is trained on cannot"),
-        (
-            [*GOOD[:3], "--held-out", "stranger.json"],
-            "stranger.json: made for UV .* of tank, .*; add a data set",
-        ),
+        ([*GOOD[:3], "--held-out", "stranger.json"], "stranger.json: made for UV .* of tank, .*; add a data set"),
         ([*GOOD[:3], "--held-out", "adaptive=one.json"], "one.json: cannot be called 'adaptive'"),
         ([*GOOD, "--camouflage", "stranger.json"], "stranger.json: made for UV atlas 123 of tank"),
         ([*GOOD, "--weathers", "hail"], "weather preset 'hail' is unknown"),
