@@ -101,10 +101,6 @@ def test_blenders_own_tool_accepts_the_manifest() -> None:
     bpy = pytest.importorskip("bpy")
     scripts = Path(bpy.utils.system_resource("SCRIPTS"))
     tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
-    checked = subprocess.run(
-        [sys.executable, str(tool), "validate", str(ROOT / "blender_addon")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, tool, "validate", ROOT / "blender_addon"]
+    checked = subprocess.run(command, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout + checked.stderr

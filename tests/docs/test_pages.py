@@ -90,13 +90,7 @@ def test_where_changes_belong_is_where_things_are() -> None:
     """Every path in CONTRIBUTING.md exists; those without a top folder are of rauca_core or the add-on."""
     named = set(re.findall(r"`([\w/.]+/[\w.]*)`", (ROOT / "CONTRIBUTING.md").read_text()))
     assert len(named) > 30
-    tops = (
-        ROOT,
-        ROOT / "rauca_core",
-        ROOT / "rauca_core" / "detect",
-        ROOT / "rauca_core" / "render",
-        ROOT / "blender_addon",
-    )
+    tops = [ROOT / top for top in (".", "rauca_core", "rauca_core/detect", "rauca_core/render", "blender_addon")]
     built = {"site/", "study/", "naturalness/", "ablations/", "defences/"}
     missing = [path for path in named - built if not any((top / path).exists() for top in tops)]
     assert not missing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,23 +17,21 @@ from tests.published import published_weights
 
 
 @pytest.fixture
-def yolo() -> str:
+def optimize(tmp_path: Path, box_vehicle: Vehicle) -> Callable[..., int]:
+    """Makes a small camouflage in ``out``; gives the exit code."""
     published_weights("yolov3-tiny")
-    return "yolov3-tiny"
-
-
-def optimize(*options: str) -> int:
+    data = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,))
     small = ["--batch", "1", "--map-size", "32", "--samples", "2", "--threads", "1"]
-    return CliRunner().invoke(app, ["optimize", *small, *options], catch_exceptions=False).exit_code
+    small += ["--out", str(tmp_path / "out"), "--detector", "yolov3-tiny", "--json-progress"]
+    asked = ["optimize", str(data.folder), *small]
+    return lambda *options: CliRunner().invoke(app, [*asked, *options], catch_exceptions=False).exit_code
 
 
 def test_steps_are_told_line_by_line(
-    yolo: str, tmp_path: Path, box_vehicle: Vehicle, capfd: pytest.CaptureFixture[str]
+    optimize: Callable[..., int], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    data, out = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,)), tmp_path / "out"
-    common = [str(data.folder), "--out", str(out), "--detector", yolo, "--json-progress"]
-    assert optimize(*common, "--steps", "2") == 0
-    assert optimize(*common, "--steps", "3", "--resume") == 0
+    assert optimize("--steps", "2") == 0
+    assert optimize("--steps", "3", "--resume") == 0
     told = [parse_optimize_progress(line) for line in capfd.readouterr().out.splitlines()]
     assert [(line.step, line.of) for line in told if line] == [(1, 2), (2, 2), (3, 3)]
     last = told[-1]
@@ -41,22 +40,21 @@ def test_steps_are_told_line_by_line(
     assert last.loss == pytest.approx(last.attack + 0.01 * last.smooth)
     assert read_image(Path(last.preview)).shape == (32, 64, 3)
     assert read_image(Path(last.uv_map)).shape == (32, 32, 3)
-    assert Path(last.uv_map).parent == out
+    assert Path(last.uv_map).parent == tmp_path / "out"
 
 
-def test_a_reader_that_goes_away_does_not_stop_the_run(yolo: str, tmp_path: Path, box_vehicle: Vehicle) -> None:
-    data, out = make_dataset(tmp_path / "data", box_vehicle, 64, (40.0,)), tmp_path / "out"
+def test_a_reader_that_goes_away_does_not_stop_the_run(optimize: Callable[..., int], tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     kept = os.dup(1)
     os.dup2(writer, 1)
     try:
-        assert optimize(str(data.folder), "--out", str(out), "--detector", yolo, "--json-progress", "--steps", "2") == 0
+        assert optimize("--steps", "2") == 0
     finally:
         os.dup2(kept, 1)
         os.close(kept)
         os.close(writer)
-    assert (out / "camouflage.json").is_file()
+    assert (tmp_path / "out" / "camouflage.json").is_file()
 
 
 def test_lines_survive_what_else_is_printed() -> None:
