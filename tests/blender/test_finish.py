@@ -8,21 +8,15 @@ import pytest
 
 from blender_addon.scene import camera, render
 from blender_addon.scene.render import render_linear
-from blender_addon.scene.vehicle import SceneVehicle
+from blender_addon.scene.vehicle import SceneVehicle, load_shipped
 from blender_addon.scene.wetness import set_wetness
-from rauca_core.contract import Camera, Quality, RaucaError, Vehicle, load_vehicle
-from rauca_core.contract.assets import assets_folder
+from rauca_core.contract import Camera, Quality, RaucaError
 from rauca_core.contract.color import linear_to_srgb
-from rauca_core.runtime.images import read_image
 
 from .conftest import psnr
 from .round_trip import daylight
 
 RED = (0.5, 0.1, 0.05)
-
-
-def shipped(name: str) -> Vehicle:
-    return load_vehicle(assets_folder() / "vehicles" / name, read_image)
 
 
 class Studio:
@@ -34,7 +28,7 @@ class Studio:
         render.prepare(self.scene)
         self.scene.render.film_transparent = True
         daylight(self.scene)
-        self.vehicle = SceneVehicle(self.scene, shipped("sphere"), finish)
+        self.vehicle = SceneVehicle(self.scene, load_shipped("sphere"), finish)
         eye = Camera.look_at(np.array([7.0, 1.0, 3.0]), np.array([0.0, 0.0, 1.5]), 30.0, 64, 64)
         camera.place(self.scene, eye)
 
@@ -76,7 +70,7 @@ def test_an_unknown_finish_is_refused_in_one_line():
 
 
 def test_materials_carry_their_semantic_class():
-    car = shipped("sedan")
+    car = load_shipped("sedan")
     placed = SceneVehicle(bpy.data.scenes.new("classes"), car)
     classes = {m.name: b["rauca_class"] for m, b in zip(car.materials, placed.materials, strict=True)}
     assert (classes["paint"], classes["glass"], classes["tyre"]) == ("paint", "glass", "tyre")

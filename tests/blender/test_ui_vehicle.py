@@ -10,13 +10,11 @@ import pytest
 
 from blender_addon.scene.mesh_edits import mark_faces
 from blender_addon.scene.paint_layer import to_unwrap, write_unwrapped
+from blender_addon.scene.vehicle import load_shipped
 from blender_addon.scene.vehicle_files import import_vehicle
 from blender_addon.steps.vehicle.panel import state
 from blender_addon.steps.vehicle.unwrap import UnwrapChild
-from rauca_core.contract import load_vehicle
-from rauca_core.contract.assets import assets_folder
 from rauca_core.geometry import repack
-from rauca_core.runtime.images import read_image
 from tests.atlas_report import atlas_report
 
 from .conftest import refusal
@@ -65,34 +63,26 @@ def test_nothing_picked_says_what_to_do(vehicle):
     assert "choose a file" in refusal(vehicle.chosen, bpy.context)
 
 
-def test_every_shipped_vehicle_can_be_added_and_comes_out_as_itself(vehicle):
+def test_every_shipped_vehicle_can_be_added_comes_out_as_itself_and_can_be_undone(vehicle):
     bpy.context.scene.cursor.location = (5.0, -3.0, 0.5)
     for name in ("sedan", "van", "cube"):
         assert undoable(bpy.ops.rauca.add_vehicle, vehicle=name) == {"FINISHED"}
-        shipped = load_vehicle(assets_folder() / "vehicles" / name, read_image)
+        shipped = load_shipped(name)
         chosen = bpy.context.scene.rauca.vehicle.chosen(bpy.context)
         assert (chosen.name, chosen.atlas_id, chosen.geometry_id) == (name, shipped.atlas_id, shipped.geometry_id)
         assert state(bpy.context).kind == "done"
     assert tuple(bpy.context.object.location) == (5.0, -3.0, 0.5)
-
-
-def test_adding_a_vehicle_can_be_undone(vehicle):
-    bpy.ops.ed.undo_push(message="start")
-    undoable(bpy.ops.rauca.add_vehicle, vehicle="cube")
     assert bpy.context.scene.rauca.vehicle.object.name == "cube"
     bpy.ops.ed.undo()
     assert "cube" not in bpy.data.objects
-    assert bpy.context.scene.rauca.vehicle.object is None
+    assert bpy.context.scene.rauca.vehicle.object.name == "van"
 
 
 def test_a_shipped_vehicle_that_was_edited_is_no_longer_the_shipped_one(vehicle):
     bpy.ops.rauca.add_vehicle(vehicle="cube")
     bpy.context.object.data.vertices[0].co.z += 0.25
     vehicle.material = bpy.context.object.material_slots[0].material
-    assert (
-        vehicle.chosen(bpy.context).geometry_id
-        != load_vehicle(assets_folder() / "vehicles/cube", read_image).geometry_id
-    )
+    assert vehicle.chosen(bpy.context).geometry_id != load_shipped("cube").geometry_id
 
 
 def test_a_deleted_object_is_no_vehicle(vehicle):
