@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from .errors import RaucaError
 from .files import file_digest, write_json
@@ -168,6 +169,15 @@ class Plan(Record):
     finish: Annotated[str, FINISHES] = "own"
     recolor_share: Annotated[float, (0, 1)] = 0.0
     device: str = CPU
+
+    @staticmethod
+    def of(weathers: Sequence[Weather], ring: Ring, **chosen: Any) -> Plan:
+        """A plan before Blender has filled in what only it knows; what is not ``chosen`` is as usual."""
+        usual = {
+            "name": "", "vehicle_name": "", "atlas_id": "", "size": 320, "quality": Quality(), "light": True,
+            "locations": 1, "reference_srgb": REFERENCE_SRGB, "min_visible": MIN_VISIBLE, "seed": 0, "blender": "",
+        }  # fmt: skip
+        return Plan(weathers=tuple(weathers), ring=ring, **(usual | chosen))
 
     def frames(self) -> list[PlannedFrame]:
         """Every planned frame, in rendering order."""

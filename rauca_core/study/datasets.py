@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 from ..contract import Dataset, MakeDataset, Plan, Quality, Ring, Scenery, VehicleSource, balanced_frames
-from ..contract.plan import MIN_VISIBLE, REFERENCE_SRGB
 from ..runtime.blender import run_blender
 from .job import OnProgress, quiet
 from .views import weathers_named
@@ -65,9 +64,9 @@ def make_dataset(
     if jitter is not None:
         seen = ("azimuths_deg", "elevations_deg", "distances_m")
         ring = replace(jitter, **{name: getattr(ring, name) for name in seen})
-    plan = Plan(
-        out.name, "", "", size, Quality(samples), light, weathers_named(weathers), ring, locations, REFERENCE_SRGB,
-        MIN_VISIBLE, seed, "", Scenery.of_file(scene) if scene else Scenery(), finish,
+    plan = Plan.of(
+        weathers_named(weathers), ring, name=out.name, size=size, quality=Quality(samples), light=light, seed=seed,
+        locations=locations, scenery=Scenery.of_file(scene) if scene else Scenery(), finish=finish,
     )  # fmt: skip
     plan.check("make_dataset")
     source = VehicleSource(str(vehicle), paint_mask, paint_material)

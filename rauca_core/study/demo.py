@@ -128,9 +128,9 @@ def engine_vehicle(
 def _views(body: Artifact, size: DemoScale, label: str, ring: Ring, locations: int) -> Artifact:
     assert body.place is not None
     choice, training = read_vehicle_choice(body.place), label == "train"
-    plan = Plan(
-        label, choice.name, choice.atlas_id, size.size, Quality(size.samples), training, weathers_named("demo"), ring,
-        locations, (140, 140, 140), 0.5, SEED if training else SEED + 1, "",
+    plan = Plan.of(
+        weathers_named("demo"), ring, name=label, vehicle_name=choice.name, atlas_id=choice.atlas_id, size=size.size,
+        quality=Quality(size.samples), light=training, locations=locations, seed=SEED if training else SEED + 1,
     )  # fmt: skip
     return recipes.data_set(label, plan, body, [frame.id for frame in plan.frames()])
 

@@ -70,26 +70,10 @@ class HeldOut:
 
         Fog is rendered, not composed: every paint is judged by the same renderer.
         """
-        quality = Quality(self.samples, composed_fog=False)
-        return Plan(
-            "views", vehicle_name, atlas_id, self.size, quality, False, tuple(weathers), self.ring, self.locations,
-            (140, 140, 140), 0.5, self.seed, "",
+        return Plan.of(
+            weathers, self.ring, name="views", vehicle_name=vehicle_name, atlas_id=atlas_id, size=self.size,
+            quality=Quality(self.samples, composed_fog=False), light=False, locations=self.locations, seed=self.seed,
         )  # fmt: skip
-
-
-def frames_of_scale(scale: str) -> int:
-    """Frames per weather set; raises :class:`RaucaError` for an unknown scale."""
-    if scale not in SCALES:
-        known = ", ".join(f"{name} ({count} frames per weather set)" for name, count in SCALES.items())
-        raise RaucaError(f"--scale {scale}: unknown; choose {known}, or a count with --frames")
-    return SCALES[scale]
-
-
-def find_ring(name: str) -> Ring:
-    """A ring by name; raises :class:`RaucaError` for an unknown one."""
-    if name not in RINGS:
-        raise RaucaError(f"--ring {name}: unknown; choose {' or '.join(RINGS)}, and --elevations and --distances")
-    return RINGS[name]
 
 
 def weather_sets(names: Sequence[str]) -> list[str]:

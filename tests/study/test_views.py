@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from rauca_core.contract import Plan, RaucaError, balanced_frames, find_preset
-from rauca_core.study.views import SCALES, HeldOut, find_ring, frames_of_scale
+from rauca_core.contract import Plan, balanced_frames, find_preset
+from rauca_core.study.views import HeldOut
 
 WEATHERS = find_preset("enhanced")
 
@@ -71,12 +71,3 @@ def test_large_vehicles_are_seen_from_farther_away() -> None:
     assert HeldOut().fitted(reaching(4.8)) == HeldOut()
     assert HeldOut().fitted(reaching(14)).ring.distances_m == (10, 16, 24, 32)
     assert HeldOut(fit=False).fitted(reaching(14)) == HeldOut(fit=False)
-
-
-def test_scales_and_rings_are_named() -> None:
-    assert frames_of_scale("standard") == SCALES["standard"] == 128
-    assert find_ring("paper").elevations_deg[-1] == 67.5
-    with pytest.raises(RaucaError, match=r"--ring moon: unknown; choose street or paper"):
-        find_ring("moon")
-    with pytest.raises(RaucaError, match=r"--scale huge: unknown; choose quick \(32 frames"):
-        frames_of_scale("huge")
