@@ -55,10 +55,10 @@ def ablate(
     """Optimize variants, measure all on the same held-out views, and hold the paper's orderings against them."""
     from rauca_core.report import write_ablation
     from rauca_core.study.ablate import ablate as run
-    from rauca_core.study.ablations import DEFAULT, QUICK
+    from rauca_core.study.ablations.experiment import QUICK, Sizes
 
     sizes = resized(
-        QUICK if quick else DEFAULT, steps=steps, batch=batch, lr=lr, frames=frames, held_out=held_out, pixels=size,
+        QUICK if quick else Sizes(), steps=steps, batch=batch, lr=lr, frames=frames, held_out=held_out, pixels=size,
         samples=samples, map_size=map_size, seeds=seeds, weathers=weathers and tuple(split_names([weathers])),
         detectors=detectors and tuple(split_names([detectors])),
     )  # fmt: skip

@@ -13,12 +13,13 @@ from typing import Any, Unpack
 
 from ..attack import OptimizerSettings, make_settings, settings_of
 from ..contract import Plan, Quality, balanced_frames, load_vehicle
-from ..contract.plan import MIN_VISIBLE, REFERENCE_SRGB
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
 from . import recipes
-from .ablations import DEFAULT, Experiment, Findings, Sizes, Variant, experiment_named
+from .ablations.catalogue import experiment_named
+from .ablations.experiment import Experiment, Sizes, Variant
+from .ablations.findings import Findings
 from .artifact import Artifact
 from .candidates import NORMAL, RANDOM, VehicleChoice, find_vehicles
 from .detectors import Chosen, detectors_for
@@ -127,7 +128,7 @@ def ablate(
     *,
     variants: Sequence[str] = (),
     quick: bool = False,
-    sizes: Sizes = DEFAULT,
+    sizes: Sizes | None = None,
     vehicle: str = "sedan",
     attacked: Sequence[Detector | str] = ("yolov3-tiny",),
     store: Path | None = None,
@@ -146,6 +147,7 @@ def ablate(
         RaucaError: settings that the optimizer does not take, before anything is made; another process at work there.
     """
     experiment, body, out = experiment_named(name), find_vehicles([vehicle])[0], Path(out)
+    sizes = sizes or Sizes()
     sets = weather_sets(sizes.weathers)
     some = [experiment.variant(key) for key in dict.fromkeys(variants)]
     some = some or [variant for variant in experiment.variants if variant.quick or not quick]
@@ -173,9 +175,9 @@ def training_plan(name: str, vehicle: VehicleChoice, sizes: Sizes) -> Plan:
     """All of a training set, of which :func:`chosen_frames` takes a part; large vehicles are seen from farther away."""
     cameras, finish = TRAINING_SETS[name]
     ring = HeldOut(ring=cameras).fitted(load_vehicle(vehicle.folder, read_image).positions).ring
-    return Plan(
-        name, vehicle.name, vehicle.atlas_id, sizes.pixels, Quality(sizes.samples), True, weathers_named(name), ring,
-        LOCATIONS, REFERENCE_SRGB, MIN_VISIBLE, TOWN_SEED, "", finish=finish,
+    return Plan.of(
+        weathers_named(name), ring, name=name, vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, finish=finish,
+        size=sizes.pixels, quality=Quality(sizes.samples), locations=LOCATIONS, seed=TOWN_SEED,
     )  # fmt: skip
 
 

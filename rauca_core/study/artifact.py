@@ -13,7 +13,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -68,10 +68,6 @@ class Artifact:
     def name(self) -> str:
         """Of its folder."""
         return f"{plain_label(self.label)}-{self.digest}"
-
-    def but(self, **options: Any) -> Artifact:
-        """The same artifact with other options."""
-        return replace(self, options={**self.options, **options})
 
     def write_recipe(self, folder: Path, inputs: tuple[Path, ...], seconds: float = 0.0) -> None:
         """Note in its folder what it is, so that any process can make it and a reader knows it.

@@ -121,23 +121,14 @@ def do_task(task: Task, machine: Machine, report: Callable[[Progress], None]) ->
             task.write_recipes([s + more * (i in left) for i, s in enumerate(spent)])
 
 
-def work(folders: Sequence[Path], machine: Machine) -> None:
-    """Make the artifacts of folders whose inputs are finished."""
-    artifacts = tuple(read_recipe(folder)[0] for folder in folders)
-    inputs = tuple(tuple(one.place for one in artifact.inputs if one.place) for artifact in artifacts)
-    do_task(Task(artifacts, tuple(folders), inputs), machine, tell)
-
-
-def tell(progress: Progress) -> None:
-    """For the process that waits."""
-    print(progress.line(), flush=True)
-
-
 def main(machine: str, *folders: str) -> int:
-    """Returns the exit code."""
+    """Make the artifacts of folders whose inputs are finished; returns the exit code."""
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        work(list(map(Path, folders)), Machine.from_json(json.loads(machine)))
+        artifacts = tuple(read_recipe(Path(folder))[0] for folder in folders)
+        inputs = tuple(tuple(one.place for one in artifact.inputs if one.place) for artifact in artifacts)
+        task = Task(artifacts, tuple(map(Path, folders)), inputs)
+        do_task(task, Machine.from_json(json.loads(machine)), lambda progress: print(progress.line(), flush=True))
     except RaucaError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 2

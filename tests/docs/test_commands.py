@@ -16,7 +16,7 @@ import typer
 from PIL import Image
 
 from pipelines.cli import app
-from pipelines.dataset_options import apply_parser, dataset_parser, slurm_parser
+from pipelines.dataset_options import dataset_parser, slurm_parser
 from pipelines.evaluate import split_defences
 from pipelines.naturalness import natural_settings
 from pipelines.optimize import chosen_settings
@@ -28,9 +28,9 @@ from rauca_core.contract.color import find_colors
 from rauca_core.contract.plan import FINISHES
 from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
-from rauca_core.study.ablations import experiment_named
+from rauca_core.study.ablations.catalogue import experiment_named
 from rauca_core.study.defences import make_defence
-from rauca_core.study.views import find_ring, frames_of_scale, weather_sets
+from rauca_core.study.views import weather_sets
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -113,8 +113,8 @@ def test_rauca_takes_it(line: Line, arguments: list[str], tmp_path: Path, monkey
     if hasattr(command, "commands"):
         assert not line.whole or rest == ["--help"] or not path, f"`rauca {path}` wants a command"
         return
-    if path in ("dataset make ", "apply "):
-        values = _parsed_by_argparse(path.strip(), rest, line.whole)
+    if path == "dataset make ":
+        values = _parsed_by_argparse(rest, line.whole)
     else:
         context = _parsed_by_typer(command, path.strip(), rest, line.whole)
         values = context.params
@@ -136,12 +136,9 @@ def _parsed_by_typer(command: Any, name: str, arguments: list[str], whole: bool)
     raise AssertionError(f"rauca {name}: needs more than six things")
 
 
-def _parsed_by_argparse(name: str, arguments: list[str], whole: bool) -> dict[str, Any]:
+def _parsed_by_argparse(arguments: list[str], whole: bool) -> dict[str, Any]:
     if not whole:
         arguments += [] if "--out" in arguments else ["--out", "X"]
-        arguments += ["X"] if name == "apply" and arguments[:1] in ([], ["--out"]) else []
-    if name == "apply":
-        return vars(apply_parser().parse_args(arguments))
     cluster, others = slurm_parser().parse_known_args(arguments)
     return {**vars(dataset_parser().parse_args(others)), **vars(cluster)}
 
@@ -192,8 +189,6 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("evaluate", "detectors"): _each(_check_detectors),
     ("evaluate", "weathers"): _check_sets,
     ("evaluate", "defences"): lambda given: [make_defence(name) for name in split_defences(given)],
-    ("evaluate", "ring"): find_ring,
-    ("evaluate", "scale"): frames_of_scale,
     ("evaluate", "vehicle"): _each(_check_vehicle),
     ("ablate", "name"): lambda name: experiment_named("beta" if name == "yolov3-tiny" else name),
     ("harden", "detector"): _check_detectors,
@@ -236,7 +231,7 @@ def _leaves(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[st
 def known_options() -> set[str]:
     """Of all commands, and of the programs that they are given to."""
     options = {o for _, c in _leaves(ROOT_COMMAND) for p in c.params for o in (*p.opts, *p.secondary_opts)}
-    for parser in (dataset_parser(), apply_parser(), slurm_parser()):
+    for parser in (dataset_parser(), slurm_parser()):
         options |= {option for action in parser._actions for option in action.option_strings}
     return options | {"--help"}
 

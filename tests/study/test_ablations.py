@@ -22,15 +22,9 @@ from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
 from rauca_core.study.ablate import TRAINING_SETS, Ablation, chosen_frames, training_plan
-from rauca_core.study.ablations import (
-    DEFAULT,
-    EXPERIMENTS,
-    QUICK,
-    Claim,
-    Findings,
-    experiment_named,
-)
-from rauca_core.study.ablations.findings import Comparison, Scores, Verdict, judge, score_rows
+from rauca_core.study.ablations.catalogue import EXPERIMENTS, experiment_named
+from rauca_core.study.ablations.experiment import QUICK, Claim, Sizes
+from rauca_core.study.ablations.findings import Comparison, Findings, Scores, Verdict, judge, score_rows
 from rauca_core.study.average_precision import Sample
 from rauca_core.study.candidates import find_vehicles, keep_copy
 from rauca_core.study.detection_cache import DetectionSettings
@@ -40,10 +34,12 @@ from rauca_core.study.study import Entry, Study, save_study
 from tests.study.measured import measure
 from tests.study.page import whole_page
 
+DEFAULT = Sizes()
 # The ablation of the study in this folder, by a process of its own.
 WRITE_AGAIN = """
 from pathlib import Path
-from rauca_core.study.ablations import (Findings, experiment_named)
+from rauca_core.study.ablations.catalogue import (experiment_named)
+from rauca_core.study.ablations.findings import (Findings)
 from rauca_core.report import (write_ablation)
 from rauca_core.study.study import load_study
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rauca_core.contract import RaucaError
-from rauca_core.study import Sample, average_precision
+from rauca_core.study.average_precision import Sample, average_precision
 
 TRUTH = (10.0, 10.0, 50.0, 50.0)
 ELSEWHERE = (100.0, 100.0, 140.0, 140.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rauca_core.study import Sample, average_precision
+from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.bootstrap import Clusters, Ranking, interval
 
 TRUTH = np.array([10.0, 10.0, 50.0, 50.0])

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rauca_core.study import Sample, average_precision
+from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.bootstrap import Ranking
 
 coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is part of the extra `dev`")

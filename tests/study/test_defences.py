@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.study.defences import BitDepth, Jpeg, Median, Pad, defence_names, make_defence
+from rauca_core.study.defences import defence_names, make_defence
+from rauca_core.study.defences.pad import Pad
+from rauca_core.study.defences.reference import BitDepth, Jpeg, Median
 
 NAMES = [
     *defence_names(),

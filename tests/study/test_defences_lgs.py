@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.study.defences import LocalGradientsSmoothing
+from rauca_core.study.defences.lgs import LocalGradientsSmoothing
 
 
 def slow_lgs(

@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from rauca_core.runtime.images import read_image
-from rauca_core.study.defences import GraphSegments, Pad
 from rauca_core.study.defences import heat_maps as recompression
 from rauca_core.study.defences.heat_maps import mutual_information_map, recompression_map, window_side
+from rauca_core.study.defences.pad import GraphSegments, Pad
 
 TOWN = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "town.jpg"
 SIDE = 320

@@ -79,7 +79,7 @@ def stamps(folder: Path) -> dict[Path, int]:
 def test_a_name_says_all_that_an_artifact_depends_on(kit: Kit, tmp_path: Path, box_vehicle: Vehicle) -> None:
     one = kit.views()
     assert one.digest == replace(kit, plan=replace(kit.plan, name="q", blender="5.0")).views(2).digest
-    assert one.but(frames=[]).digest == one.digest == replace(one, label="other").digest
+    assert replace(one, options={}).digest == one.digest == replace(one, label="other").digest
     replace(box_vehicle, positions=box_vehicle.positions * np.float32(0.9)).save(tmp_path / "smaller")
     others = [
         replace(kit, plan=replace(kit.plan, seed=8)).views(),

@@ -14,10 +14,10 @@ from rauca_core.contract import RaucaError
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detections, Detector
 from rauca_core.runtime.images import read_image
-from rauca_core.study import DetectionSettings, Results, average_precision, load_results
-from rauca_core.study.average_precision import Sample
+from rauca_core.study.average_precision import Sample, average_precision
+from rauca_core.study.detection_cache import DetectionSettings
 from rauca_core.study.detectors import check_detectors
-from rauca_core.study.results import AXES
+from rauca_core.study.results import AXES, Results, load_results
 from tests.study.measured import measure
 
 

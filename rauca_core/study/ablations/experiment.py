@@ -114,7 +114,6 @@ class Sizes:
         return HeldOut(self.held_out, RING, size=self.pixels, samples=self.samples)
 
 
-DEFAULT = Sizes()
 QUICK = Sizes(
     frames=16,
     held_out=12,
