@@ -149,22 +149,12 @@ def chosen_settings(context: typer.Context) -> dict[str, Any]:
     """What `rauca_core.optimize` takes: the command's options by name.
 
     With ``--method``, that method's settings take the place of defaults; what the user typed stands.
-
-    Raises:
-        RaucaError: no method of that name.
     """
-    from rauca_core.attack import OptimizerSettings, settings_of
+    from rauca_core.attack import OptimizerSettings
 
-    params = context.params.items()
-    given = {name: value for name, value in params if name in OptimizerSettings.model_fields and value is not None}
-    given["weights"] = tuple(context.params["weight"]) if context.params["weight"] else None
-    method = given.pop("method", None)
-    if method is None:
-        return given
-    typed = {name for name in context.params if _typed(context, name)}
-    return {**given, **settings_of(method, **{name: given[name] for name in typed & set(given)})}
-
-
-def _typed(context: typer.Context, name: str) -> bool:
-    source = context.get_parameter_source(name)
-    return source is not None and source.name == "COMMANDLINE"
+    params = context.params
+    given = {name: params[name] for name in OptimizerSettings.model_fields if name in params}
+    if params["method"] is not None:
+        typed = {name for name in params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
+        given = {name: given[name] for name in given if name in typed}
+    return {**given, "weights": tuple(params["weight"] or ()) or None}

@@ -18,13 +18,11 @@ class Method:
     """What is painted, what is made small, how frames are lit and augmented, and what keeps the paint smooth.
 
     Attributes:
-        name: as on the command line and in ``camouflage.json``.
         source: authors, title, venue and year.
         weathers: the data set that its authors would use: ``single``, ``base`` or ``enhanced``.
         settings: of `OptimizerSettings`, where they differ from its defaults.
     """
 
-    name: str
     source: str
     weathers: str
     settings: Mapping[str, Any]
@@ -33,10 +31,9 @@ class Method:
 # Facets through Neural Renderer, as it reads them; smoothness is taken on the picture.
 _FACETS = {"paint": "facets", "samples": 2, "pixel_filter": "box", "roa": False, "smooth": "picture"}
 # Published smoothness on the picture is a sum over its pixels, of 224 x 224 (DAS) and 640 x 640 (FCA); ours is a mean.
-_TABLE = (
+METHODS: Mapping[str, Method] = {
     # DAS: scatter the model's attention, spare people's; some panels are painted, over a seed picture.
-    Method(
-        name="das",
+    "das": Method(
         source="Wang, Liu, Yin, Liu, Tang, Liu: Dual Attention Suppression Attack, CVPR 2021",
         weathers="single",
         settings={
@@ -52,8 +49,7 @@ _TABLE = (
         },
     ),
     # FCA: facets all over the body, a detection loss of three terms, Neural Renderer's own light.
-    Method(
-        name="fca",
+    "fca": Method(
         source="Wang, Jiang, Sun, Zhou, Gong, Zhang, Yao, Chen: FCA, AAAI 2022",
         weathers="single",
         settings={
@@ -65,8 +61,7 @@ _TABLE = (
         },
     ),
     # DTA: one small pattern, repeated all over, against the vehicle's confidence.
-    Method(
-        name="dta",
+    "dta": Method(
         source="Suryanto, Kim, Kang, Larasati, Yun, Le, Yang, Oh, Kim: DTA, CVPR 2022",
         weathers="single",
         settings={
@@ -80,8 +75,7 @@ _TABLE = (
         },
     ),
     # ACTIVE: a triplanar pattern in the background's colors, against any class, under strong augmentation.
-    Method(
-        name="active",
+    "active": Method(
         source="Suryanto, Kim, Larasati, Kang, Le, Hong, Yang, Oh, Kim: ACTIVE, ICCV 2023",
         weathers="single",
         settings={
@@ -98,22 +92,19 @@ _TABLE = (
         },
     ),
     # RAUCA-base, of the conference version: facets through Neural Renderer, lit like the frame, in several weathers.
-    Method(
-        name="rauca-base",
+    "rauca-base": Method(
         source="Zhou, Lyu, He, Li: RAUCA, ICML 2024",
         weathers="base",
         settings={**_FACETS, "limit": "clamp"},
     ),
     # RAUCA-final, the paper: the UV map itself, Eq. 4 to 8, under random output augmentation, in better weathers.
-    Method(
-        name="rauca-final",
+    "rauca-final": Method(
         source="Zhou, Lyu, He, Li: Toward Robust and Accurate Adversarial Camouflage Generation, 2025",
         weathers="enhanced",
         settings={"limit": "clamp"},
     ),
     # Ours: what this project adds to RAUCA-final to reach detectors and views that took no part.
-    Method(
-        name="ours",
+    "ours": Method(
         source="this project",
         weathers="enhanced",
         settings={
@@ -125,8 +116,7 @@ _TABLE = (
             "decay": 0.03,
         },
     ),
-)
-METHODS: Mapping[str, Method] = {method.name: method for method in _TABLE}
+}
 
 
 def method_named(name: str) -> Method:
@@ -138,5 +128,4 @@ def method_named(name: str) -> Method:
 
 def settings_of(name: str, /, **explicit: Any) -> dict[str, Any]:
     """What `make_settings` takes for a method; what is given explicitly wins, the camouflage's name included."""
-    method = method_named(name)
-    return {"name": method.name, **method.settings, **explicit, "method": method.name}
+    return {"name": name, **method_named(name).settings, **explicit, "method": name}

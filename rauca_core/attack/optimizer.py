@@ -68,10 +68,12 @@ def optimize(
     Raises:
         RaucaError: see :func:`run_optimization`; an unknown method, detector or setting.
     """
-    dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
-    settings.setdefault("target", target_class(load_vehicle(dataset.vehicle_folder, read_image).category))
     given = {**settings, "steps": steps}
     chosen = make_settings(**(given if method is None else settings_of(method, **given)))
+    dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
+    if settings.get("target") is None:
+        hidden = target_class(load_vehicle(dataset.vehicle_folder, read_image).category)
+        chosen = chosen.model_copy(update={"target": hidden})
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [
