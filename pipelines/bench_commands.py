@@ -126,8 +126,14 @@ def bench_vehicle_command(
     json: Json = Path("reports/vehicle.json"),
 ) -> None:
     """Do detectors take the plain vehicle for a car, from every side?"""
-    chosen = vehicle_arguments(vehicle, paint_mask, paint_material)
-    start("vehicle", json, vehicle=chosen, detectors=detector or _fetched())
+    from rauca_core.detect.weights import ready_names
+
+    detectors = detector or ready_names()
+    if not detectors:
+        raise RaucaError("no detector weights are here; get some with `rauca weights fetch --all`")
+    chosen = ["--vehicle", vehicle, *(["--paint-mask", str(paint_mask)] if paint_mask else [])]
+    chosen += ["--paint-material", paint_material] if paint_material else []
+    start("vehicle", json, vehicle=chosen, detectors=detectors)
 
 
 @bench_app.command("defences")
@@ -165,20 +171,3 @@ def bench_stability_command(
     results = start("stability.bench", json, quick, docs=docs)
     if not all(target.passed for target in results.targets):
         raise typer.Exit(1)
-
-
-def _fetched() -> list[str]:
-    """Detectors whose weights are here."""
-    from rauca_core.detect.weights import ready_names
-
-    names = ready_names()
-    if not names:
-        raise RaucaError("no detector weights are here; get some with `rauca weights fetch --all`")
-    return names
-
-
-def vehicle_arguments(vehicle: str, paint_mask: Path | None, paint_material: str | None) -> list[str]:
-    """The arguments of ``rauca dataset make`` that choose a vehicle."""
-    chosen = ["--vehicle", vehicle]
-    chosen += ["--paint-mask", str(paint_mask)] if paint_mask else []
-    return chosen + (["--paint-material", paint_material] if paint_material else [])

@@ -23,15 +23,12 @@ def show(context: typer.Context) -> None:
     from rauca_core.study.makers import KINDS
     from rauca_core.study.store import kept_in, user_cache
 
-    kept, what = (
-        kept_in(user_cache()),
-        {"weights": "fetched weights of detectors", "studies": "studies without a folder"},
-    )
+    kept, what = kept_in(user_cache()), {name: kind.what for name, kind in KINDS.items()}
+    what |= {"weights": "fetched weights of detectors", "studies": "studies without a folder"}
     table = Table("kind", "what", "number", "MB", title=str(user_cache()))
     for kind in dict.fromkeys(one.kind for one in kept):
         some = [one for one in kept if one.kind == kind]
-        told = KINDS[kind].what if kind in KINDS else what.get(kind, "")
-        table.add_row(kind, told, str(len(some)), f"{sum(one.size for one in some) / 1e6:.1f}")
+        table.add_row(kind, what.get(kind, ""), str(len(some)), f"{sum(one.size for one in some) / 1e6:.1f}")
     table.add_section()
     table.add_row("all", "", str(len(kept)), f"{sum(one.size for one in kept) / 1e6:.1f}")
     output().print(table)

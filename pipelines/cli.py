@@ -8,29 +8,29 @@ from __future__ import annotations
 
 import signal
 import sys
+from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from rauca_core.contract import RaucaError
+from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
 from rauca_core.runtime.blender import run_blender
 
 from .ablate import ablate
 from .bench_commands import bench_app
 from .cache import cache_app
 from .console import console, output, progress_bar
-from .dataset_commands import PASS_ON, dataset_app
-from .dataset_options import apply_job, apply_parser
+from .dataset_commands import dataset_app
 from .demo import demo
 from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 from .evaluate import evaluate, report
 from .harden import harden
 from .optimize import optimize
-from .options import Blender
+from .options import Blender, PaintMask, PaintMaterial
 from .tradeoff import tradeoff
 
 EXTRAS = {
@@ -85,10 +85,21 @@ def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-@app.command("apply", context_settings=PASS_ON)
-def apply(context: typer.Context, blender: Blender = None) -> None:
-    """Save a vehicle in camouflage as a .blend. `rauca apply --help` lists the options."""
-    job = apply_job(apply_parser().parse_args(context.args))
+@app.command()
+def apply(
+    camouflage: Annotated[Path, typer.Argument(help="camouflage .json file")],
+    out: Annotated[Path, typer.Option(help="the .blend to write")],
+    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, its folder, or an .obj, .glb or .blend")] = (
+        "sedan"
+    ),
+    paint_mask: PaintMask = None,
+    paint_material: PaintMaterial = None,
+    blender: Blender = None,
+) -> None:
+    """Save a vehicle in camouflage as a .blend."""
+    if out.suffix != ".blend":
+        raise RaucaError(f"{out}: --out must end in .blend")
+    job = ApplyCamouflage(out, camouflage, VehicleSource(vehicle, paint_mask, paint_material))
     with progress_bar("painting", resumes=False) as move:
         run_blender(job, move, blender)
     console.print("saved; open it in Blender, or append its object to a scene of yours")

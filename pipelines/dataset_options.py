@@ -6,7 +6,7 @@ Here are the standard library and the contract only: the same options serve ``ra
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 
 from rauca_core.contract import (
@@ -24,7 +24,6 @@ from rauca_core.contract import (
 from rauca_core.contract.job import (
     DEVICES,
     RECYCLE,
-    ApplyCamouflage,
     MakeDataset,
     VehicleSource,
     require_planned,
@@ -34,7 +33,7 @@ from rauca_core.contract.schema import read_json
 
 def dataset_job(options: argparse.Namespace) -> MakeDataset:
     """What :func:`dataset_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
-    vehicle = _vehicle(options)
+    vehicle = VehicleSource(options.vehicle or "sedan", options.paint_mask, options.paint_material)
     if options.plan:
         plan = _plan_of_file(options)
         beside = options.plan.parent / "vehicle"
@@ -58,17 +57,6 @@ def dataset_job(options: argparse.Namespace) -> MakeDataset:
     )
 
 
-def apply_job(options: argparse.Namespace) -> ApplyCamouflage:
-    """What :func:`apply_parser`'s options ask for; raises :class:`RaucaError` for a mistake in them."""
-    if options.out.suffix != ".blend":
-        raise RaucaError(f"{options.out}: --out must end in .blend")
-    return ApplyCamouflage(options.out, options.camouflage, _vehicle(options))
-
-
-def _vehicle(options: argparse.Namespace) -> VehicleSource:
-    return VehicleSource(options.vehicle or "sedan", options.paint_mask, options.paint_material)
-
-
 def _plan_of(options: argparse.Namespace) -> Plan:
     """The plan that the options spell out; the vehicle's part of it is known in Blender."""
     ring = Ring(
@@ -78,11 +66,9 @@ def _plan_of(options: argparse.Namespace) -> Plan:
     quality = Quality(
         options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
     )
-    weathers = tuple(find_preset(options.weathers))
-    return Plan(
-        "", "", "", options.size, quality, options.light, weathers, ring, options.locations, options.reference,
-        options.min_visible, options.seed, "", finish=options.finish, recolor_share=options.recolor_share,
-    )  # fmt: skip
+    same = ("size", "light", "locations", "min_visible", "seed", "finish", "recolor_share")
+    chosen = {name: getattr(options, name) for name in same}
+    return Plan.of(find_preset(options.weathers), ring, quality=quality, reference_srgb=options.reference, **chosen)
 
 
 def _plan_of_file(options: argparse.Namespace) -> Plan:
@@ -133,7 +119,11 @@ def dataset_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add = parser.add_argument
     add("--out", type=Path, required=True, help="folder of the data set; run again to go on after an interruption")
-    _add_vehicle(add)
+    add(
+        "--vehicle", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file; sedan by default"
+    )
+    add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
+    add("--paint-material", help="name of the material to camouflage")
     add("--plan", type=Path, help="dataset.json of another data set, which says all that is not about this machine")
     add(
         "--scene", type=Path, help="a .blend of yours instead of the town; empties named 'rauca ...' mark the locations"
@@ -192,26 +182,6 @@ def slurm_parser() -> argparse.ArgumentParser:
     add("--cpus", type=int, default=8, help="of a task")
     add("--no-wait", action="store_true", help="return once submitted")
     return parser
-
-
-def apply_parser() -> argparse.ArgumentParser:
-    """Arguments of ``apply_camouflage``."""
-    parser = argparse.ArgumentParser(
-        prog="rauca apply", description="Save a vehicle in camouflage.", allow_abbrev=False
-    )
-    add = parser.add_argument
-    add("--out", type=Path, required=True, help="the .blend to write")
-    _add_vehicle(add)
-    add("camouflage", type=Path, help="camouflage .json file")
-    return parser
-
-
-def _add_vehicle(add: Callable[..., object]) -> None:
-    add(
-        "--vehicle", help="name of a shipped vehicle, a vehicle folder, or an .obj, .glb, .blend file; sedan by default"
-    )
-    add("--paint-mask", type=Path, help="grey PNG, white where the camouflage may go")
-    add("--paint-material", help="name of the material to camouflage")
 
 
 def _whole(text: str) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.table import Table
@@ -50,12 +50,12 @@ def evaluate(
     weathers: Weathers = None,
     defences: Defences = None,
     vehicle: Vehicles = None,
-    scale: Annotated[str, typer.Option(help="quick (32 frames per weather set), standard (128) or full (1024)")] = (
-        "standard"
-    ),
+    scale: Annotated[
+        Literal["quick", "standard", "full"], typer.Option(help="32, 128 or 1024 frames per weather set")
+    ] = "standard",
     frames: Annotated[int | None, typer.Option(min=1, help="frames per weather set, instead of a scale")] = None,
     ring: Annotated[
-        str, typer.Option(help="street (0 to 24 degrees up, 5 to 16 m away) or paper (0 to 67.5 degrees, 5 to 20 m)")
+        Literal["street", "paper"], typer.Option(help="0 to 24 degrees up, 5 to 16 m away; or 0 to 67.5, 5 to 20 m")
     ] = "street",
     elevations: Annotated[str | None, typer.Option(help="of the cameras, degrees; the ring's by default")] = None,
     distances: Annotated[
@@ -81,22 +81,19 @@ def evaluate(
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.study.evaluate import RandomPaint
-    from rauca_core.study.views import TOWN_SEED, HeldOut, find_ring, frames_of_scale
+    from rauca_core.study.views import RINGS, SCALES, TOWN_SEED, HeldOut
 
     files = [path for path in given or () if path.suffix in (".json", ".png")]
     datasets = [path for path in given or () if path not in files]
     if datasets and weathers:
         raise RaucaError("--weathers: a data set brings its own weathers; drop one of the two")
-    chosen = find_ring(ring)
     chosen = replace(
-        chosen,
-        elevations_deg=numbers("--elevations", elevations or "") or chosen.elevations_deg,
-        distances_m=numbers("--distances", distances or "") or chosen.distances_m,
+        RINGS[ring],
+        elevations_deg=numbers("--elevations", elevations or "") or RINGS[ring].elevations_deg,
+        distances_m=numbers("--distances", distances or "") or RINGS[ring].distances_m,
     )
     town = TOWN_SEED if views_seed is None else views_seed
-    views = HeldOut(
-        frames or frames_of_scale(scale), chosen, size=size, samples=samples, seed=town, fit=distances is None
-    )
+    views = HeldOut(frames or SCALES[scale], chosen, size=size, samples=samples, seed=town, fit=distances is None)
     with means_of(device, slurm, blender, render_device) as means:
         study = rauca.evaluate(
             [*split_names(camouflage), *files], split_names(detectors), out=out, vehicle=split_names(vehicle),
