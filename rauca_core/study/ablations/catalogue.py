@@ -93,18 +93,12 @@ DATASET = Experiment(
 )
 
 
-def _beta(value: str, quick: bool = False) -> Variant:
+def _beta(value: str, quick: bool) -> Variant:
     return Variant(f"beta-{value}", f"β = {value}", {"beta": float(value)}, paper_row=f"β={value}", quick=quick)
 
 
-_BETAS = (
-    _beta("100", True),
-    _beta("10"),
-    _beta("1"),
-    _beta("0.1"),
-    _beta("0.01", True),
-    _beta("0.001"),
-    _beta("0", True),
+_BETAS = tuple(
+    _beta(value, quick=value in ("100", "0.01", "0")) for value in ("100", "10", "1", "0.1", "0.01", "0.001", "0")
 )
 BETA = Experiment(
     "beta",
