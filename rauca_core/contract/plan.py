@@ -173,7 +173,7 @@ class Plan(Record):
     @staticmethod
     def of(weathers: Sequence[Weather], ring: Ring, **chosen: Any) -> Plan:
         """A plan before Blender has filled in what only it knows; what is not ``chosen`` is as usual."""
-        usual = {
+        usual: dict[str, Any] = {
             "name": "", "vehicle_name": "", "atlas_id": "", "size": 320, "quality": Quality(), "light": True,
             "locations": 1, "reference_srgb": REFERENCE_SRGB, "min_visible": MIN_VISIBLE, "seed": 0, "blender": "",
         }  # fmt: skip
