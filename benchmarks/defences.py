@@ -15,13 +15,14 @@ from torch.nn import functional
 
 from rauca_core.attack.losses import attack_loss
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.detect import Detector, car_score, class_index, load_detector
+from rauca_core.detect import Detector, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.defences import Defence, defence_names, make_defence
 from rauca_core.study.detecting import read_frame_image
 
 from .figures import save_sheet
 from .harness import Results, Settings, counted
+from .vehicle import car_score
 
 FULL = Settings(
     steps=120,  # of the patch's optimization

@@ -207,7 +207,8 @@ def yolox(source: Source) -> Iterator[Contender]:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    detector = OnnxDetector(source.name, path, source.class_names, family="yolox")
+    detector = load_detector(source.name)
+    assert isinstance(detector, OnnxDetector)
     yield Contender(
         source.name,
         f"onnxruntime {onnxruntime.__version__}",
@@ -233,14 +234,20 @@ OF_FAMILY = {"darknet": darknet, "tf-ssd": tensorflow, "caffe-ssd": caffe, "onnx
 @contextmanager
 def torchvision(architecture: str) -> Iterator[Contender]:
     """Faster R-CNN or SSDlite: softmax over few categories, so random weights make detections too."""
-    version = import_torchvision().__version__
-    detector = TorchvisionDetector(architecture, architecture, None, NAMES, None if "ssd" in architecture else SIZE)
+    package = import_torchvision()
+    torch.manual_seed(0)
+    model = getattr(package.models.detection, architecture)(
+        weights=None, weights_backbone=None, num_classes=len(NAMES) + 1
+    )
+    if "ssd" not in architecture:
+        model.transform.min_size, model.transform.max_size = (SIZE,), SIZE
+    detector = TorchvisionDetector(architecture, model, NAMES)
     reference: Any = copy.deepcopy(detector.network)
     limits = getattr(reference, "roi_heads", reference)
     limits.score_thresh, limits.nms_thresh = THRESHOLDS
     yield Contender(
         f"{architecture} ({RANDOM})",
-        f"torchvision {version}",
+        f"torchvision {package.__version__}",
         SIZE,
         detector,
         prepare=list,
@@ -263,7 +270,7 @@ def transformers(prefix: str) -> Iterator[Contender]:
     model = getattr(package, f"{prefix}ForObjectDetection")(getattr(package, f"{prefix}Config")(**labels)).eval()
     size = {"height": SIZE, "width": SIZE} if prefix == "RTDetr" else {"shortest_edge": SIZE, "longest_edge": SIZE}
     processor = getattr(package, f"{prefix}ImageProcessor")(size=size)
-    detector = TransformersDetector.of(model, prefix, size=SIZE)
+    detector = TransformersDetector(prefix, copy.deepcopy(model), size=SIZE)
     with torch.no_grad():
         # Nearly every query is a detection, whatever random weights make of the scores of other pictures.
         threshold = float(detector.dense(torch.full((1, 3, SIZE, SIZE), 0.5)).classes.amax(2).median() / 2)

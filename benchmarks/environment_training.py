@@ -21,7 +21,7 @@ from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import splitter_render
 from rauca_core.environment.metrics import measure, total
 from rauca_core.training.extractor import EpochReport, Job, Outcome, smoothed, train
-from rauca_core.training.extractor_learners import BaseLearner, FinalLearner, Learner, SplitterLearner
+from rauca_core.training.extractor_learners import FinalLearner, Item, Learner, PublishedLearner, SplitterLearner
 from rauca_core.training.settings import ExtractorSettings
 
 from .harness import Row, Settings
@@ -98,6 +98,19 @@ def _train(
         outcome = train(job, on_epoch=show)
     learner.net.load_state_dict(best)
     return Trained(learner.net.eval(), outcome, time.process_time() - started)
+
+
+class BaseLearner(PublishedLearner):
+    """The loop of the paper's base version: every color of every frame is rendered online and inferred anew."""
+
+    def items(self, frames: Sequence[int]) -> list[Item]:
+        return [Item(i, color) for i in frames for color in range(len(self._albedos))]
+
+    def loss(self, net: torch.nn.Module, items: Sequence[Item], draw: object) -> torch.Tensor:
+        batch, colors = self._batch(items), [item.color for item in items]
+        rendered = [self._frames.render_plain(i.frame).x_nr(self._colors_srgb[i.color]) for i in items]
+        A, B = net(batch.image * batch.vehicle)
+        return self._against_truth(rendered, A, B, batch, self._albedos[colors])
 
 
 def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings) -> Row:

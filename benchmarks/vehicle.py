@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from pipelines.console import progress_bar
 from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.detect import car_score, load_detector
+from rauca_core.detect import Detector, box_iou, class_index, load_detector
 from rauca_core.runtime.blender import run_blender
 from rauca_core.runtime.images import read_image
 
@@ -24,6 +25,20 @@ from .harness import Results, Settings
 RING = (
     "--weathers single --azimuths 8 --elevations 12 --distances 6.5 --size 416 --samples 8 --no-light --min-visible 0"
 )
+
+ON_TARGET = 0.3  # overlap with the truth above which a prediction is on the target
+
+
+def car_score(detector: Detector, images: Tensor, boxes: Tensor) -> Tensor:
+    """Highest objectness * P(car) among the raw predictions on the target: (B,), 0 without any; differentiable.
+
+    Args:
+        images: (B, 3, H, W) sRGB in [0, 1].
+        boxes: (B, 4) xyxy ground truth, pixels.
+    """
+    found = detector.dense(images)
+    scores = found.objectness * found.classes[..., class_index(detector, "car")]
+    return scores.where(box_iou(found.boxes, boxes[:, None])[..., 0] > ON_TARGET, 0.0).amax(1)
 
 
 def bench(out: Path, vehicle: Sequence[str], detectors: Sequence[str]) -> Results:

@@ -1,7 +1,7 @@
 """Detectors: one interface, an adapter per family, and the registry of their weights."""
 
 from .catalogue import SOURCES, Source
-from .classes import canonical, car_score, class_index, class_list, find_class
+from .classes import canonical, class_index, class_list, find_class
 from .darknet import DarknetDetector
 from .interface import DensePredictions, Detections, Detector, check_images
 from .load import load_detector, resolve
@@ -17,7 +17,6 @@ __all__ = [
     "Source",
     "box_iou",
     "canonical",
-    "car_score",
     "check_images",
     "class_index",
     "class_list",

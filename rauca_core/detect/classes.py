@@ -1,4 +1,4 @@
-"""Names of categories, which darknet's, VOC's and COCO's lists write differently, and how sure a detector is of one."""
+"""Names of categories, which darknet's, VOC's and COCO's lists write differently."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from torch import Tensor
-
 from ..contract import RaucaError
 from ..contract.assets import assets_folder
 from ..contract.reading import read_text
 from .interface import Detector
-from .nms import box_iou
 
 MAX_NAMES_BYTES = 2**20  # the longest list in use, LVIS, has 1203 names
 
@@ -62,6 +59,12 @@ def find_class(class_names: Sequence[str], category: str) -> int | None:
     return next((index for index, name in enumerate(class_names) if canonical(name) == wanted), None)
 
 
+def require_names(where: object, classes: int, names: Sequence[str]) -> None:
+    """Refuse another number of names than the network of ``where``, a file or a detector's name, has classes."""
+    if len(names) != classes:
+        raise RaucaError(f"{where}: the network predicts {classes} classes, {len(names)} names were given")
+
+
 def read_names(path: Path) -> tuple[str, ...]:
     """Class names, one per line.
 
@@ -88,20 +91,3 @@ def class_index(detector: Detector, category: str) -> int:
             f"{', '.join(detector.class_names[:4])} ...); choose a detector trained on it, or another class"
         )
     return index
-
-
-def car_score(detector: Detector, images: Tensor, boxes: Tensor, category: str = "car", min_iou: float = 0.3) -> Tensor:
-    """Highest objectness * P(car) among the raw predictions on the target; differentiable.
-
-    Args:
-        images: (B, 3, H, W) sRGB in [0, 1].
-        boxes: (B, 4) xyxy ground truth, pixels.
-        min_iou: a prediction is on the target when its box overlaps the truth by more than this.
-
-    Returns:
-        (B,) in [0, 1]; 0 where no prediction is on the target.
-    """
-    found = detector.dense(images)
-    scores = found.objectness * found.classes[..., class_index(detector, category)]
-    on_target = box_iou(found.boxes, boxes[:, None])[..., 0] > min_iou
-    return scores.where(on_target, 0.0).amax(1)

@@ -17,7 +17,7 @@ from torch import Tensor
 from ..contract import RaucaError
 from ..contract.files import file_digest
 from ..contract.reading import require_file
-from .classes import unusual_names
+from .classes import require_names, unusual_names
 from .darknet_network import Convolution, DarknetNetwork
 from .dry_run import dry_run
 from .families import Resolved
@@ -109,10 +109,7 @@ class DarknetDetector(SinglePassDetector):
         """
         size = DEFAULT_SIZE if size is None else size
         self.network = DarknetNetwork(cfg)
-        if len(class_names) != self.network.classes:
-            raise RaucaError(
-                f"{cfg}: the network predicts {self.network.classes} classes, {len(class_names)} names were given"
-            )
+        require_names(cfg, self.network.classes, class_names)
         if size < self.network.stride or size % self.network.stride:
             raise RaucaError(f"{name}: input size {size} must be a multiple of {self.network.stride} pixels")
         dry_run(cfg, self.network, size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -121,11 +122,12 @@ def load_detector(
 
 
 def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None) -> Detector:
+    """Of a copy: training the model further changes neither the detector nor what its fingerprint stands for."""
     from .frameworks import TorchvisionDetector, TransformersDetector
 
     name, names = type(model).__name__, None if classes is None else tuple(classes)
     if hasattr(model, "config"):
-        return TransformersDetector.of(model, name, names, size)
+        return TransformersDetector(name, copy.deepcopy(model), names, size)
     if names is None or size is not None:
         raise RaucaError(f"{name}: a model in memory knows its size but no class names; give classes, leave size out")
-    return TorchvisionDetector.of(model, name, names)
+    return TorchvisionDetector(name, copy.deepcopy(model), names)

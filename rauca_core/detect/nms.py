@@ -93,12 +93,6 @@ def detections(predictions: DensePredictions, score_threshold: float, iou_thresh
         ]
 
 
-def clipped(found: list[Detections], images: Tensor) -> list[Detections]:
-    """The same detections with their boxes cut off at the borders of ``images`` (B, 3, H, W)."""
-    limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
-    return [Detections(one.boxes.clamp(min=0).minimum(limit), one.scores, one.labels) for one in found]
-
-
 def _of_one_image(boxes: Tensor, scores: Tensor, score_threshold: float, iou_threshold: float) -> Detections:
     index, label = (scores > score_threshold).nonzero(as_tuple=True)
     chosen = []
@@ -146,7 +140,13 @@ class SinglePassDetector(ABC):
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
         """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
         images = self._checked(images, waits=True)
-        return clipped(detections(self._predict(images), score_threshold, iou_threshold), images)
+        limit = images.new_tensor([images.shape[3], images.shape[2]] * 2)
+        found = self._final(images, score_threshold, iou_threshold)
+        return [Detections(one.boxes.clamp(min=0).minimum(limit), one.scores, one.labels) for one in found]
+
+    def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
+        """Final detections in checked images."""
+        return detections(self._predict(images), score_threshold, iou_threshold)
 
     def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
         check_images(self.name, images, waits)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
-from .classes import class_list, unusual_names
+from .classes import class_list, require_names, unusual_names
 from .darknet_network import precise
 from .families import Resolved
 from .foreign import first_line
@@ -17,7 +17,7 @@ from .interface import DensePredictions, check_images, in_type_of
 from .nms import SinglePassDetector
 from .onnx_fusion import fuse
 from .onnx_graph import OnnxGraph, Session, read_graph, to_torch
-from .onnx_layouts import GraphFamily, Layout, find_layout
+from .onnx_layouts import GraphFamily, find_layout
 
 DEFAULT_SIZE = 640
 MAX_SIZE = 4096  # the largest published exports take 1536
@@ -66,7 +66,7 @@ class OnnxDetector(SinglePassDetector):
         output = self._session(image)
         self._one_by_one = graph.batch == 1 or not _takes_batches(self._session, image)
         family = family or ("ultralytics" if graph.class_names else None)
-        self._layout = _layout(graph, tuple(output.shape), self.size, family)
+        self._layout = find_layout(path, tuple(output.shape), self.size, "Exp" in graph.operators, family)
         self.class_names = _class_names(graph, self._layout.classes, class_names)
         self.network, self._why_not = _differentiable(graph, image, output)
         settings = f"{graph.sha256} {self.size} {self._layout.yolox}{unusual_names(self.class_names)}"
@@ -132,16 +132,6 @@ def _differentiable(graph: OnnxGraph, image: Tensor, expected: Tensor) -> tuple[
     return module, ""
 
 
-def _layout(graph: OnnxGraph, shape: tuple[int, ...], size: int, family: GraphFamily | None) -> Layout:
-    layout = find_layout(shape, size, "Exp" in graph.operators, family)
-    if layout is None:
-        raise RaucaError(
-            f"{graph.path}: its output {shape} is neither YOLOX's (1, N, 5 + C), YOLOv5's (1, 3 N, 5 + C) "
-            f"nor YOLOv8's (1, 4 + C, N) for {size} pixels; export without non-maximum suppression"
-        )
-    return layout
-
-
 def _input_size(graph: OnnxGraph, size: int | None) -> int:
     if graph.height != graph.width:
         raise RaucaError(f"{graph.path}: its input is {graph.height} x {graph.width} pixels, expected a square")
@@ -161,6 +151,5 @@ def _class_names(graph: OnnxGraph, classes: int, given: tuple[str, ...] | None) 
         raise RaucaError(
             f"{graph.path}: predicts {classes} classes, whose names are not in it; write a .names file beside it"
         )
-    if len(names) != classes:
-        raise RaucaError(f"{graph.path}: predicts {classes} classes, {len(names)} names were given")
+    require_names(graph.path, classes, names)
     return names

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import torch
 from torch import Tensor
 
+from ..contract import RaucaError
 from .darknet_network import MAX_LOG_SIZE
 from .interface import DensePredictions
 from .letterbox import Letterbox
@@ -42,16 +44,17 @@ class Layout:
         return fitted.flip(1) * 255.0 if self.yolox else fitted
 
 
-def find_layout(shape: tuple[int, ...], size: int, decoded: bool, family: GraphFamily | None) -> Layout | None:
-    """The layout of an output (B, rows, columns) for square inputs of ``size`` pixels; None when it is none of ours.
+def find_layout(path: Path, shape: tuple[int, ...], size: int, decoded: bool, family: GraphFamily | None) -> Layout:
+    """The layout of the output (B, rows, columns) of the graph ``path`` for square inputs of ``size`` pixels.
 
     Args:
         decoded: the graph holds YOLOX's exponential, so its boxes are in pixels already.
         family: when it is known; YOLOX otherwise if the rows are its cells.
+
+    Raises:
+        RaucaError: it is none of ours.
     """
-    if len(shape) != 3:
-        return None
-    _, rows, columns = shape
+    _, rows, columns = shape if len(shape) == 3 else (0, 0, 0)
     for strides in STRIDES:
         cells = sum((size // stride) ** 2 for stride in strides)
         if columns == cells and rows > 4 and family != "yolox":
@@ -62,7 +65,10 @@ def find_layout(shape: tuple[int, ...], size: int, decoded: bool, family: GraphF
             )
         if rows == 3 * cells and columns > 5 and family != "yolox":
             return Layout(columns - 5, False, decode_v5)
-    return None
+    raise RaucaError(
+        f"{path}: its output {shape} is neither YOLOX's (1, N, 5 + C), YOLOv5's (1, 3 N, 5 + C) "
+        f"nor YOLOv8's (1, 4 + C, N) for {size} pixels; export without non-maximum suppression"
+    )
 
 
 def decode_yolox(output: Tensor, size: int, strides: tuple[int, ...]) -> DensePredictions:

@@ -1,13 +1,4 @@
-"""What an extractor learns from: the items of an epoch, their loss, and how it lights a frame.
-
-The published extractor has two training loops; what differs is how often they render and infer (paper, Fig. 4).
-
-*Base*: every color of every frame is an item of its own: x_nr is rendered online, the network infers, both anew.
-*Final*: x_nr comes from a set rendered offline, once per camera and color, that weathers and locations share; one
-inference of the network serves all colors of a frame.
-
-The truth of both is the frame in the color, from its exact light maps, masked like the reference image.
-"""
+"""What an extractor learns from: the items of an epoch, their loss, and how it lights a frame."""
 
 from __future__ import annotations
 
@@ -23,12 +14,14 @@ from ..contract import RaucaError
 from ..contract.color import TRAIN, Color
 from ..environment.extractor import LightSplitter, PublishedEfe, fuse_published
 from ..environment.frames import LightFrame, LightFrames, shrink
-from ..environment.losses import light_loss, weighted_bce, weighted_mse
+from ..environment.losses import light_loss, weighted_bce
 from ..environment.methods import Render, published_render, splitter_render
 from ..environment.metrics import albedos
 from ..render import linear_to_srgb
 from .light_batches import Shown, augment, collate, crop, draw_albedos, shown
 from .settings import ExtractorSettings
+
+COLORS = 6  # albedos that one inference of ours is compared in
 
 
 class Item(NamedTuple):
@@ -101,20 +94,19 @@ class SplitterLearner(Learner):
             seen = crop(seen, side, rng)
         if self._settings.augment:
             seen = augment(seen, rng)
-        return seen, draw_albedos(rng, self._settings.colors, *seen.image.shape[-2:])
+        return seen, draw_albedos(rng, COLORS, *seen.image.shape[-2:])
 
     def render_of(self, net: LightSplitter, index: int, frame: LightFrame) -> Render:
         return splitter_render(net, frame)
 
 
-class _Published(Learner):
-    """What both loops share."""
+class PublishedLearner(Learner):
+    """What both loops of the paper share: Eq. 5 on frames in given colors."""
 
     def __init__(
         self, net: PublishedEfe, frames: LightFrames, settings: ExtractorSettings, colors: Sequence[Color] = TRAIN
     ) -> None:
         super().__init__(net, frames, settings)
-        self._loss = weighted_bce if settings.loss == "bce" else weighted_mse
         self._albedos = albedos(colors)
         self._colors_srgb = linear_to_srgb(self._albedos)
 
@@ -127,25 +119,15 @@ class _Published(Learner):
     def _against_truth(self, rendered: Sequence[Tensor], A: Tensor, B: Tensor, batch: Shown, albedo: Tensor) -> Tensor:
         """The loss of x_nr, fused, against the frames' own light in a color per frame, masked; albedo (B, 3, 1, 1)."""
         truth = linear_to_srgb(batch.A * albedo.to(batch.A) + batch.B) * batch.vehicle
-        fused = fuse_published(torch.stack(list(rendered)).to(A.device), A, B)
-        return self._loss(fused, truth, batch.vehicle, self._settings.weighted)
+        return weighted_bce(fuse_published(torch.stack(list(rendered)).to(A.device), A, B), truth, batch.vehicle)
 
 
-class BaseLearner(_Published):
-    """The loop of the paper's base version."""
+class FinalLearner(PublishedLearner):
+    """The loop of the paper's final version: x_nr comes from a set rendered offline, once per camera and color, that
+    weathers and locations share; one inference of the network serves all colors of a frame (Fig. 4).
 
-    def items(self, frames: Sequence[int]) -> list[Item]:
-        return [Item(i, color) for i in frames for color in range(len(self._albedos))]
-
-    def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
-        batch, colors = self._batch(items), [item.color for item in items]
-        rendered = [self._frames.render_plain(i.frame).x_nr(self._colors_srgb[i.color]) for i in items]
-        A, B = net(batch.image * batch.vehicle)
-        return self._against_truth(rendered, A, B, batch, self._albedos[colors])
-
-
-class FinalLearner(_Published):
-    """The loop of the paper's final version."""
+    The truth is the frame in the color, from its exact light maps, masked like the reference image.
+    """
 
     def loss(self, net: nn.Module, items: Sequence[Item], draw: Draw) -> Tensor:
         batch = self._batch(items)

@@ -108,17 +108,14 @@ class ExtractorSettings(Learning):
     """Settings of :func:`extractor.train`.
 
     Attributes:
-        method: our extractor; or the published one by its first, ``published-base``, or its last, ``published-final``,
-            training loop.
+        method: our extractor, or the published one by its last, ``published-final``, training loop.
         epochs: at most.
         batch: frames per step, over all processes.
         lr: of the optimizer; Adam 0.01 as published, AdamW for ours.
         weight_decay: of AdamW.
         schedule: ``cosine`` down to 0 over ``epochs`` with a warm-up of 5 %, or ``constant``.
         clip: largest norm of the gradient; 0 leaves it alone.
-        loss: of the published extractor: ``bce``, Eq. 5, or ``mse``, the published code's.
-        weighted: W of Eq. 5; without it every frame counts by its vehicle's area.
-        colors: albedos that one inference of ours is compared in.
+        weighted: W of Eq. 5 in our loss; without it every frame counts by its vehicle's area.
         average: decay of the weights' running mean, which is what is tested and kept; 0 takes the weights themselves.
         size: frames are averaged down to, pixels; None leaves them as they are.
         crop: train on random squares of this side, pixels; 0 on whole frames.
@@ -131,16 +128,14 @@ class ExtractorSettings(Learning):
         eta: of that criterion, mean absolute error in sRGB values.
     """
 
-    method: Literal["ours", "published-base", "published-final"] = "ours"
+    method: Literal["ours", "published-final"] = "ours"
     epochs: int = Field(40, ge=1)
     batch: int = Field(4, ge=1, le=1024)
     lr: float = Field(2e-3, gt=0, le=1)
     weight_decay: float = Field(1e-4, ge=0)
     schedule: Literal["cosine", "constant"] = "cosine"
     clip: float = Field(1.0, ge=0)
-    loss: Literal["bce", "mse"] = "bce"
     weighted: bool = True
-    colors: int = Field(6, ge=1, le=64)
     average: float = Field(0.99, ge=0, lt=1)
     size: int | None = Field(None, ge=16)
     crop: int = Field(0, ge=0)
@@ -160,7 +155,7 @@ class ExtractorSettings(Learning):
     def make(cls, **chosen: Any) -> Self:
         """Those of ``chosen``; what is left out takes its method's default: published loops learn by Adam at 0.01."""
         given = {name: value for name, value in chosen.items() if value is not None}
-        if str(given.get("method", "ours")).startswith("published"):
+        if given.get("method") == "published-final":
             adam = {"lr": 0.01, "weight_decay": 0.0, "schedule": "constant", "clip": 0.0}
             given = {**adam, "batch": 16, "average": 0.0, **given}
         return super().make(**given)

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 import torch
 
+from benchmarks.vehicle import car_score
 from rauca_core.attack import make_settings, run_optimization
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.contract import Dataset, load_camouflage, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.detect import Detector, car_score, load_detector
+from rauca_core.detect import Detector, load_detector
 from rauca_core.render import MipmappedTexture, srgb_to_linear
 from rauca_core.runtime.images import read_image
 from tests.published import published_weights

@@ -14,7 +14,9 @@ from torch import Tensor, nn
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import box_iou, load_detector
-from rauca_core.detect.frameworks import TorchvisionDetector
+from rauca_core.detect.families import Resolved
+from rauca_core.detect.frameworks import TorchvisionDetector, import_torchvision
+from rauca_core.detect.frameworks.torchvision_detector import load
 from rauca_core.detect.nms import detections
 from tests.detect.gradients import checked_gradient
 
@@ -23,7 +25,8 @@ pytestmark = pytest.mark.skipif(not importlib.util.find_spec("torchvision"), rea
 NAMES = ("car", "bus", "tree")
 SIZE = 96
 SMALL = "fasterrcnn_mobilenet_v3_large_320_fpn"
-ONE_STAGE = ("retinanet_resnet50_fpn", "fcos_resnet50_fpn", "ssdlite320_mobilenet_v3_large")
+SSD = "ssdlite320_mobilenet_v3_large"
+ONE_STAGE = ("retinanet_resnet50_fpn", "fcos_resnet50_fpn", SSD)
 Made = dict[str, TorchvisionDetector]
 CHECKED = (SMALL, "fasterrcnn_resnet50_fpn", *ONE_STAGE)
 
@@ -66,12 +69,15 @@ def detectors() -> dict[str, TorchvisionDetector]:
     """Each architecture with sharpened random weights, and few proposals for the sake of time."""
     made = {}
     for architecture in CHECKED:
-        size = None if "ssd" in architecture else SIZE
-        model = TorchvisionDetector(architecture, architecture, None, NAMES, size).network
+        torch.manual_seed(0)
+        build = getattr(import_torchvision().models.detection, architecture)
+        model = build(weights=None, weights_backbone=None, num_classes=len(NAMES) + 1).eval()
+        if "ssd" not in architecture:
+            model.transform.min_size, model.transform.max_size = (SIZE,), round(SIZE * 1333 / 800)
         if hasattr(model, "rpn"):
             model.rpn._post_nms_top_n = {"training": 60, "testing": 60}
         sharpen(model)
-        made[architecture] = TorchvisionDetector.of(model, architecture, NAMES)
+        made[architecture] = TorchvisionDetector(architecture, model, NAMES)
     return made
 
 
@@ -103,7 +109,7 @@ def test_detect_is_torchvisions_own_result(architecture: str, detectors: Made) -
 @pytest.mark.parametrize("architecture", ONE_STAGE)
 def test_dense_predictions_after_suppression_are_torchvisions_detections(architecture: str, detectors: Made) -> None:
     detector = detectors[architecture]
-    unlimited = TorchvisionDetector.of(detector.network, "unlimited", NAMES)
+    unlimited = TorchvisionDetector("unlimited", copy.deepcopy(detector.network), NAMES)
     unlimited.network.topk_candidates = unlimited.network.detections_per_img = 10**6
     images = photographs()
     with torch.no_grad():
@@ -150,7 +156,7 @@ def test_gradients_reach_the_whole_image(architecture: str, detectors: Made) -> 
 
 
 def test_the_gradient_is_the_derivative(detectors: Made) -> None:
-    exact = TorchvisionDetector.of(detectors["ssdlite320_mobilenet_v3_large"].network, "exact", NAMES)
+    exact = TorchvisionDetector("exact", copy.deepcopy(detectors[SSD].network), NAMES)
     checked_gradient(exact, photographs(1).clamp(0.1, 0.9), boxes=0.0, step=1e-7, rtol=1e-4)
 
 
@@ -179,17 +185,22 @@ def test_images_without_a_pixel_left_are_refused(detectors: Made) -> None:
             call(torch.rand(1, 3, 1, 2000))
 
 
+def read(path: Path, architecture: str = SMALL, size: int | None = None) -> TorchvisionDetector:
+    return load(Resolved("x", "torchvision", (path,), NAMES, architecture), size)
+
+
 @pytest.fixture(scope="module")
 def loaded(small_file: Path) -> TorchvisionDetector:
-    return TorchvisionDetector("loaded", SMALL, small_file, NAMES, size=SIZE)
+    return read(small_file, size=SIZE)
 
 
-def test_the_fingerprint_follows_weights_and_size_only(loaded: TorchvisionDetector) -> None:
+def test_the_fingerprint_follows_weights_and_size_only(loaded: TorchvisionDetector, small_file: Path) -> None:
     loaded.detect(photographs())
-    assert TorchvisionDetector.of(loaded.network, "copy", NAMES).fingerprint == loaded.fingerprint
-    random = [TorchvisionDetector("random", SMALL, None, NAMES, size).fingerprint for size in (SIZE, SIZE, SIZE + 32)]
-    assert random[0] == random[1]
-    assert len({loaded.fingerprint, *random}) == 3
+    assert load_detector(loaded.network, classes=NAMES).fingerprint == loaded.fingerprint
+    other = copy.deepcopy(loaded.network)
+    other.roi_heads.box_predictor.cls_score.bias += 1
+    larger = read(small_file, size=SIZE + 32)
+    assert len({one.fingerprint for one in (loaded, load_detector(other, classes=NAMES), larger)}) == 3
 
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
@@ -201,7 +212,7 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     assert all(parameter.requires_grad for parameter in model.roi_heads.parameters())
     nn.init.zeros_(model.roi_heads.box_predictor.cls_score.weight)
     assert torch.equal(before.scores, detector.detect(photographs(1))[0].scores)
-    with pytest.raises(RaucaError, match="predicts 3 categories, 2 names"):
+    with pytest.raises(RaucaError, match="predicts 3 classes, 2 names"):
         load_detector(model, classes=NAMES[:2])
     with pytest.raises(RaucaError, match="FasterRCNN: a model in memory knows its size but no class names"):
         load_detector(model)
@@ -221,11 +232,11 @@ def test_weights_that_do_not_fit_are_refused_by_the_first_wrong_tensor(tmp_path:
     for name, (state, message) in cases.items():
         save_file(state, tmp_path / f"{name}.safetensors")
         with pytest.raises(RaucaError, match=message) as error:
-            TorchvisionDetector("x", SMALL, tmp_path / f"{name}.safetensors", NAMES)
+            read(tmp_path / f"{name}.safetensors")
         assert f"{name}.safetensors" in str(error.value)
         assert "\n" not in str(error.value)
     with pytest.raises(RaucaError, match=r"small\.safetensors: .*tensor"):
-        TorchvisionDetector("x", "ssdlite320_mobilenet_v3_large", small_file, NAMES)
+        read(small_file, SSD)
 
 
 class Payload:
@@ -236,29 +247,28 @@ class Payload:
 
 
 def test_checkpoints_are_tensors_and_nothing_else(
-    tmp_path: Path, loaded: TorchvisionDetector, small_file: Path
+    tmp_path: Path, loaded: TorchvisionDetector, small_file: Path, detectors: Made
 ) -> None:
     checkpoint = tmp_path / "checkpoint.pth"
     torch.save({"model": loaded.network.state_dict(), "epoch": 26}, checkpoint)
-    assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
+    assert read(checkpoint, size=SIZE).fingerprint == loaded.fingerprint
     old = {
         name.replace("rpn.head.conv.0.0.", "rpn.head.conv."): one for name, one in loaded.network.state_dict().items()
     }
     torch.save(old, checkpoint)  # the names in which torchvision published its first Faster R-CNN
-    assert TorchvisionDetector("x", SMALL, checkpoint, NAMES, size=SIZE).fingerprint == loaded.fingerprint
+    assert read(checkpoint, size=SIZE).fingerprint == loaded.fingerprint
     torch.save({"model": Payload()}, checkpoint)
     with pytest.raises(RaucaError, match="objects other than tensors"):
-        TorchvisionDetector("x", SMALL, checkpoint, NAMES)
+        read(checkpoint)
     torch.save([1, 2], checkpoint)
     with pytest.raises(RaucaError, match="no tensors by name"):
-        TorchvisionDetector("x", SMALL, checkpoint, NAMES)
+        read(checkpoint)
     for name in ("cut.safetensors", "cut.pth"):
         (tmp_path / name).write_bytes(small_file.read_bytes()[:5000])
         with pytest.raises(RaucaError, match=rf"{name}: cannot be read as weights|{name}: holds objects"):
-            TorchvisionDetector("x", SMALL, tmp_path / name, NAMES)
+            read(tmp_path / name)
     with pytest.raises(RaucaError, match="not found"):
-        TorchvisionDetector("x", SMALL, tmp_path / "absent.pth", NAMES)
-    with pytest.raises(RaucaError, match="unknown architecture"):
-        TorchvisionDetector("x", "fasterrcnn_resnet18_fpn", None, NAMES)
+        read(tmp_path / "absent.pth")
+    torch.save(detectors[SSD].network.state_dict(), checkpoint)
     with pytest.raises(RaucaError, match="leave size out"):
-        TorchvisionDetector("x", "ssdlite320_mobilenet_v3_large", None, NAMES, size=640)
+        read(checkpoint, SSD, 640)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.util
 import json
 import re
@@ -16,8 +17,10 @@ from torch import Tensor, nn
 
 from rauca_core.contract import RaucaError
 from rauca_core.detect import load_detector
+from rauca_core.detect.families import Resolved
 from rauca_core.detect.frameworks import TransformersDetector, import_transformers
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
+from rauca_core.detect.frameworks.transformers_detector import load
 from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_name
 from tests.detect.gradients import checked_gradient
 
@@ -71,9 +74,13 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return made
 
 
+def read(folder: Path, size: int | None = None) -> TransformersDetector:
+    return load(Resolved("x", "transformers", (folder,), None), size)
+
+
 @pytest.fixture(scope="module")
 def detectors(folders: dict[str, Path]) -> dict[str, TransformersDetector]:
-    return {kind: TransformersDetector(kind, folder, SIZE) for kind, folder in folders.items()}
+    return {kind: read(folder, SIZE) for kind, folder in folders.items()}
 
 
 Made = dict[str, TransformersDetector]
@@ -125,7 +132,7 @@ def test_gradients_reach_the_image_after_a_detection(kind: str, detectors: Made)
 
 def test_the_gradient_is_the_derivative(detectors: Made) -> None:
     """Of DETR's: its descendants choose queries, and let no gradient through the places where they look first."""
-    exact = TransformersDetector.of(detectors["detr"].network, "exact", size=SIZE)
+    exact = TransformersDetector("exact", copy.deepcopy(detectors["detr"].network), size=SIZE)
     checked_gradient(exact, photographs(1).clamp(0.1, 0.9), boxes=0.0, step=1e-7, rtol=1e-3)
 
 
@@ -147,26 +154,24 @@ def test_any_size_aspect_and_batch(shape: tuple[int, ...], detectors: Made) -> N
 
 def test_images_without_a_pixel_left_are_refused(detectors: Made) -> None:
     for call in (detectors["detr"].detect, detectors["detr"].dense):
-        with pytest.raises(RaucaError, match=r"detr: .* too narrow"):
+        with pytest.raises(RaucaError, match=r"x: .* too narrow"):
             call(torch.rand(1, 3, 1, 2000))
 
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = small_model("detr").train()
-    detector = TransformersDetector.of(model, "live", ("n/a", "car", "motorcycle"), SIZE)
-    assert detector.fingerprint == detectors["detr"].fingerprint
-    assert load_detector(model, SIZE, classes=("n/a", "car", "motorcycle")).fingerprint == detector.fingerprint
+    detector = load_detector(model, SIZE, classes=("n/a", "car", "motorcycle"))
+    assert detector.fingerprint == load_detector(model, SIZE).fingerprint == detectors["detr"].fingerprint
     assert model.training
     before = detector.dense(photographs(1)).classes
     nn.init.zeros_(model.class_labels_classifier.weight)
     assert torch.equal(before, detector.dense(photographs(1)).classes)
-    other = TransformersDetector.of(model, "other", ("n/a", "car", "motorcycle"), SIZE)
-    larger = TransformersDetector.of(detector.network, "larger", size=SIZE + 32)
-    assert len({detector.fingerprint, other.fingerprint, larger.fingerprint}) == 3
-    with pytest.raises(RaucaError, match="predicts 3 categories, 2 names"):
-        TransformersDetector.of(model, "live", ("car", "bus"))
+    others = (load_detector(model, size).fingerprint for size in (SIZE, SIZE + 32))
+    assert len({detector.fingerprint, *others}) == 3
+    with pytest.raises(RaucaError, match="predicts 3 classes, 2 names"):
+        load_detector(model, classes=("car", "bus"))
     with pytest.raises(RaucaError, match="model type None is not supported"):
-        TransformersDetector.of(nn.Linear(1, 1), "line", ("car",))
+        TransformersDetector("line", nn.Linear(1, 1), ("car",))
 
 
 def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path: Path) -> None:
@@ -180,7 +185,7 @@ def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path:
         save_file(good if state is None else state, weights)
         config.write_text(json.dumps(described | changed))
         with pytest.raises(RaucaError, match=message) as error:
-            TransformersDetector("x", folder)
+            read(folder)
         assert "\n" not in str(error.value)
 
     refused(f"safetensors: tensor {key} holds values that are not finite", good | {key: good[key] * float("nan")})
@@ -198,15 +203,15 @@ def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path:
     )
     config.write_text("{")
     with pytest.raises(RaucaError, match=r"config\.json: not valid JSON"):
-        TransformersDetector("x", folder)
+        read(folder)
     config.write_text(json.dumps(described))
     weights.rename(folder / "pytorch_model.bin")
     with pytest.raises(RaucaError, match=r"only weights as \.safetensors are read"):
-        TransformersDetector("x", folder)
+        read(folder)
     with pytest.raises(RaucaError, match=r"config\.json: not found"):
-        TransformersDetector("x", tmp_path / "absent")
+        read(tmp_path / "absent")
     with pytest.raises(RaucaError, match="multiple of 32"):
-        TransformersDetector("x", folders["rt_detr"], size=100)
+        read(folders["rt_detr"], 100)
 
 
 def test_code_in_a_folder_is_never_run(folders: dict[str, Path], tmp_path: Path) -> None:
@@ -216,7 +221,7 @@ def test_code_in_a_folder_is_never_run(folders: dict[str, Path], tmp_path: Path)
     described = json.loads((folder / "config.json").read_text())
     described["auto_map"] = {"AutoConfig": "evil.Config", "AutoModelForObjectDetection": "evil.Model"}
     (folder / "config.json").write_text(json.dumps(described))
-    TransformersDetector("x", folder)
+    read(folder)
     assert not (tmp_path / "ran").exists()
 
 
@@ -289,7 +294,7 @@ def test_a_folder_that_names_timm_needs_none(folders: dict[str, Path], tmp_path:
     old |= {prefix + name: one for name, one in backbone.state_dict().items() if not name.startswith("fc")}
     save_file({name: one.contiguous() for name, one in old.items()}, tmp_path / "model.safetensors")
     (tmp_path / "config.json").write_text(json.dumps(described))
-    loaded = TransformersDetector("published", tmp_path, SIZE).network
+    loaded = read(tmp_path, SIZE).network
     name = "model.backbone.model.encoder.stages.3.layers.1.layer.1.convolution.weight"
     assert torch.equal(loaded.state_dict()[name], backbone.layer4[1].conv2.weight)
     assert all(torch.equal(loaded.state_dict()[name], one) for name, one in state.items())

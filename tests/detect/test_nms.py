@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from rauca_core.contract import RaucaError
-from rauca_core.detect import DarknetDetector, DensePredictions, box_iou, car_score
+from benchmarks.vehicle import car_score
+from rauca_core.detect import DarknetDetector, DensePredictions, box_iou
 from rauca_core.detect.nms import detections, suppress
 
 
@@ -82,9 +82,9 @@ def test_nothing_above_the_threshold_gives_empty_detections() -> None:
 
 def test_car_score_is_the_best_prediction_on_the_target(detector: DarknetDetector) -> None:
     torch.manual_seed(1)
-    images = torch.rand(3, 3, 48, 64, requires_grad=True)
+    images = torch.rand(3, 3, 48, 64)
     found = detector.dense(images)
-    targets = found.boxes[torch.arange(3), torch.tensor([5, 40, 90])].detach()
+    targets = found.boxes[torch.arange(3), torch.tensor([5, 40, 90])]
     scores = car_score(detector, images, targets)
     for image in range(3):
         best = 0.0
@@ -95,16 +95,4 @@ def test_car_score_is_the_best_prediction_on_the_target(detector: DarknetDetecto
                 best = max(best, (objectness * classes[1]).item())
         assert best > 0
         assert scores[image].item() == pytest.approx(best)
-    scores.sum().backward()
-    assert images.grad is not None
-    assert images.grad.abs().amax((1, 2, 3)).min() > 0
-
-
-def test_nothing_on_the_target_scores_zero(detector: DarknetDetector) -> None:
-    far = torch.tensor([[1e4, 1e4, 1e4 + 9, 1e4 + 9]])
-    assert car_score(detector, torch.rand(1, 3, 64, 64), far).tolist() == [0.0]
-
-
-def test_an_unknown_category_is_refused(detector: DarknetDetector) -> None:
-    with pytest.raises(RaucaError, match="every: knows no class 'tank'"):
-        car_score(detector, torch.rand(1, 3, 64, 64), torch.zeros(1, 4), category="tank")
+    assert car_score(detector, images[:1], targets[:1] + 1e4).tolist() == [0.0]

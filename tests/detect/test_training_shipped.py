@@ -11,9 +11,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from benchmarks.vehicle import car_score
 from rauca_core.contract import Camera, load_vehicle
 from rauca_core.contract.assets import assets_folder
-from rauca_core.detect import car_score, load_detector
+from rauca_core.detect import load_detector
 from rauca_core.detect.catalogue import SOURCES
 from rauca_core.detect.synth.card import read_card
 from rauca_core.detect.weights import shipped_path

@@ -16,12 +16,13 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from benchmarks.environment_training import BaseLearner
 from rauca_core.contract import RaucaError
 from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrames
 from rauca_core.runtime.distributed import Processes, joined_processes
 from rauca_core.training.extractor import Job, Outcome, train
-from rauca_core.training.extractor_learners import BaseLearner, FinalLearner, SplitterLearner
+from rauca_core.training.extractor_learners import FinalLearner, SplitterLearner
 from rauca_core.training.loop import AveragedCopy
 from rauca_core.training.settings import ExtractorSettings
 from tests.pretend_device import DEVICE, PretendDevice
@@ -37,8 +38,7 @@ def job(folder: Path, out: Path, **chosen) -> Job:
     if settings.method == "ours":
         learner = SplitterLearner(LightSplitter((8, 8), 4), frames, settings)
     else:
-        kind = BaseLearner if settings.method == "published-base" else FinalLearner
-        learner = kind(PublishedEfe((4, 6)), frames, settings, COLORS)
+        learner = FinalLearner(PublishedEfe((4, 6)), frames, settings, COLORS)
     return Job(learner, frames, *frames.split("location"), settings, out)
 
 
@@ -51,7 +51,7 @@ def weights(work: Job) -> torch.Tensor:
     return torch.cat([p.detach().flatten() for p in work.learner.net.parameters()])
 
 
-@pytest.mark.parametrize("method", ["ours", "published-base", "published-final"])
+@pytest.mark.parametrize("method", ["ours", "published-final"])
 def test_every_loop_learns(dataset, tmp_path, method):
     work = job(dataset.folder, tmp_path / "run", method=method, epochs=8, lr=0.01)
     seen = []
@@ -63,12 +63,12 @@ def test_every_loop_learns(dataset, tmp_path, method):
 
 
 def test_the_base_loop_infers_once_per_color(dataset, tmp_path):
-    base, final = (job(dataset.folder, tmp_path, method=f"published-{kind}") for kind in ("base", "final"))
-    assert len(base.learner.items(base.train)) == len(COLORS) * len(final.learner.items(final.train))
+    final = job(dataset.folder, tmp_path, method="published-final")
+    base = BaseLearner(final.learner.net, final.frames, final.settings, COLORS)
+    assert len(base.items(final.train)) == len(COLORS) * len(final.learner.items(final.train))
     # One item of each color has, together, the loss of the shared inference: the loops differ in cost alone.
-    index, net = base.train[0], final.learner.net.eval()
-    items = base.learner.items([index])
-    apart = torch.stack([base.learner.loss(net, [item], None) for item in items]).mean()
+    index, net = final.train[0], final.learner.net.eval()
+    apart = torch.stack([base.loss(net, [item], None) for item in base.items([index])]).mean()
     together = final.learner.loss(net, final.learner.items([index]), None)
     assert torch.allclose(apart, together)
 
@@ -119,7 +119,7 @@ def test_two_processes_end_where_one_does(dataset, tmp_path):
     assert (together - weights(alone)).abs().max() < 1e-3
 
 
-@pytest.mark.parametrize("method", ["ours", "published-base", "published-final"])
+@pytest.mark.parametrize("method", ["ours", "published-final"])
 def test_on_a_device_a_training_ends_as_on_the_cpu(dataset, tmp_path, method):
     here = job(dataset.folder, tmp_path / "here", method=method, epochs=1)
     errors = train(here).errors
@@ -207,4 +207,4 @@ def test_mistakes_are_named(dataset, tmp_path):
 def test_published_loops_take_the_published_settings():
     published = ExtractorSettings.make(method="published-final", epochs=None)
     assert (published.lr, published.batch, published.weight_decay, published.schedule) == (0.01, 16, 0.0, "constant")
-    assert ExtractorSettings.make(method="published-base", lr=0.1).lr == 0.1
+    assert ExtractorSettings.make(method="published-final", lr=0.1).lr == 0.1

@@ -10,15 +10,12 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-from rauca_core.detect import DarknetDetector
+from rauca_core.detect import load_detector
 from rauca_core.detect.classes import read_names
 from rauca_core.detect.frameworks.checkpoint import read_state
 from rauca_core.detect.frameworks.mmdet_detector import read_config
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import load_model
-from rauca_core.detect.graphs.caffe import CaffeSsdDetector
-from rauca_core.detect.graphs.tensorflow import TfSsdDetector
-from rauca_core.detect.onnx_detector import OnnxDetector
 from rauca_core.detect.synth.card import load_network
 from tests.detect.conftest import EVERY_LAYER, write_random_weights
 from tests.detect.graphs.conftest import ssd_graph, write
@@ -81,7 +78,7 @@ def _darknet(folder: Path) -> None:
 
 
 def _read_darknet(folder: Path) -> None:
-    detector = DarknetDetector("net", folder / "net.cfg", folder / "net.weights", ("boat", "car"), 32)
+    detector = load_detector(folder / "net.weights", 32, classes=("boat", "car"))
     detector.detect(torch.zeros(1, 3, 32, 32))
 
 
@@ -94,7 +91,7 @@ def _tf_lite(folder: Path) -> None:
 
 
 def _read_tf(folder: Path) -> None:
-    TfSsdDetector("graph", folder / "graph.pb", ("car",))
+    load_detector(folder / "graph.pb", classes=("car",))
 
 
 def _caffe(folder: Path) -> None:
@@ -110,7 +107,7 @@ def _caffe(folder: Path) -> None:
 
 
 def _read_caffe(folder: Path) -> None:
-    CaffeSsdDetector("net", folder / "net.prototxt", folder / "net.caffemodel", ("boat", "car"))
+    load_detector(folder / "net.caffemodel", classes=("boat", "car"))
 
 
 def _onnx(folder: Path) -> None:
@@ -137,7 +134,7 @@ def _onnx(folder: Path) -> None:
 
 
 def _read_onnx(folder: Path) -> None:
-    OnnxDetector("net", folder / "net.onnx")
+    load_detector(folder / "net.onnx")
 
 
 def _synth(folder: Path) -> None:

@@ -22,11 +22,11 @@ from torch.nn import functional
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
-from ..classes import class_list
+from ..classes import class_list, require_names
 from ..families import MMDET_INSTALL, Resolved
 from ..foreign import changed, first_line
 from ..interface import DensePredictions, Detections
-from ..nms import SinglePassDetector, clipped
+from ..nms import SinglePassDetector
 from .checkpoint import fill, fingerprint, read_state
 from .scaling import normalized, read_json
 from .torchvision_ops import import_torchvision
@@ -176,11 +176,7 @@ class MmdetDetector(SinglePassDetector):
         fill(model, read_state(checkpoint), checkpoint)
         self.name = name
         self.class_names = class_list("coco-80") if class_names is None else class_names
-        classes = _classes_of(model)
-        if classes != len(self.class_names):
-            raise RaucaError(
-                f"{name}: the model predicts {classes} categories, {len(self.class_names)} names were given"
-            )
+        require_names(name, _classes_of(model), self.class_names)
         self.network = model.eval().requires_grad_(False)
         digest = hashlib.sha256(config.read_bytes()).hexdigest()
         self.fingerprint = fingerprint(model, self.class_names, self._preparation, digest)
@@ -188,7 +184,7 @@ class MmdetDetector(SinglePassDetector):
     def _predict(self, images: Tensor) -> DensePredictions:
         most = min(_CANDIDATES, _pairs_of(self.network) or _CANDIDATES)
         with _undetached(self.network):
-            found = self._found(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
+            found = self._final(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
         if torch.is_grad_enabled() and images.requires_grad and not found[0].scores.requires_grad:
             raise RaucaError(f"{self.name}: this head of MMDetection gives no gradients; use it for detection only")
         classes = [one.scores[:, None] * functional.one_hot(one.labels, len(self.class_names)) for one in found]
@@ -197,13 +193,7 @@ class MmdetDetector(SinglePassDetector):
         padded = [pad_sequence(one, batch_first=True) for one in (boxes, ones, classes)]
         return DensePredictions(padded[0], padded[1], padded[2])
 
-    @torch.no_grad()
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; see :class:`rauca_core.detect.Detector`."""
-        images = self._checked(images, waits=True)
-        return clipped(self._found(images, score_threshold, iou_threshold), images)
-
-    def _found(
+    def _final(
         self, images: Tensor, score_threshold: float, iou_threshold: float, most: int | None = None
     ) -> list[Detections]:
         batch, size = self._preparation.fit(self.name, images)

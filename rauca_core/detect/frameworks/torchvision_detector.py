@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -81,18 +79,6 @@ def _clip(boxes: Tensor, images: Any) -> Tensor:
     return boxes.clamp(min=0).minimum(boxes.new_tensor([width, height, width, height]))
 
 
-ARCHITECTURES = (
-    "fasterrcnn_resnet50_fpn",
-    "fasterrcnn_resnet50_fpn_v2",
-    "fasterrcnn_mobilenet_v3_large_fpn",
-    "fasterrcnn_mobilenet_v3_large_320_fpn",
-    "retinanet_resnet50_fpn",
-    "retinanet_resnet50_fpn_v2",
-    "fcos_resnet50_fpn",
-    "ssd300_vgg16",
-    "ssdlite320_mobilenet_v3_large",
-)
-
 # torchvision's models take a shorter side of 800 pixels and a longer one of at most 1333.
 _LONGEST = 1333 / 800
 
@@ -107,58 +93,21 @@ class TorchvisionDetector(SinglePassDetector):
     categories' shares, so their product is torchvision's score throughout.
     """
 
-    def __init__(
-        self, name: str, architecture: str, weights: Path | None, class_names: tuple[str, ...], size: int | None = None
-    ) -> None:
-        """Build an architecture and read its weights.
-
-        Args:
-            architecture: one of :data:`ARCHITECTURES`.
-            weights: ``.safetensors`` or torch's ``.pth``; None for random weights, always the same ones. The two
-                MobileNet Faster R-CNNs have tensors of the same shapes: only the file's name tells them apart.
-            class_names: without the background; for published weights ``class_list("coco-91")``.
-            size: shorter side that images are scaled to, pixels (the longer one at most 5/3 of it); None for the
-                architecture's own. SSDs take no other than their own.
-
-        Raises:
-            RaucaError: torchvision is missing, unknown architecture, unreadable weights or those of another model, a
-                size it cannot take.
-        """
-        if architecture not in ARCHITECTURES:
-            raise RaucaError(f"{name}: unknown architecture {architecture!r}; choose {', '.join(ARCHITECTURES)}")
-        build = getattr(import_torchvision().models.detection, architecture)
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(0)
-            model = build(weights=None, weights_backbone=None, num_classes=len(class_names) + 1)
-        if weights is not None:
-            fill(model, read_state(weights), weights)
-        if size is not None:
-            _set_size(name, model, size)
-        self._hold(model, name, class_names)
-
-    @classmethod
-    def of(cls, model: nn.Module, name: str, class_names: tuple[str, ...]) -> TorchvisionDetector:
-        """The detector that a model in memory makes, e.g. one that was just trained.
-
-        The model is copied: training it further changes neither the detector nor what its fingerprint stands for.
+    def __init__(self, name: str, model: nn.Module, class_names: tuple[str, ...]) -> None:
+        """Take a model over, in evaluation mode; its weights no longer learn.
 
         Args:
             model: torchvision's ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, with any backbone.
             class_names: without the background. RetinaNet and FCOS may have a column for the background or none.
 
         Raises:
-            RaucaError: another kind of model, a number of names that does not fit.
+            RaucaError: torchvision is missing, another kind of model, a number of names that does not fit.
         """
-        self = cls.__new__(cls)
-        self._hold(copy.deepcopy(model), name, class_names)
-        return self
-
-    def _hold(self, model: nn.Module, name: str, class_names: tuple[str, ...]) -> None:
         self._head, self._thresholds_of, columns, has_background = _anatomy(name, model)
         self._skipped = columns - len(class_names)
         if self._skipped not in ((1,) if has_background else (0, 1)):
             raise RaucaError(
-                f"{name}: the model predicts {columns - has_background} categories, {len(class_names)} names were given"
+                f"{name}: the network predicts {columns - has_background} classes, {len(class_names)} names were given"
             )
         self.name, self.class_names = name, class_names
         self.network = model.eval().requires_grad_(False)
@@ -194,8 +143,18 @@ class TorchvisionDetector(SinglePassDetector):
 
 
 def load(found: Resolved, size: int | None) -> TorchvisionDetector:
-    """Of a checkpoint of a named architecture."""
-    return TorchvisionDetector(found.name, found.network, found.files[0], found.names, size=size)
+    """A model of ``torchvision.models.detection``, by its name there, with ``.safetensors`` or torch's ``.pth``.
+
+    The two MobileNet Faster R-CNNs have tensors of the same shapes: only the file's name tells them apart. ``size`` is
+    the shorter side that images are scaled to, pixels (the longer one at most 5/3 of it); SSDs take none but their own.
+    """
+    build = getattr(import_torchvision().models.detection, found.network)
+    with torch.random.fork_rng(devices=[]):  # what it draws is overwritten
+        model = build(weights=None, weights_backbone=None, num_classes=len(found.names) + 1)
+    fill(model, read_state(found.files[0]), found.files[0])
+    if size is not None:
+        _set_size(found.name, model, size)
+    return TorchvisionDetector(found.name, model, found.names)
 
 
 def _set_size(name: str, model: Any, size: int) -> None:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import copy
-from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...contract import RaucaError
 from ..batch_norm import freeze_batch_norms
-from ..classes import canonical
+from ..classes import canonical, require_names
 from ..families import Resolved
 from ..interface import DensePredictions, Detections
-from ..nms import SinglePassDetector, clipped, corners
+from ..nms import SinglePassDetector, corners
 from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model
@@ -36,61 +34,35 @@ class TransformersDetector(SinglePassDetector):
         scaling: resizing and normalization.
     """
 
-    def __init__(self, name: str, folder: Path, size: int | None = None) -> None:
-        """Read a folder as ``hf download REPOSITORY --local-dir FOLDER`` makes it; nothing is fetched.
-
-        Args:
-            folder: holds ``config.json`` (architecture and class names), ``model.safetensors`` and, if the model's
-                images are not prepared as its family's usually are, ``preprocessor_config.json``. The published DETR
-                and Deformable DETR are read without timm.
-            size: shorter side that images are scaled to (RT-DETR: both sides; a multiple of 32), pixels; None for the
-                model's own.
-
-        Raises:
-            RaucaError: transformers is missing, files that are missing, unreadable or do not fit together.
-        """
-        model = load_model(folder)
-        default = family_of(name, model.config.model_type).scaling
-        scaling = read_scaling(folder / "preprocessor_config.json", default)
-        self._hold(model, name, _names_of(model), _sized(name, scaling, size))
-
-    @classmethod
-    def of(
-        cls, model: nn.Module, name: str, class_names: tuple[str, ...] | None = None, size: int | None = None
-    ) -> TransformersDetector:
-        """The detector that a model in memory makes, e.g. one that was just trained.
-
-        The model is copied: training it further changes neither the detector nor what its fingerprint stands for.
+    def __init__(
+        self,
+        name: str,
+        model: Any,
+        class_names: tuple[str, ...] | None = None,
+        size: int | None = None,
+        scaling: Scaling | None = None,
+    ) -> None:
+        """Take a model over, in evaluation mode; its weights no longer learn.
 
         Args:
             model: ``DetrForObjectDetection``, ``DeformableDetrForObjectDetection`` or RT-DETR's.
             class_names: None for those of the model's configuration.
-            size: as of :class:`TransformersDetector`; None for the family's usual.
+            size: shorter side that images are scaled to (RT-DETR: both sides; a multiple of 32), pixels; None for what
+                ``scaling`` says.
+            scaling: how images are prepared; None for the family's usual.
 
         Raises:
-            RaucaError: another kind of model, a number of names that does not fit.
+            RaucaError: another kind of model, a number of names that does not fit, a size that it cannot take.
         """
-        family = family_of(name, getattr(getattr(model, "config", None), "model_type", None))
-        self = cls.__new__(cls)
-        names = _names_of(model) if class_names is None else class_names
-        self._hold(copy.deepcopy(model), name, names, _sized(name, family.scaling, size))
-        return self
-
-    def _hold(self, model: Any, name: str, class_names: tuple[str, ...], scaling: Scaling) -> None:
-        if model.config.num_labels != len(class_names):
-            raise RaucaError(
-                f"{name}: the model predicts {model.config.num_labels} categories, {len(class_names)} names were given"
-            )
-        self.name, self.class_names, self.scaling = name, class_names, scaling
-        self._family: Family = family_of(name, model.config.model_type)
+        self._family: Family = family_of(name, getattr(getattr(model, "config", None), "model_type", None))
+        self.name, self.class_names = name, class_names or _names_of(model)
+        self.scaling = _sized(name, scaling or self._family.scaling, size)
+        require_names(name, model.config.num_labels, self.class_names)
         self.network = model.eval().requires_grad_(False)
-        self.fingerprint = fingerprint(model, class_names, scaling, _settings(model.config.to_dict()))
+        self.fingerprint = fingerprint(model, self.class_names, self.scaling, _settings(model.config.to_dict()))
         freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
 
-    @torch.no_grad()  # not inference_mode: the model keeps tables of positions for the next call, dense's perhaps
-    def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:
-        """Final detections per image, boxes clipped to it; ``iou_threshold`` is unused."""
-        images = self._checked(images, waits=True)
+    def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
         found = self._predict(images)
         if self._family.softmax:
             scores, labels = found.classes.max(-1)
@@ -102,13 +74,10 @@ class TransformersDetector(SinglePassDetector):
             scores, best = found.classes.flatten(1).topk(limit, 1)
             queries, labels = best // found.classes.shape[2], best % found.classes.shape[2]
         kept = scores > score_threshold
-        return clipped(
-            [
-                Detections(boxes[query[keep]], score[keep], label[keep])
-                for boxes, query, score, label, keep in zip(found.boxes, queries, scores, labels, kept, strict=True)
-            ],
-            images,
-        )
+        return [
+            Detections(boxes[query[keep]], score[keep], label[keep])
+            for boxes, query, score, label, keep in zip(found.boxes, queries, scores, labels, kept, strict=True)
+        ]
 
     def _predict(self, images: Tensor) -> DensePredictions:
         found = self.network(pixel_values=self.scaling.fit(self.name, images))
@@ -119,8 +88,16 @@ class TransformersDetector(SinglePassDetector):
 
 
 def load(found: Resolved, size: int | None) -> TransformersDetector:
-    """Of a folder."""
-    return TransformersDetector(found.name, found.files[0], size=size)
+    """Of a folder as ``hf download REPOSITORY --local-dir FOLDER`` makes it; nothing is fetched.
+
+    It holds ``config.json`` (architecture and class names), ``model.safetensors`` and, if the model's images are not
+    prepared as its family's usually are, ``preprocessor_config.json``. The published DETR and Deformable DETR are read
+    without timm.
+    """
+    folder = found.files[0]
+    model = load_model(folder)
+    scaling = read_scaling(folder / "preprocessor_config.json", family_of(found.name, model.config.model_type).scaling)
+    return TransformersDetector(found.name, model, size=size, scaling=scaling)
 
 
 def _settings(value: Any) -> Any:

@@ -24,30 +24,14 @@ MAX_STEP = 64  # of pads, strides and dilations
 _SCALE = 0.007843
 
 
-class CaffeSsdDetector(SsdDetector):
-    """A caffe SSD, e.g. MobileNet-SSD for the classes of VOC, behind the detector interface.
+def load(found: Resolved, size: int | None) -> SsdDetector:
+    """A caffe SSD, e.g. MobileNet-SSD for the classes of VOC: weights, and the description for testing (deploy).
 
-    Scores are the network's softmax. The stretch to the network's square samples as OpenCV's resize does.
+    Scores are the network's softmax. The stretch to the network's square, whose size is the description's, samples as
+    OpenCV's resize does. Class names are those of labels from 1 on; 0 is the background.
     """
-
-    def __init__(self, name: str, prototxt: Path, weights: Path, class_names: tuple[str, ...]) -> None:
-        """Read a network's description and its weights.
-
-        Args:
-            prototxt: the description for testing (deploy), in text.
-            weights: the caffemodel.
-            class_names: one per label from 1 on; 0 is the background.
-
-        Raises:
-            RaucaError: anything wrong with the files, weights of another network, class names of another number.
-        """
-        super().__init__(name, read_caffe_ssd(prototxt, weights), class_names, (prototxt, weights))
-
-
-def load(found: Resolved, size: int | None) -> CaffeSsdDetector:
-    """Of weights and a description; the size is the description's."""
     weights, prototxt = found.files
-    return CaffeSsdDetector(found.name, prototxt, weights, found.names)
+    return SsdDetector(found.name, read_caffe_ssd(prototxt, weights), found.names, (prototxt, weights))
 
 
 @dataclass(frozen=True)
@@ -62,7 +46,11 @@ Value = fx.Node | Anchors
 
 
 def read_caffe_ssd(prototxt: Path, weights: Path) -> SsdParts:
-    """The parts of the SSD in a caffe network; see :class:`CaffeSsdDetector`."""
+    """The parts of the SSD in a caffe network.
+
+    Raises:
+        RaucaError: anything wrong with the files, weights of another network.
+    """
     network = read_prototxt(prototxt)
     layers = [layer for layer in network.layer if all(rule.phase == 1 for rule in layer.include)]  # TEST
     # of caffe's two ways to declare an input, the one outside of any layer is the older

@@ -19,7 +19,7 @@ from google.protobuf.message import DecodeError
 from ...contract import RaucaError
 from ...contract.reading import read_limited, read_text
 
-MAX_FILE_BYTES = 2**28  # the largest of these detectors' files have 250 MB
+MAX_FILE_BYTES = 2**27  # SSD300 on VGG, the largest in use, has 105 MB
 MAX_TEXT_BYTES = 2**20
 
 _BINARY = {

@@ -27,38 +27,23 @@ _LITE_IMAGE = "normalized_input_image_tensor"
 _RESHAPING = frozenset({"Transpose", "Reshape", "Tile", "ExpandDims", "Identity"})
 
 
-class TfSsdDetector(SsdDetector):
-    """An SSD of TensorFlow's object detection API, e.g. SSD-MobileNetV2 or V3, behind the detector interface.
+def load(found: Resolved, size: int | None) -> SsdDetector:
+    """An SSD of TensorFlow's object detection API, e.g. SSD-MobileNetV2 or V3: a frozen_inference_graph.pb.
 
     The graph's loops that resize, decode and suppress are replaced by this package's; weights, anchors, scales, the
     kind of score and the resize's sampling are read from it. Differs from TensorFlow in that 8-bit images are not
     rounded after the stretch (neither does the graph) and that suppression follows this interface's thresholds.
+
+    Class names are those of label ids from 1 on, those that COCO never gave out among them; or COCO's 80.
     """
-
-    def __init__(self, name: str, graph: Path, class_names: tuple[str, ...], size: int | None = None) -> None:
-        """Read a frozen graph.
-
-        Args:
-            graph: a frozen_inference_graph.pb.
-            class_names: one per label id from 1 on, those that COCO never gave out among them; or COCO's 80 names.
-            size: only the graph's own, which its anchors are made for.
-
-        Raises:
-            RaucaError: anything wrong with the file, another size, class names of another number.
-        """
-        parts = read_tensorflow_ssd(graph)
-        if size is not None and size != parts.size:
-            raise RaucaError(f"{name}: input size must be {parts.size}, for which the graph's anchors are made")
-        super().__init__(name, parts, class_names, (graph,))
-
-
-def load(found: Resolved, size: int | None) -> TfSsdDetector:
-    """Of a frozen graph."""
-    return TfSsdDetector(found.name, found.files[0], found.names, size)
+    parts = read_tensorflow_ssd(found.files[0])
+    if size is not None and size != parts.size:
+        raise RaucaError(f"{found.name}: input size must be {parts.size}, for which the graph's anchors are made")
+    return SsdDetector(found.name, parts, found.names, found.files[:1])
 
 
 def read_tensorflow_ssd(path: Path) -> SsdParts:
-    """The parts of the SSD in a frozen graph; see :class:`TfSsdDetector`."""
+    """The parts of the SSD in a frozen graph; raises :class:`RaucaError` for anything wrong with the file."""
     nodes = read_graph(path)
     lite = next((node for node in nodes.values() if node.op == _LITE), None)
     return _of_server(path, nodes) if lite is None else _of_lite(path, nodes, lite)

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
+from rauca_core.detect import load_detector
 from rauca_core.detect.classes import GAP, class_list
-from rauca_core.detect.graphs.caffe import CaffeSsdDetector
 from rauca_core.detect.graphs.ssd import SsdDetector
-from rauca_core.detect.graphs.tensorflow import TfSsdDetector
 from rauca_core.detect.weights import weights_folder
 from tests.detect.gradients import checked_gradient
 
@@ -56,7 +55,7 @@ def in_cache(name: str) -> Path:
 
 def tensorflow(name: str, scale: float, shift: float) -> Published:
     graph, description = in_cache(f"{name}.pb"), in_cache(f"{name}.pbtxt")
-    detector = TfSsdDetector(name, graph, class_list("coco-91"))
+    detector = load_detector(graph, classes=class_list("coco-91"))
     parts = ("BoxEncodingPredictor/concat", "ClassPredictor/concat/sigmoid", "PriorBox/concat")
     net = cv2.dnn.readNetFromTensorflow(str(graph), str(description))
     return Published(detector, net, parts, scale, shift, 0.3, 0.6, True, False)
@@ -66,7 +65,7 @@ def caffe(name: str) -> Published:
     files = in_cache(f"{name}.prototxt"), in_cache(f"{name}.caffemodel")
     net = cv2.dnn.readNetFromCaffe(*map(str, files))
     parts = ("mbox_loc", "mbox_conf_flatten", "mbox_priorbox")
-    detector = CaffeSsdDetector(name, *files, class_list("voc-20"))
+    detector = load_detector(files[1])
     return Published(detector, net, parts, 255 * 0.007843, -127.5 * 0.007843, 0.25, 0.45, False, True)
 
 
@@ -162,8 +161,8 @@ def test_a_batch_is_its_images(published: Published, frames: Tensor) -> None:
 
 def test_eighty_names_pick_the_same_columns_as_ninety(frames: Tensor) -> None:
     graph = in_cache("ssd-mobilenet-v3.pb")
-    ninety = TfSsdDetector("v3", graph, class_list("coco-91"))
-    eighty = TfSsdDetector("v3", graph, class_list("coco-80"))
+    ninety = load_detector(graph, classes=class_list("coco-91"))
+    eighty = load_detector(graph, classes=class_list("coco-80"))
     with torch.no_grad():
         every, picked = (detector.dense(frames[:1]).classes[0] for detector in (ninety, eighty))
     kept = [column for column, name in enumerate(ninety.class_names) if name != GAP]
@@ -171,12 +170,12 @@ def test_eighty_names_pick_the_same_columns_as_ninety(frames: Tensor) -> None:
     assert [ninety.class_names[k] for k in kept] == list(eighty.class_names)
     assert len({detector.fingerprint for detector in (ninety, eighty)}) == 2
     with pytest.raises(RaucaError, match=r"predicts 90 classes, or the 80 of COCO; 20 class names were given"):
-        TfSsdDetector("v3", graph, class_list("voc-20"))
+        load_detector(graph, classes=class_list("voc-20"))
 
 
 def test_anchors_are_those_of_the_documented_generator() -> None:
     """ssd_anchor_generator: scales from 0.2 to 0.95 over six maps, ratios 1 to 3, fewer on the first."""
-    detector = TfSsdDetector("v2", in_cache("ssd-mobilenet-v2.pb"), class_list("coco-91"))
+    detector = load_detector(in_cache("ssd-mobilenet-v2.pb"), classes=class_list("coco-91"))
     scales = [*np.linspace(0.2, 0.95, 6), 1.0]
     expected = []
     for number, cells in enumerate((19, 10, 5, 3, 2, 1)):
