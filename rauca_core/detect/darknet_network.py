@@ -5,7 +5,7 @@ Batch normalization is folded into the convolutions when the weights are read. B
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
@@ -16,18 +16,12 @@ from .cfg import Section, read_cfg
 from .dry_run import MAX_PARAMETERS
 from .interface import DensePredictions
 
-ACTIVATIONS = ("linear", "leaky", "relu", "mish")
-
-
-def activate(x: Tensor, activation: str) -> Tensor:
-    """Apply one of :data:`ACTIVATIONS`, in place where its gradient allows; darknet's leaky slope is 0.1."""
-    if activation == "leaky":
-        return functional.leaky_relu(x, 0.1, inplace=True)
-    if activation == "relu":
-        return functional.relu(x, inplace=True)
-    if activation == "mish":
-        return functional.mish(x)
-    return x
+ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {  # in place where the gradient allows
+    "linear": lambda x: x,
+    "leaky": lambda x: functional.leaky_relu(x, 0.1, inplace=True),
+    "relu": lambda x: functional.relu(x, inplace=True),
+    "mish": functional.mish,
+}
 
 
 class Convolution(nn.Module):
@@ -49,7 +43,8 @@ class Convolution(nn.Module):
         self.activation = activation
 
     def forward(self, x: Tensor) -> Tensor:
-        return activate(functional.conv2d(x, self.weight, self.bias, self.stride, self.padding), self.activation)
+        x = functional.conv2d(x, self.weight, self.bias, self.stride, self.padding)
+        return ACTIVATIONS[self.activation](x)
 
 
 class MaxPool(nn.Module):
@@ -100,7 +95,7 @@ class Shortcut(nn.Module):
         self.activation = activation
 
     def forward(self, *inputs: Tensor) -> Tensor:
-        return activate(inputs[0] + inputs[1], self.activation)
+        return ACTIVATIONS[self.activation](inputs[0] + inputs[1])
 
 
 # A box cannot be exp(8) = 2981 times its anchor; beyond, exp() would reach infinity and its gradient NaN.
@@ -234,7 +229,7 @@ class _Builder:
         padding = size // 2 if section.integer("pad", 0, 0, 1) else section.integer("padding", 0, 0, 31)
         filters = section.integer("filters", None, 1)
         normalized = bool(section.integer("batch_normalize", 0, 0, 1))
-        activation = section.choice("activation", ACTIVATIONS, "linear")
+        activation = section.choice("activation", tuple(ACTIVATIONS), "linear")
         self._parameters += filters * self._channels[-1] * size * size
         if self._parameters > MAX_PARAMETERS:
             raise section.error(f"more than {MAX_PARAMETERS} weights up to here; too large a network")
@@ -271,7 +266,7 @@ class _Builder:
         here = (self._channels[-1], self.scales[-1])
         if len(sources) != 1 or (self._channels[sources[0] + 1], self.scales[sources[0] + 1]) != here:
             raise section.error("from must name one layer of the same shape", "from")
-        return Shortcut(sources, section.choice("activation", ACTIVATIONS, "linear"))
+        return Shortcut(sources, section.choice("activation", tuple(ACTIVATIONS), "linear"))
 
     def _upsample(self, section: Section) -> nn.Module:
         stride = section.integer("stride", 2, 1, 32)

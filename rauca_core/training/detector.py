@@ -13,7 +13,6 @@ from torch import Tensor, nn
 
 from ..contract.seeding import named_rng, named_seed
 from ..detect.synth.network import Truth
-from ..detect.synth.networks import trainable
 from ..runtime.devices import find_device
 from .loop import AveragedCopy, RoundReport, Run, Task, run_task
 from .measure import Findings
@@ -84,12 +83,14 @@ class _Shown:
 class _DetectorTask(Task[_Shown, Findings]):
     """Steps on images composed for them."""
 
+    network: Any
+
     def __init__(self, job: Job) -> None:
         self.job, self.device = job, find_device(job.device)
         self.network = job.network.to(self.device)
         settings = job.settings
         learning = [p for p in self.network.parameters() if p.requires_grad]
-        of_backbone = {id(p) for p in trainable(self.network).backbone.parameters()}
+        of_backbone = {id(p) for p in self.network.backbone.parameters()}
         backbone, rest = ([p for p in learning if (id(p) in of_backbone) == begun] for begun in (True, False))
         self.optimizer = torch.optim.AdamW(
             [{"params": backbone, "share": settings.backbone_lr}, {"params": rest, "share": 1.0}],
@@ -118,7 +119,7 @@ class _DetectorTask(Task[_Shown, Findings]):
         with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
             torch.manual_seed(named_seed(settings.seed, "step", step))
             with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
-                losses = trainable(self.network).losses(batch.images, batch.truths)
+                losses = self.network.losses(batch.images, batch.truths)
                 return torch.stack([loss.float() for loss in losses.values()]).sum()
 
     def names(self, batch: _Shown) -> str:

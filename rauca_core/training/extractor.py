@@ -24,15 +24,13 @@ from torch import Tensor, nn
 
 from ..contract import RaucaError
 from ..contract.color import TEST
-from ..contract.dataset import MAX_LEDGER_BYTES
-from ..contract.schema import whole_lines
 from ..contract.seeding import named_rng
 from ..environment.frames import LightFrames
 from ..environment.metrics import Error, measure, total
 from ..runtime.board import Board
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from .extractor_learners import Item, Learner
-from .loop import LEDGER, AveragedCopy, RoundReport, Run, Task, run_task
+from .loop import AveragedCopy, RoundReport, Run, Task, read_ledger, run_task
 from .settings import ExtractorSettings
 
 WINDOW = 5  # epochs
@@ -192,7 +190,8 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
         self.average = AveragedCopy(self.network, settings.average, ahead=1)
         self._items = job.learner.items(job.train)
         self.steps = -(-len(self._items) // settings.batch)
-        self.errors: dict[int, float] = _tested(job.out / LEDGER) if resume else {}
+        tested = read_ledger(job.out, lambda line: (line.integer("epoch"), line.number("mae"))) if resume else []
+        self.errors: dict[int, float] = dict(tested)
         self._began: float | None = None
 
     def batch(self, step: int) -> _Shown:
@@ -248,12 +247,3 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
     def to_json(self, tested: EpochReport) -> dict[str, Any]:
         weathers = {name: error.to_json() for name, error in tested.weathers.items()}
         return {"epoch": tested.epoch, "mae": tested.error, "seconds": tested.seconds, **weathers}
-
-
-def _tested(ledger: Path) -> dict[int, float]:
-    """The errors of the epochs of which a line is there."""
-    if not ledger.is_file():
-        return {}
-    return dict(
-        whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", lambda line: (line.integer("epoch"), line.number("mae")))
-    )

@@ -17,7 +17,7 @@ from ..contract.files import file_digest
 from ..detect.catalogue import find_source
 from ..detect.synth.card import DetectorCard, SynthDetector, load_network, save_weights
 from ..detect.synth.networks import BACKBONE, build_network, find_recipe
-from ..detect.weights import stored_path, verify
+from ..detect.weights import stored_paths, verify
 from ..environment.frames import LightFrames, SplitBy
 from ..runtime.devices import find_device
 from .detector import Job, OnRound, OnStep, train
@@ -192,4 +192,4 @@ def _yolo_backbone() -> Path:
     """The fetched weights that a backbone begins with."""
     source = find_source(BACKBONE)
     verify(source)
-    return stored_path(source)
+    return stored_paths(source)[0]

@@ -30,7 +30,7 @@ from torch.nn.utils import clip_grad_norm_
 from ..contract import RaucaError, StoppedError
 from ..contract.dataset import MAX_LEDGER_BYTES
 from ..contract.files import append_line
-from ..contract.schema import whole_lines
+from ..contract.schema import Fields, whole_lines
 from ..runtime.devices import keep_large_blocks, threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.folder_lock import alone_in
@@ -50,6 +50,7 @@ WARM_UP = 0.05  # of all steps
 
 Batch = TypeVar("Batch")
 Tested = TypeVar("Tested")
+Read = TypeVar("Read")
 
 
 class AveragedCopy:
@@ -225,7 +226,7 @@ class _Loop(Generic[Batch, Tested]):
         run, tested = self.settings, None
         if resume:
             self._restore(load_checkpoint(run.out / CHECKPOINTS))
-            if self._round_ends() and self.done in _reported(run.out / LEDGER):
+            if self._round_ends() and self.done in read_ledger(run.out, lambda line: line.integer("step")):
                 self.losses = []
             elif self._round_ends():  # killed in the test behind it
                 tested = self._test()
@@ -299,8 +300,7 @@ def _rise_and_fall(step: int, steps: int) -> float:
     return min(rising, 0.5 * (1 + math.cos(math.pi * step / steps)))
 
 
-def _reported(ledger: Path) -> set[int]:
-    """The rounds of which a line is there, by their last step."""
-    if not ledger.is_file():
-        return set()
-    return set(whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", lambda line: line.integer("step")))
+def read_ledger(folder: Path, what: Callable[[Fields], Read]) -> list[Read]:
+    """``what`` is read of each line of a run's ``rounds.jsonl``, one for each round that was tested."""
+    ledger = folder / LEDGER
+    return list(whole_lines(ledger, MAX_LEDGER_BYTES, "a ledger", what)) if ledger.is_file() else []

@@ -25,6 +25,10 @@ class Learning(Settings):
     threads: int | None = Field(None, ge=1)
     memory_mb: int = Field(2048, ge=64)
 
+    def identity(self) -> dict[str, Any]:
+        """The settings that a resumed run must share to end as one that never stopped."""
+        return self.model_dump(mode="json", exclude={"threads", "memory_mb", "round", "every"})
+
 
 class DetectorSettings(Learning):
     """Settings of :func:`loop.train`.
@@ -55,10 +59,6 @@ class DetectorSettings(Learning):
     fewest: int = Field(100, ge=1)
     precision: Literal["float32", "bfloat16"] = "float32"
 
-    def identity(self) -> dict[str, Any]:
-        """The settings that a resumed run must share to end as one that never stopped."""
-        return self.model_dump(mode="json", exclude={"threads", "memory_mb", "round"})
-
 
 class HardenSettings(Learning):
     """Settings of :func:`harden.harden`.
@@ -87,10 +87,6 @@ class HardenSettings(Learning):
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
     every: int = Field(60, ge=1)
-
-    def identity(self) -> dict[str, Any]:
-        """The settings that a resumed run must share to end as one that never stopped."""
-        return self.model_dump(mode="json", exclude={"threads", "memory_mb", "every"})
 
     def of_round(self, number: int, usual_lr: float) -> DetectorSettings:
         """Those of one round's fine-tuning, with random streams of its own.
@@ -147,7 +143,6 @@ class ExtractorSettings(Learning):
     eta: float = Field(0.003, gt=0, lt=1)
 
     def identity(self) -> dict[str, Any]:
-        """The settings that a resumed run must share to end as one that never stopped."""
         free = {"stop_early", "eta", "threads", "memory_mb"} | ({"epochs"} if self.schedule == "constant" else set())
         return self.model_dump(mode="json", exclude=free)
 

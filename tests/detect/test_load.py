@@ -105,7 +105,7 @@ def test_graphs_by_path(standard_weights: list[str], tmp_path: Path) -> None:
     """A file of one's own, under a name of one's own."""
     for name, suffix in (("ssd-mobilenet-v3", ".pb"), ("mobilenet-ssd", ".caffemodel")):
         mine = tmp_path / f"mine{suffix}"
-        mine.symlink_to(store.stored_path(find_source(name)))
+        mine.symlink_to(store.stored_paths(find_source(name))[0])
         if suffix == ".caffemodel":
             with pytest.raises(RaucaError, match=r"mine.prototxt: not found"):
                 load_detector(str(mine))
@@ -130,7 +130,7 @@ def test_an_equals_sign_in_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_weights_of_another_model(standard_weights: list[str], tmp_path: Path) -> None:
     """Each adapter refuses another's file with one line that names it."""
-    foreign = store.stored_path(find_source("yolov4-tiny"))
+    foreign = store.stored_paths(find_source("yolov4-tiny"))[0]
     (tmp_path / "foreign.prototxt").symlink_to(store.stored_paths(find_source("mobilenet-ssd"))[1])
     networks = {"yolov3-tiny": ".weights", "ssd-mobilenet-v2": ".pb", "yolox-nano": ".onnx"}
     networks["mobilenet-ssd"] = ".caffemodel"

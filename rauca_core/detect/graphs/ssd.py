@@ -34,7 +34,7 @@ class SsdParts:
         variances: (4,) factors on the encoded x, y, width, height.
         columns: of the scores, the background among them; None where the file does not say.
         size: of the square input, pixels.
-        rows_first: encodings are y, x, height, width.
+        rows_first: encodings are y, x, height, width (TensorFlow) instead of x, y, width, height (caffe).
         half_pixel_centers: see :func:`stretch`.
     """
 
@@ -49,19 +49,9 @@ class SsdParts:
 
 
 class CenterSizeBoxes(nn.Module):
-    """Decodes offsets from anchors (Liu et al. 2016, SSD, eq. 2).
-
-    Everything is relative to the image's width and height.
-    """
+    """Decodes offsets from anchors (Liu et al. 2016, SSD, eq. 2), see :class:`SsdParts`; all relative to the image."""
 
     def __init__(self, anchors: Array, variances: Array, rows_first: bool) -> None:
-        """Take what all images share.
-
-        Args:
-            anchors: (N, 4) center x, y, width, height.
-            variances: (4,) factors on the encoded x, y, width, height.
-            rows_first: encodings are y, x, height, width (TensorFlow) instead of x, y, width, height (caffe).
-        """
         super().__init__()
         self.order = [1, 0, 3, 2] if rows_first else [0, 1, 2, 3]
         scale = variances * anchors[:, [2, 3, 2, 3]]
@@ -115,7 +105,7 @@ class SsdDetector(SinglePassDetector):
         self.class_names = tuple(class_names)
         self.size = parts.size
         self._half_pixel_centers = parts.half_pixel_centers
-        self._columns = list(score_columns(parts.path, _count_columns(parts), self.class_names))
+        self._columns = _score_columns(parts, self.class_names)
         self.network = SsdNetwork(parts)
         found = self.network(torch.full((1, 3, self.size, self.size), 0.5))
         if not all(values.isfinite().all() for values in found):
@@ -131,8 +121,11 @@ class SsdDetector(SinglePassDetector):
         return DensePredictions(boxes, torch.ones_like(classes[..., 0]), classes)
 
 
-def _count_columns(parts: SsdParts) -> int:
-    """Score columns of heads that fit the anchors and what the file declares."""
+def _score_columns(parts: SsdParts, class_names: tuple[str, ...]) -> list[int]:
+    """The column of each class name, in heads that fit the anchors and what the file declares.
+
+    Names are one per column after the background; or the 80 of COCO in their order for a head of 91.
+    """
     count = len(parts.anchors)
     outputs: Any = parts.network.graph.output_node().args[0]
     boxes, scores = (node.meta["value"] for node in outputs)
@@ -145,27 +138,13 @@ def _count_columns(parts: SsdParts) -> int:
         raise RaucaError(f"{parts.path}: {count} anchors, but heads of {rows} boxes and {scores.numel()} scores")
     if columns != (parts.columns or columns):
         raise RaucaError(f"{parts.path}: {columns} score columns, but {parts.columns} are declared")
-    return columns
-
-
-def score_columns(path: Path, columns: int, class_names: tuple[str, ...]) -> tuple[int, ...]:
-    """The column of each class name.
-
-    Args:
-        path: the network's file, for the error.
-        columns: of the head, the background among them.
-        class_names: one per column after the background; or the 80 names of COCO in their order for a head of 91.
-
-    Raises:
-        RaucaError: another number of names.
-    """
     if len(class_names) == columns - 1:
-        return tuple(range(1, columns))
+        return list(range(1, columns))
     if len(class_names) == 80 and columns == 91:
-        return tuple(label for label, name in enumerate(class_list("coco-91"), 1) if name != GAP)
+        return [label for label, name in enumerate(class_list("coco-91"), 1) if name != GAP]
     also = ", or the 80 of COCO" if columns == 91 else ""
     raise RaucaError(
-        f"{path}: the network predicts {columns - 1} classes{also}; {len(class_names)} class names were given"
+        f"{parts.path}: the network predicts {columns - 1} classes{also}; {len(class_names)} class names were given"
     )
 
 

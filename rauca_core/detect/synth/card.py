@@ -20,7 +20,7 @@ from ..families import Resolved
 from ..interface import DensePredictions
 from ..letterbox import Letterbox
 from ..nms import SinglePassDetector
-from .networks import RECIPES, build_network, is_darknet, trainable
+from .networks import RECIPES, build_network, is_darknet
 
 
 class SynthDetector(SinglePassDetector):
@@ -32,8 +32,6 @@ class SynthDetector(SinglePassDetector):
         size: the network's square input, pixels.
     """
 
-    network: nn.Module
-
     def __init__(
         self, name: str, network: nn.Module, class_names: tuple[str, ...], size: int, fingerprint: str = ""
     ) -> None:
@@ -42,7 +40,7 @@ class SynthDetector(SinglePassDetector):
 
     def _predict(self, images: Tensor) -> DensePredictions:
         box = Letterbox(images.shape[2], images.shape[3], self.size)
-        return box.predict(images, trainable(self.network).dense)
+        return box.predict(images, self.network.dense)
 
 
 MAX_CLASSES = 10_000  # the network is built before its weights are read; LVIS, the longest list in use, has 1203

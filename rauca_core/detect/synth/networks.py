@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 import torch
 from torch import nn
@@ -13,7 +12,7 @@ from ...contract import RaucaError
 from ...contract.assets import assets_folder
 from ...contract.seeding import named_seed
 from ..catalogue import SOURCES
-from .network import DarknetBackbone, Trainable
+from .network import DarknetBackbone
 
 BACKBONE = "yolov4-tiny"
 
@@ -71,8 +70,3 @@ def build_network(name: str, classes: int, backbone: Path | None = None, seed: i
 def is_darknet(name: str) -> bool:
     """Whether that is a darknet network of the catalogue, which can be hardened, not trained from nothing."""
     return name in SOURCES and SOURCES[name].family == "darknet"
-
-
-def trainable(network: nn.Module) -> Trainable:
-    """The same network, as the loop sees it."""
-    return cast(Trainable, network)

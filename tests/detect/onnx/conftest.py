@@ -116,10 +116,10 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 def yolox_nano() -> Path:
     """The published YOLOX-nano, where the shared folder or the cache has it."""
     from rauca_core.detect import SOURCES
-    from rauca_core.detect.weights import stored_path
+    from rauca_core.detect.weights import stored_paths
 
     shared = Path(os.environ.get("RAUCA_SHARED") or Path(__file__).parents[4] / "shared")
-    for path in (stored_path(SOURCES["yolox-nano"]), shared / "detectors" / "yolox_nano.onnx"):
+    for path in (*stored_paths(SOURCES["yolox-nano"]), shared / "detectors" / "yolox_nano.onnx"):
         if path.is_file():
             return path
     pytest.skip("yolox-nano is neither in the cache nor in the shared folder")
