@@ -19,12 +19,10 @@ from torch import Tensor
 from rauca_core.detect import DarknetDetector, DensePredictions, Detections, Detector, Source, load_detector
 from rauca_core.detect.darknet_network import Head
 from rauca_core.detect.foreign import extra
-from rauca_core.detect.frameworks import (
-    TorchvisionDetector,
-    TransformersDetector,
-    import_torchvision,
-    import_transformers,
-)
+from rauca_core.detect.frameworks.torchvision_detector import TorchvisionDetector
+from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
+from rauca_core.detect.frameworks.transformers_detector import TransformersDetector
+from rauca_core.detect.frameworks.transformers_loading import import_transformers
 from rauca_core.detect.onnx_detector import OnnxDetector
 from rauca_core.detect.weights import stored_paths
 

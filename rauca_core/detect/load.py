@@ -46,8 +46,7 @@ def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved
 def _find(name_or_path: str, named: bool) -> Resolved:
     name, equals, path = name_or_path.partition("=")
     if equals and "/" not in name and not Path(name_or_path).is_file():  # a path may hold an equals sign
-        source = find_source(name)
-        return _of_source(source, _own_files(source, Path(path).expanduser()))
+        return _own(find_source(name), Path(path).expanduser())
     if name_or_path not in SOURCES and Path(name_or_path).suffix in _FAMILY_OF:
         return _by_path(_existing(Path(name_or_path).expanduser()), named)
     source = find_source(name_or_path)
@@ -65,15 +64,15 @@ def _of_source(source: Source, files: tuple[Path, ...]) -> Resolved:
     return Resolved(source.name, source.family, files, names, source.network)
 
 
-def _own_files(source: Source, path: Path) -> tuple[Path, ...]:
-    """The user's own weights for a named network."""
+def _own(source: Source, path: Path) -> Resolved:
+    """A named network with the user's own weights."""
     family = FAMILIES[source.family]
     if family.folder:
         if not path.is_dir():
             raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
-        return (path,)
-    weights = _existing(path)
-    return (weights, _existing(path.with_suffix(family.beside))) if source.family == "caffe-ssd" else (weights,)
+        return _of_source(source, (path,))
+    beside = (path.with_suffix(family.beside),) if source.family == "caffe-ssd" else ()
+    return _of_source(source, tuple(map(_existing, (path, *beside))))
 
 
 def _by_path(weights: Path, named: bool) -> Resolved:
@@ -123,7 +122,8 @@ def load_detector(
 
 def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None) -> Detector:
     """Of a copy: training the model further changes neither the detector nor what its fingerprint stands for."""
-    from .frameworks import TorchvisionDetector, TransformersDetector
+    from .frameworks.torchvision_detector import TorchvisionDetector
+    from .frameworks.transformers_detector import TransformersDetector
 
     name, names = type(model).__name__, None if classes is None else tuple(classes)
     if hasattr(model, "config"):

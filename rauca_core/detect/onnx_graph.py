@@ -42,7 +42,7 @@ class OnnxGraph:
     path: Path
     model: ModelProto
     input_name: str
-    output_names: tuple[str, ...]
+    output_name: str
     batch: int | None
     height: int | None
     width: int | None
@@ -96,14 +96,12 @@ def read_graph(path: Path) -> OnnxGraph:
         onnx.checker.check_model(model)
     except Exception as error:  # its checks are its own, and those of the C++ and protobuf below it
         raise RaucaError(f"{path}: not a graph that can run ({first_line(error)})") from error
-    name, (batch, channels, height, width) = _image_input(path, model.graph)
-    if channels not in (3, None):
-        raise RaucaError(f"{path}: input {name} has {channels} channels, expected a batch of images with 3")
+    name, (batch, height, width) = _image_input(path, model.graph)
     return OnnxGraph(
         path,
         model,
         name,
-        tuple(output.name for output in model.graph.output),
+        model.graph.output[0].name,
         batch,
         height,
         width,
@@ -119,7 +117,7 @@ def to_torch(graph: OnnxGraph) -> GraphModule:
     Raises:
         RaucaError: an operator that onnx2torch does not know. Or it is not installed.
     """
-    from .frameworks import import_torchvision
+    from .frameworks.torchvision_ops import import_torchvision
 
     import_torchvision()  # onnx2torch imports it
     onnx2torch = extra("onnx2torch")
@@ -198,6 +196,7 @@ def _within(message: Any, kind: str) -> Iterator[Any]:
 
 
 def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | None]]:
+    """The only input's name, and its batch, height and width."""
     constants = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in constants]
     if len(inputs) != 1:
@@ -207,7 +206,10 @@ def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | Non
         raise RaucaError(
             f"{path}: input {inputs[0].name} has {len(sizes)} axes, expected a batch of images (B, 3, H, W)"
         )
-    return inputs[0].name, sizes
+    batch, channels, height, width = sizes
+    if channels not in (3, None):
+        raise RaucaError(f"{path}: input {inputs[0].name} has {channels} channels, expected a batch of images with 3")
+    return inputs[0].name, (batch, height, width)
 
 
 class Session:
@@ -239,7 +241,7 @@ class Session:
         """
         fed = {self._graph.input_name: images.detach().float().cpu().numpy()}
         try:
-            (found,) = self._session.run([self._graph.output_names[0]], fed)
+            (found,) = self._session.run([self._graph.output_name], fed)
         except Exception as error:
             raise RaucaError(
                 f"{self._graph.path}: does not run on {tuple(images.shape)} ({first_line(error)})"

@@ -9,7 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from rauca_core.detect import DarknetDetector
+from rauca_core.detect import SOURCES, DarknetDetector
 from rauca_core.detect.darknet_network import Convolution, DarknetNetwork
 from tests.published import published_weights
 
@@ -44,10 +44,15 @@ route layers=-1,3
 convolutional filters=7 size=1 stride=1 pad=1 activation=linear
 yolo mask=0 anchors=4,6,10,9,20,22,40,31 classes=2 num=4
 """
-EVERY_LAYER = "".join(
-    f"\n[{kind}]\n" + "".join(f"{option}\n" for option in options)
-    for kind, *options in (line.split() for line in SECTIONS.strip().splitlines())
-)
+
+
+def cfg_of(sections: str) -> str:
+    """A cfg of sections that stand in a line each."""
+    parts = (line.split() for line in sections.strip().splitlines())
+    return "".join(f"\n[{kind}]\n" + "".join(f"{option}\n" for option in options) for kind, *options in parts)
+
+
+EVERY_LAYER = cfg_of(SECTIONS)
 
 
 def write_random_weights(path: Path, cfg: Path, seed: int = 0) -> Path:
@@ -74,6 +79,12 @@ def write_random_weights(path: Path, cfg: Path, seed: int = 0) -> Path:
 def random_weights() -> Callable[..., Path]:
     """:func:`write_random_weights`."""
     return write_random_weights
+
+
+@pytest.fixture(scope="session")
+def backbone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seeded weights in place of YOLOv4-tiny's."""
+    return write_random_weights(tmp_path_factory.mktemp("backbone") / "backbone.weights", SOURCES["yolov4-tiny"].cfg)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 import torch
@@ -19,7 +20,8 @@ def with_value(value: float) -> Tensor:
     return images
 
 
-BAD = {
+BAD: dict[str, Any] = {
+    "must be a torch tensor, not list": [[0.0]],
     "shape (B, 3, H, W), not (3, 20, 24)": torch.rand(3, 20, 24),
     "shape (B, 3, H, W), not (1, 20, 24, 3)": torch.rand(1, 20, 24, 3),
     "shape (B, 3, H, W), not (0, 3, 20, 24)": torch.rand(0, 3, 20, 24),
@@ -37,11 +39,6 @@ def test_bad_images(message: str, detector: DarknetDetector) -> None:
     for call in (detector.dense, detector.detect):
         with pytest.raises(RaucaError, match=f"every: .*{re.escape(message)}"):
             call(BAD[message])
-
-
-def test_a_list_is_not_a_batch() -> None:
-    with pytest.raises(RaucaError, match="must be a torch tensor, not list"):
-        check_images("mine", [[0.0]])
 
 
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])

@@ -12,8 +12,7 @@ import torch
 from torch import nn
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.frameworks import MmdetDetector
-from rauca_core.detect.frameworks.mmdet_detector import read_config
+from rauca_core.detect.frameworks.mmdet_detector import MmdetDetector, read_config
 
 PREPROCESSOR = {
     "type": "DetDataPreprocessor", "mean": [103.5, 116.3, 123.7], "std": [57.0, 57.1, 58.4], "bgr_to_rgb": False,

@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.frameworks import import_torchvision, torchvision_ops
+from rauca_core.detect.frameworks import torchvision_ops
+from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 
 pytestmark = pytest.mark.skipif(not importlib.util.find_spec("torchvision"), reason="the extra detectors is missing")
 

@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from rauca_core.contract import RaucaError
 from rauca_core.detect import box_iou, load_detector
 from rauca_core.detect.families import Resolved
-from rauca_core.detect.frameworks import TorchvisionDetector, import_torchvision
-from rauca_core.detect.frameworks.torchvision_detector import load
+from rauca_core.detect.frameworks.torchvision_detector import TorchvisionDetector, load
+from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 from rauca_core.detect.nms import detections
 from tests.detect.gradients import checked_gradient
 

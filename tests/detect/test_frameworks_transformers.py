@@ -18,10 +18,14 @@ from torch import Tensor, nn
 from rauca_core.contract import RaucaError
 from rauca_core.detect import load_detector
 from rauca_core.detect.families import Resolved
-from rauca_core.detect.frameworks import TransformersDetector, import_transformers
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
-from rauca_core.detect.frameworks.transformers_detector import load
-from rauca_core.detect.frameworks.transformers_loading import FAMILIES, translated_config, translated_name
+from rauca_core.detect.frameworks.transformers_detector import TransformersDetector, load
+from rauca_core.detect.frameworks.transformers_loading import (
+    FAMILIES,
+    import_transformers,
+    translated_config,
+    translated_name,
+)
 from tests.detect.gradients import checked_gradient
 
 pytestmark = pytest.mark.skipif(not importlib.util.find_spec("transformers"), reason="the extra detectors is missing")
@@ -136,10 +140,6 @@ def test_the_gradient_is_the_derivative(detectors: Made) -> None:
     checked_gradient(exact, photographs(1).clamp(0.1, 0.9), boxes=0.0, step=1e-7, rtol=1e-3)
 
 
-def test_names_are_cocos(detectors: Made) -> None:
-    assert detectors["detr"].class_names == ("n/a", "car", "motorcycle")
-
-
 @pytest.mark.parametrize("shape", [(1, 3, 33, 301), (3, 3, 211, 37), (2, 3, 1, 1)])
 def test_any_size_aspect_and_batch(shape: tuple[int, ...], detectors: Made) -> None:
     torch.manual_seed(3)
@@ -161,6 +161,7 @@ def test_images_without_a_pixel_left_are_refused(detectors: Made) -> None:
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = small_model("detr").train()
     detector = load_detector(model, SIZE, classes=("n/a", "car", "motorcycle"))
+    assert load_detector(model, SIZE).class_names == detector.class_names  # in COCO's words
     assert detector.fingerprint == load_detector(model, SIZE).fingerprint == detectors["detr"].fingerprint
     assert model.training
     before = detector.dense(photographs(1)).classes
@@ -248,7 +249,7 @@ def test_the_preprocessor_file_decides_over_the_usual(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "kind"), [("resnet18", "detr"), ("resnet50", "deformable_detr")])
 def test_timms_resnet_is_transformers_resnet_under_other_names(name: str, kind: str) -> None:
     """torchvision's ResNet has timm's names and is the same network: it must compute the same features."""
-    from rauca_core.detect.frameworks import import_torchvision
+    from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 
     transformers = import_transformers()
     config = translated_config({"model_type": kind, "backbone": name, "use_timm_backbone": True}, Path("config.json"))
@@ -277,7 +278,7 @@ def test_timms_resnet_is_transformers_resnet_under_other_names(name: str, kind: 
 
 def test_a_folder_that_names_timm_needs_none(folders: dict[str, Path], tmp_path: Path) -> None:
     """A DETR in the published form: timm's ResNet-18 and the tensor names of the time it was published."""
-    from rauca_core.detect.frameworks import import_torchvision
+    from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 
     transformers = import_transformers()
     described = json.loads((folders["detr"] / "config.json").read_text())

@@ -104,9 +104,3 @@ def test_full_networks_agree_with_opencv(
 @pytest.mark.parametrize("size", [64, 80])
 def test_every_layer_agrees_with_opencv(size: int, cfg: Path, weights: Path, check: Check) -> None:
     check(DarknetDetector("every", cfg, weights, ("boat", "car"), size), cfg, weights, size)
-
-
-def test_the_class_list_is_coco() -> None:
-    names = SOURCES["yolov3"].class_names
-    assert len(names) == 80
-    assert names[2] == "car"

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +43,6 @@ from tests.pretend_device import DEVICE, PretendDevice
 torch.set_num_threads(1)
 
 NAMES = ("frcnn-synth", "detr-synth")
-REPOSITORY = Path(__file__).resolve().parents[2]
 SIZE = 64
 TINY = {"steps": 14, "batch": 2, "lr": 1e-3, "size": SIZE, "round": 14, "threads": 1}
 
@@ -81,13 +79,6 @@ def draw_dataset(folder: Path, vehicle: Vehicle, category: str = "car", light: b
 @pytest.fixture
 def folder(tmp_path: Path, box_vehicle: Vehicle) -> Path:
     return draw_dataset(tmp_path / "data", box_vehicle).folder
-
-
-@pytest.fixture(scope="session")
-def backbone(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
-    """Seeded weights in place of YOLOv4-tiny's: what is tested here is the training, not its start."""
-    cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
-    return random_weights(tmp_path_factory.mktemp("backbone") / "backbone.weights", cfg)
 
 
 def score(judged: list[Judged]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +10,15 @@ import torch
 from torch import Tensor
 
 from rauca_core.detect.batch_norm import freeze_batch_norms
-from rauca_core.detect.frameworks import import_torchvision, import_transformers
+from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
+from rauca_core.detect.frameworks.transformers_loading import import_transformers
 from rauca_core.detect.nms import corners, detections, generalized_iou
 from rauca_core.detect.synth.network import Truth
 from rauca_core.detect.synth.networks import build_network
 
 torch.set_num_threads(1)
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 SIZE = 64
-
-
-@pytest.fixture(scope="module")
-def backbone(tmp_path_factory: pytest.TempPathFactory, random_weights: Callable[..., Path]) -> Path:
-    cfg = REPOSITORY / "assets" / "detectors" / "yolov4-tiny.cfg"
-    return random_weights(tmp_path_factory.mktemp("backbone") / "backbone.weights", cfg)
 
 
 @pytest.fixture(scope="module")

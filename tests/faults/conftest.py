@@ -12,38 +12,17 @@ from pathlib import Path
 import pytest
 
 from benchmarks.stability.drawn import make_dataset, painted_box
-from rauca_core.detect.darknet_network import DarknetNetwork
-from tests.detect.conftest import write_random_weights
+from tests.detect.conftest import cfg_of, write_random_weights
 from tests.faults.jobs import Begun, GoesOn, Inputs, Job, Whole
 from tests.faults.running import ORDINARY, Running, Surroundings, ensure_server, rauca
 from tests.faults.small_disk import SmallDisk, small_disk
 
 # Two layers and a head: what detectors find is of no interest here, that they are alike from run to run is.
 TINY = """
-[net]
-width=32
-height=32
-channels=3
-
-[convolutional]
-filters=8
-size=3
-stride=8
-pad=1
-activation=leaky
-
-[convolutional]
-filters=7
-size=1
-stride=1
-pad=1
-activation=linear
-
-[yolo]
-mask=0
-anchors=20,22
-classes=2
-num=1
+net width=32 height=32 channels=3
+convolutional filters=8 size=3 stride=8 pad=1 activation=leaky
+convolutional filters=7 size=1 stride=1 pad=1 activation=linear
+yolo mask=0 anchors=20,22 classes=2 num=1
 """
 
 
@@ -76,9 +55,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
     folder = tmp_path_factory.mktemp("inputs")
     data = make_dataset(folder / "data", painted_box(), 32, (40.0, 130.0, 220.0, 310.0))
     cfg = folder / "tiny.cfg"
-    cfg.write_text(TINY)
+    cfg.write_text(cfg_of(TINY))
     cfg.with_suffix(".names").write_text("boat\ncar\n")
-    assert len(DarknetNetwork(cfg).layers) == 3
     return Inputs(data.folder, write_random_weights(cfg.with_suffix(".weights"), cfg))
 
 

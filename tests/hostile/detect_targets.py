@@ -18,37 +18,13 @@ from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import load_model
 from rauca_core.detect.synth.card import load_network
 from tests.detect.conftest import EVERY_LAYER, write_random_weights
-from tests.detect.graphs.conftest import ssd_graph, write
+from tests.detect.graphs import test_graphs_caffe as caffe
+from tests.detect.graphs.conftest import ssd_graph
+from tests.detect.test_frameworks_mmdet import written
 
 from .mutate import mutate_json, mutate_text
 from .target import Target
 
-PROTOTXT = """
-name: "small"
-input: "data"
-input_shape { dim: 1 dim: 3 dim: 16 dim: 16 }
-layer { name: "c" type: "Convolution" bottom: "data" top: "c"
-  convolution_param { num_output: 4 kernel_size: 3 stride: 2 pad: 1 } }
-layer { name: "n" type: "BatchNorm" bottom: "c" top: "n" batch_norm_param { use_global_stats: true eps: 0.001 } }
-layer { name: "s" type: "Scale" bottom: "n" top: "s" scale_param { bias_term: true } }
-layer { name: "r" type: "ReLU" bottom: "s" top: "r" }
-layer { name: "b" type: "Convolution" bottom: "r" top: "b" convolution_param { num_output: 8 kernel_size: 1 } }
-layer { name: "bp" type: "Permute" bottom: "b" top: "bp" permute_param { order: 0 order: 2 order: 3 order: 1 } }
-layer { name: "bf" type: "Flatten" bottom: "bp" top: "bf" flatten_param { axis: 1 } }
-layer { name: "k" type: "Convolution" bottom: "r" top: "k" convolution_param { num_output: 6 kernel_size: 1 } }
-layer { name: "kp" type: "Permute" bottom: "k" top: "kp" permute_param { order: 0 order: 2 order: 3 order: 1 } }
-layer { name: "kr" type: "Reshape" bottom: "kp" top: "kr" reshape_param { shape { dim: 0 dim: -1 dim: 3 } } }
-layer { name: "ks" type: "Softmax" bottom: "kr" top: "ks" softmax_param { axis: 2 } }
-layer { name: "kf" type: "Flatten" bottom: "ks" top: "kf" flatten_param { axis: 1 } }
-layer { name: "p" type: "PriorBox" bottom: "r" bottom: "data" top: "p"
-  prior_box_param { min_size: 4.0 max_size: 8.0 variance: 0.1 variance: 0.1 variance: 0.2 variance: 0.2 offset: 0.5 } }
-layer { name: "d" type: "DetectionOutput" bottom: "bf" bottom: "kf" bottom: "p" top: "d"
-  detection_output_param { num_classes: 3 share_location: true background_label_id: 0 code_type: CENTER_SIZE } }
-"""
-BLOBS = {
-    "c": [(4, 3, 3, 3), (4,)], "n": [(4,), (4,), (1,)], "s": [(4,), (4,)],
-    "b": [(8, 4, 1, 1), (8,)], "k": [(6, 4, 1, 1), (6,)],
-}  # fmt: skip
 DETR = {
     "model_type": "detr", "d_model": 8, "encoder_layers": 1, "decoder_layers": 1, "num_queries": 3,
     "encoder_attention_heads": 1, "decoder_attention_heads": 1, "encoder_ffn_dim": 8, "decoder_ffn_dim": 8,
@@ -56,15 +32,6 @@ DETR = {
     "backbone_config": {"model_type": "resnet", "embedding_size": 4, "hidden_sizes": [4, 4], "depths": [1, 1],
                         "layer_type": "basic", "out_features": ["stage2"]},
 }  # fmt: skip
-MMDET = {
-    "model": {"type": "RetinaNet", "bbox_head": {"type": "RetinaHead", "num_classes": 80},
-              "data_preprocessor": {"type": "DetDataPreprocessor", "mean": [1, 2, 3], "std": [1, 2, 3],
-                                    "bgr_to_rgb": True, "pad_size_divisor": 32}},
-    "test_dataloader": {"dataset": {"pipeline": [{"type": "LoadImageFromFile"},
-                                                 {"type": "Resize", "scale": [1333, 800], "keep_ratio": True}]}},
-}  # fmt: skip
-
-
 SCALING = {
     "size": {"shortest_edge": 800, "longest_edge": 1333}, "resample": 2,
     "image_mean": [0.4, 0.4, 0.4], "image_std": [0.2, 0.2, 0.2], "do_normalize": True,
@@ -95,19 +62,12 @@ def _read_tf(folder: Path) -> None:
 
 
 def _caffe(folder: Path) -> None:
-    (folder / "net.prototxt").write_text(PROTOTXT)
-    rng, layers = np.random.default_rng(1), []
-    for name, shapes in BLOBS.items():
-        blobs = [
-            write("BlobProto", data=rng.uniform(0.1, 1, shape).ravel(), shape=write("BlobShape", dim=shape))
-            for shape in shapes
-        ]
-        layers.append(write("LayerParameter", name=name, blobs=blobs))
-    (folder / "net.caffemodel").write_bytes(write("NetParameter", layer=layers))
+    (folder / "net.prototxt").write_text(caffe.EVERY_LAYER)
+    caffe.save(folder / "net.caffemodel", caffe.random_weights())
 
 
 def _read_caffe(folder: Path) -> None:
-    load_detector(folder / "net.caffemodel", classes=("boat", "car"))
+    load_detector(folder / "net.caffemodel", classes=caffe.NAMES)
 
 
 def _onnx(folder: Path) -> None:
@@ -179,5 +139,5 @@ TARGETS = (
         lambda f: read_scaling(f / "preprocessor_config.json", Scaling()),
         mutate_json,
     ),
-    Target("mmdet-config", "c.json", json.dumps(MMDET), lambda f: read_config(f / "c.json"), mutate_json),
+    Target("mmdet-config", "c.json", lambda f: written(f / "c.json"), lambda f: read_config(f / "c.json"), mutate_json),
 )

@@ -47,8 +47,11 @@ class Scaling:
         mean, std = (_MEAN, _STD) if normalize else ((0.0,) * 3, (1.0,) * 3)
         return cls(0, 0, size, size, mean, std)
 
-    def of_size(self, size: int) -> Scaling:
-        """The same kind of scaling for another size: the shorter side's, or both."""
+    def of_size(self, name: str, size: int) -> Scaling:
+        """The same kind of scaling for another size: the shorter side's, or both; refused for the detector ``name``."""
+        if size < 32 or (not self.shortest and size % 32):
+            needed = "at least 32 pixels" if self.shortest else "a multiple of 32 pixels"
+            raise RaucaError(f"{name}: input size {size} must be {needed}")
         if self.shortest:
             return replace(self, shortest=size, longest=round(size * _LONGEST))
         return replace(self, height=size, width=size)

@@ -7,7 +7,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ...contract import RaucaError
 from ..batch_norm import freeze_batch_norms
 from ..classes import canonical, require_names
 from ..families import Resolved
@@ -56,7 +55,8 @@ class TransformersDetector(SinglePassDetector):
         """
         self._family: Family = family_of(name, getattr(getattr(model, "config", None), "model_type", None))
         self.name, self.class_names = name, class_names or _names_of(model)
-        self.scaling = _sized(name, scaling or self._family.scaling, size)
+        scaling = scaling or self._family.scaling
+        self.scaling = scaling if size is None else scaling.of_size(name, size)
         require_names(name, model.config.num_labels, self.class_names)
         self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, self.class_names, self.scaling, _settings(model.config.to_dict()))
@@ -110,12 +110,3 @@ def _settings(value: Any) -> Any:
 def _names_of(model: Any) -> tuple[str, ...]:
     """The configuration's names by index, as COCO writes them."""
     return tuple(canonical(str(model.config.id2label[index])) for index in range(model.config.num_labels))
-
-
-def _sized(name: str, scaling: Scaling, size: int | None) -> Scaling:
-    if size is None:
-        return scaling
-    if size < 32 or (not scaling.shortest and size % 32):
-        needed = "at least 32 pixels" if scaling.shortest else "a multiple of 32 pixels"
-        raise RaucaError(f"{name}: input size {size} must be {needed}")
-    return scaling.of_size(size)

@@ -38,13 +38,6 @@ def test_a_fitting_image_is_not_touched_and_others_pass_their_gradient(half_pixe
     assert torch.autograd.gradcheck(lambda x: stretch(x, 17, half_pixel_centers)[:, :1], images)
 
 
-def test_no_encoding_is_the_anchor_itself() -> None:
-    anchors = np.array([[0.5, 0.4, 0.2, 0.1], [0.1, 0.2, 0.3, 0.4]])
-    boxes = CenterSizeBoxes(anchors, np.array([0.1, 0.1, 0.2, 0.2]), rows_first=False)(torch.zeros(1, 2, 4))
-    expected = torch.tensor([[[0.4, 0.35, 0.6, 0.45], [-0.05, 0.0, 0.25, 0.4]]])
-    torch.testing.assert_close(boxes, expected)
-
-
 @pytest.mark.parametrize("rows_first", [True, False])
 def test_each_number_moves_its_own_side(rows_first: bool) -> None:
     variances = np.array([0.1, 0.125, 0.2, 0.25])
