@@ -95,8 +95,6 @@ def fit_published(
     dataset: Path,
     out: Path,
     epochs: int,
-    widths: tuple[int, ...] = NARROW,
-    seed: int = 0,
     threads: int | None = None,
     on_epoch: Callable[[EpochReport], None] = lambda report: None,
     device: torch.device | str = "cpu",
@@ -116,16 +114,16 @@ def fit_published(
     if (out / FINISHED).is_file():
         load_published(weights)
         return weights
-    settings = ExtractorSettings.make(method="published-final", batch=4, epochs=epochs, seed=seed, threads=threads)
+    settings = ExtractorSettings.make(method="published-final", batch=4, epochs=epochs, threads=threads)
     frames = LightFrames([dataset])
-    chosen, held_out = frames.split(settings.split, settings.test_share, seed)
-    torch.manual_seed(named_seed(seed, "published weights"))
-    net = PublishedEfe(widths)
+    chosen, held_out = frames.split(settings.split, settings.test_share, settings.seed)
+    torch.manual_seed(named_seed(settings.seed, "published weights"))
+    net = PublishedEfe(NARROW)
     data = {"name": frames.datasets[0].plan.name, "frames": len(chosen), "size": frames.size}
 
     def keep(epoch: int, best: nn.Module, errors: dict[str, Error]) -> None:
         error = total(errors.values()).mae
-        save_extractor(weights, best, PublishedCard(widths, settings.model_dump(mode="json"), data, error))
+        save_extractor(weights, best, PublishedCard(NARROW, settings.model_dump(mode="json"), data, error))
 
     job = Job(FinalLearner(net, frames, settings), frames, chosen, held_out, settings, out, keep)
     outcome = train(job, Processes(0, 1, find_device(device)), started(out), on_epoch)

@@ -160,12 +160,6 @@ TARGETS = (
     Target("history", "history.jsonl", HISTORY, read_history, mutate_lines),
     Target("detections", DETECTIONS, json_lines(FOUND, FOUND), _read_cache, mutate_lines, writes=True),
     Target("weathers", "w.json", json.dumps(WEATHERS), lambda f: find_preset(str(f / "w.json")), mutate_json),
-    Target(
-        "palette",
-        "p.txt",
-        "#102030\n#a0b0c0, #ffffff\n#000000\n",
-        lambda f: read_palette(str(f / "p.txt"), 4),
-        mutate_text,
-    ),
+    Target("palette", "p.txt", PALETTE, lambda f: read_palette(str(f / "p.txt"), 4), mutate_text),
     Target("progress", "lines", PROGRESS, _read_progress, mutate_lines),
 )

@@ -109,18 +109,17 @@ def safetensors(header: dict[str, Any], length: int | None = None, data: bytes =
     return struct.pack("<Q", len(text) if length is None else length) + text + data
 
 
-def onnx(**changes: Any) -> Callable[[bytes], bytes]:
-    """The healthy graph after ``change(model, onnx)``."""
+def onnx(change: Callable[[Any, Any, Any], None], value: Any) -> Callable[[bytes], bytes]:
+    """The healthy graph after ``change(model, onnx, value)``."""
 
-    def change(healthy: bytes) -> bytes:
+    def changed(healthy: bytes) -> bytes:
         import onnx
 
         model = onnx.load_model_from_string(healthy)
-        for name, value in changes.items():
-            _ONNX[name](model, onnx, value)
+        change(model, onnx, value)
         return bytes(model.SerializeToString())
 
-    return change
+    return changed
 
 
 def _size(model: Any, onnx: Any, size: int) -> None:
@@ -171,13 +170,12 @@ def _expand(model: Any, onnx: Any, count: int) -> None:
     model.graph.node.insert(0, onnx.helper.make_node("ConstantOfShape", ["large"], ["unused"]))
 
 
-_ONNX = {"size": _size, "elsewhere": _elsewhere, "literal": _literal, "loop": _loop, "expand": _expand}
-_ONNX |= {"function": _function, "laughs": _laughs}
 HALF_BYTES = safetensors({"x": {"dtype": "F4", "shape": [2], "data_offsets": [0, 1]}}, None, b"x")
-WIDE = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[convolutional]\nfilters=65536\nsize=31\n" * 3
-LAYERS = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[maxpool]\nsize=1\n" * 5000
-COARSE = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[maxpool]\nsize=1\nstride=32\n" * 300
-FINE = b"[net]\nwidth=32\nheight=32\nchannels=3\n" + b"[upsample]\nstride=32\n" * 2
+NET = b"[net]\nwidth=32\nheight=32\nchannels=3\n"
+WIDE = NET + b"[convolutional]\nfilters=65536\nsize=31\n" * 3
+LAYERS = NET + b"[maxpool]\nsize=1\n" * 5000
+COARSE = NET + b"[maxpool]\nsize=1\nstride=32\n" * 300
+FINE = NET + b"[upsample]\nstride=32\n" * 2
 FINE += b"[convolutional]\nfilters=30\nsize=1\n[convolutional]\nfilters=7\nsize=1\n"
 FINE += b"[yolo]\nmask=0\nanchors=4,6\nclasses=2\nnum=1\n"
 MISFIT = (
@@ -235,16 +233,16 @@ NASTY: tuple[Nasty, ...] = (
     ("darknet-cfg", "fine", given(FINE), "too large"),
     ("darknet-cfg", "misfit", given(MISFIT), "do not fit together"),
     ("caffe-prototxt", "deep", given(b"a {" * 5000), "unexpected"),
-    ("onnx", "vast", onnx(size=1_000_000), "at most 4096"),
-    ("onnx", "path", onnx(elsewhere="../../../etc/passwd"), "outside its folder"),
-    ("onnx", "absolute path", onnx(elsewhere="/etc/passwd"), "outside its folder"),
-    ("onnx", "no file", onnx(elsewhere="."), "missing beside it"),
-    ("onnx", "literal", onnx(literal="-" * 60_000 + "1"), None),
-    ("onnx", "brackets", onnx(literal="[" * 60_000), None),
-    ("onnx", "loop", onnx(loop="Loop"), "an operator Loop"),
-    ("onnx", "loop in a function", onnx(function="Loop"), "an operator Loop"),
-    ("onnx", "functions in functions", onnx(laughs=40), "more than 50000 nodes"),
-    ("onnx", "expand", onnx(expand=2**45), None),
+    ("onnx", "vast", onnx(_size, 1_000_000), "at most 4096"),
+    ("onnx", "path", onnx(_elsewhere, "../../../etc/passwd"), "outside its folder"),
+    ("onnx", "absolute path", onnx(_elsewhere, "/etc/passwd"), "outside its folder"),
+    ("onnx", "no file", onnx(_elsewhere, "."), "missing beside it"),
+    ("onnx", "literal", onnx(_literal, "-" * 60_000 + "1"), None),
+    ("onnx", "brackets", onnx(_literal, "[" * 60_000), None),
+    ("onnx", "loop", onnx(_loop, "Loop"), "an operator Loop"),
+    ("onnx", "loop in a function", onnx(_function, "Loop"), "an operator Loop"),
+    ("onnx", "functions in functions", onnx(_laughs, 40), "more than 50000 nodes"),
+    ("onnx", "expand", onnx(_expand, 2**45), None),
     ("transformers", "countless layers", changed(encoder_layers=2**31), "at most 256"),
     ("transformers", "wide", changed(d_model=2**16), "another model's weights|cannot build"),
     ("transformers", "number", changed(d_model=10**400), "at most"),

@@ -16,7 +16,7 @@ from ...contract.reading import parse_json, read_text
 
 MAX_CONFIG_BYTES = 2**22  # transformers' have some kB, MMDetection's dumps some 100
 
-_MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # ImageNet
+AS_THEY_ARE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)  # mean and std
 _LONGEST = 1333 / 800
 _MODES = {2: "bilinear", 3: "bicubic"}  # Pillow's numbers
 
@@ -37,15 +37,9 @@ class Scaling:
     longest: int = 1333
     height: int = 0
     width: int = 0
-    mean: tuple[float, ...] = _MEAN
-    std: tuple[float, ...] = _STD
+    mean: tuple[float, ...] = (0.485, 0.456, 0.406)  # ImageNet's
+    std: tuple[float, ...] = (0.229, 0.224, 0.225)
     mode: str = "bilinear"
-
-    @classmethod
-    def square(cls, size: int, normalize: bool = False) -> Scaling:
-        """To ``size`` x ``size`` pixels; RT-DETR takes images in [0, 1] as they are."""
-        mean, std = (_MEAN, _STD) if normalize else ((0.0,) * 3, (1.0,) * 3)
-        return cls(0, 0, size, size, mean, std)
 
     def of_size(self, name: str, size: int) -> Scaling:
         """The same kind of scaling for another size: the shorter side's, or both; refused for the detector ``name``."""
@@ -118,7 +112,7 @@ def read_scaling(path: Path, default: Scaling) -> Scaling:
     if options.get("do_resize") is False:
         raise RaucaError(f"{path}: do_resize is false; detectors here take images of any size, so give a size")
     if options.get("do_normalize") is False:
-        mean, std = (0.0,) * 3, (1.0,) * 3
+        mean, std = AS_THEY_ARE
     return replace(scaling, mean=mean or scaling.mean, std=std or scaling.std, mode=mode)
 
 

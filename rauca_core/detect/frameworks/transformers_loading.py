@@ -20,7 +20,7 @@ from torch import Tensor
 from ...contract import RaucaError
 from ..foreign import extra
 from .checkpoint import read_state, require_none
-from .scaling import Scaling, read_json
+from .scaling import AS_THEY_ARE, Scaling, read_json
 from .torchvision_ops import import_torchvision
 
 _DEPTHS = {
@@ -112,11 +112,12 @@ class Family:
     may_use_timm: bool = False
 
 
+_SQUARE = Scaling(0, 0, 640, 640, *AS_THEY_ARE)
 FAMILIES = {
     "detr": Family("Detr", True, 0, Scaling(), may_use_timm=True),
     "deformable_detr": Family("DeformableDetr", False, 100, Scaling(), may_use_timm=True),
-    "rt_detr": Family("RTDetr", False, 0, Scaling.square(640)),
-    "rt_detr_v2": Family("RTDetrV2", False, 0, Scaling.square(640)),
+    "rt_detr": Family("RTDetr", False, 0, _SQUARE),
+    "rt_detr_v2": Family("RTDetrV2", False, 0, _SQUARE),
 }
 
 

@@ -31,11 +31,11 @@ class TwoStage(nn.Module):
         classes: how many, without the background.
     """
 
-    def __init__(self, backbone: DarknetBackbone, classes: int, proposals: int = PROPOSALS) -> None:
+    def __init__(self, backbone: DarknetBackbone, classes: int) -> None:
         super().__init__()
         self.classes = classes
         self.body = backbone  # of this name in weights files
-        self.pyramid, self.rpn, self.roi_heads = _parts(classes, proposals)
+        self.pyramid, self.rpn, self.roi_heads = _parts(classes)
 
     @property
     def backbone(self) -> DarknetBackbone:
@@ -96,7 +96,7 @@ class _RegionHead(nn.Module):
         return functional.relu(self.second(x))
 
 
-def _parts(classes: int, proposals: int) -> tuple[nn.Module, Any, Any]:
+def _parts(classes: int) -> tuple[nn.Module, Any, Any]:
     """Feature pyramid, region proposal network and region heads, of torchvision."""
     import_torchvision()
     ops = importlib.import_module("torchvision.ops")
@@ -113,7 +113,7 @@ def _parts(classes: int, proposals: int) -> tuple[nn.Module, Any, Any]:
         batch_size_per_image=128,
         positive_fraction=0.5,
         pre_nms_top_n={"training": 300, "testing": 300},
-        post_nms_top_n={"training": 2 * proposals, "testing": proposals},
+        post_nms_top_n={"training": 2 * PROPOSALS, "testing": PROPOSALS},
         nms_thresh=0.7,
     )
     names = [str(i) for i in range(len(STRIDES))]
