@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
@@ -157,29 +158,23 @@ def to_layers(
     return [values[output] for output in outputs]
 
 
-def _in_order(nodes: dict[str, Node], image: str, outputs: Sequence[str]) -> Iterator[Node]:
-    """Every node that the outputs need, each after those it reads. No recursion: a graph may be a long chain."""
-    finished, open_ = {image}, set[str]()
-    stack = list(outputs)
-    while stack:
-        name = stack[-1]
-        if name in finished:
-            stack.pop()
+def _in_order(nodes: dict[str, Node], image: str, outputs: Sequence[str]) -> list[Node]:
+    """Every node that the outputs need, each after those it reads."""
+    needed: dict[str, tuple[str, ...]] = {}
+    waiting = list(outputs)
+    while waiting:
+        name = waiting.pop()
+        if name == image or name in needed:
             continue
         if name not in nodes:
             path = next(iter(nodes.values())).path
             raise RaucaError(f"{path}: node {name} is missing; no SSD graph of the TensorFlow object detection API")
-        waiting = [source for source in nodes[name].inputs if source not in finished]
-        if waiting:
-            if name in open_:  # met again before what it reads is finished
-                nodes[name].fail("is part of a cycle")
-            open_.add(name)
-            stack += waiting
-            continue
-        stack.pop()
-        open_.discard(name)
-        finished.add(name)
-        yield nodes[name]
+        needed[name] = nodes[name].inputs
+        waiting += needed[name]
+    try:
+        return [nodes[name] for name in TopologicalSorter(needed).static_order() if name != image]
+    except CycleError as error:
+        nodes[error.args[1][0]].fail("is part of a cycle")
 
 
 def _only(node: Node, inputs: Sequence[Value]) -> fx.Node:
