@@ -126,10 +126,10 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         raise RaucaError(f"{name}: rauca does not fetch these weights; get them with: {source.how}")
     missing = []
     for file in source.files:
-        if _whole(file):
-            _verify_file(source, file)
-        else:
+        if _fault(file):
             missing.append(file)
+        else:
+            _verify_file(source, file)
     own = folder or (Path(os.environ[OWN_FOLDER]) if os.environ.get(OWN_FOLDER) else None)
     if own is not None:
         missing = [file for file in missing if not _take(source, file, own.expanduser())]
@@ -171,20 +171,19 @@ def verify(source: Source) -> None:
 
 def _verify_file(source: Source, file: WeightsFile) -> None:
     path = weights_folder() / file.name
-    if not path.is_file():
-        raise RaucaError(f"{source.name}: not fetched yet; run `rauca weights fetch {source.name}`")
-    found = path.stat().st_size
-    if not _whole(file):
-        raise RaucaError(
-            f"{path}: expected {file.size_bytes} bytes, found {found}; run `rauca weights fetch {source.name}`"
-        )
+    if fault := _fault(file):
+        raise RaucaError(f"{path}: {fault}; run `rauca weights fetch {source.name}`")
     if not file_digest(path).startswith(file.sha256):
         raise RaucaError(f"{path}: sha256 differs from the published weights; remove the file and fetch it again")
 
 
-def _whole(file: WeightsFile) -> bool:
+def _fault(file: WeightsFile) -> str:
+    """What is wrong with it as it is stored, but for its hash; empty when nothing is."""
     path = weights_folder() / file.name
-    return path.is_file() and path.stat().st_size == (file.size_bytes or path.stat().st_size)
+    if not path.is_file():
+        return "not fetched"
+    found = path.stat().st_size
+    return "" if found == (file.size_bytes or found) else f"{found} bytes, expected {file.size_bytes}"
 
 
 def status() -> dict[str, str]:
@@ -193,12 +192,7 @@ def status() -> dict[str, str]:
 
 
 def _state(source: Source) -> str:
-    for file, path in zip(source.files, stored_paths(source), strict=True):
-        if not path.is_file():
-            return "not fetched"
-        if not _whole(file):
-            return f"{path.stat().st_size} bytes, expected {file.size_bytes}"
-    return "ready"
+    return next(filter(None, map(_fault, source.files)), "ready")
 
 
 @dataclass(frozen=True)

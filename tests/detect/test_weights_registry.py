@@ -61,7 +61,7 @@ def test_an_unknown_name_lists_what_there_is() -> None:
 
 
 def test_weights_that_were_not_fetched(empty_cache: Path) -> None:
-    with pytest.raises(RaucaError, match="not fetched yet; run `rauca weights fetch yolov3-tiny`"):
+    with pytest.raises(RaucaError, match="not fetched; run `rauca weights fetch yolov3-tiny`"):
         load_detector("yolov3-tiny")
     assert status() == dict.fromkeys(FETCHED, "not fetched")
 
@@ -124,6 +124,6 @@ def test_stored_weights_are_verified(empty_cache: Path, tiny_weights: dict[str, 
         with pytest.raises(RaucaError, match="sha256 differs from the published weights; remove the file"):
             call("yolov4-tiny")
     stored.write_bytes(data[:-1])
-    with pytest.raises(RaucaError, match="expected 24251276 bytes, found 24251275"):
+    with pytest.raises(RaucaError, match="24251275 bytes, expected 24251276; run"):
         load_detector("yolov4-tiny")
     assert status()["yolov4-tiny"] == "24251275 bytes, expected 24251276"
