@@ -18,6 +18,9 @@ from torch.utils._pytree import tree_flatten, tree_map
 
 DEVICE = torch.device("meta")
 COPIES = {torch.ops.aten._to_copy.default, torch.ops.aten.copy_.default}
+# Indices may lie in memory, on a GPU too.
+INDEXED = {torch.ops.aten.index.Tensor, torch.ops.aten.index_put.default, torch.ops.aten.index_put_.default}
+INDEXED |= {torch.ops.aten._index_put_impl_.default}
 
 
 class _Far(Tensor):
@@ -76,7 +79,8 @@ class PretendDevice(TorchDispatchMode):
 def _compute(func: Any, args: Any, kwargs: dict[str, Any]) -> Any:
     tensors = [value for value in tree_flatten((args, kwargs))[0] if isinstance(value, Tensor)]
     far = [value for value in tensors if isinstance(value, _Far)]
-    strangers = [value for value in tensors if not isinstance(value, _Far) and value.dim() > 0]
+    held = tree_flatten((args[0], args[2:]))[0] if func in INDEXED else tensors
+    strangers = [v for v in held if isinstance(v, Tensor) and not isinstance(v, _Far) and v.dim() > 0]
     if far and strangers and func not in COPIES:
         raise RuntimeError(f"{func}: of its tensors some lie on the device, one {tuple(strangers[0].shape)} does not")
     lands_far = bool(far)
