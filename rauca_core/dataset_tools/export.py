@@ -40,9 +40,7 @@ def export_dataset(folder: Path, form: str, out: Path, progress: Callable[[Progr
     if form not in FORMATS:
         raise RaucaError(f"format {form!r} is unknown; choose one of {', '.join(FORMATS)}")
     dataset = Dataset(folder)
-    frames = StoredFrame.all_of(dataset)
-    if not frames:
-        raise RaucaError(f"{folder}: no finished frame to export; make the data set first")
+    frames = StoredFrame.all_of(dataset, "export")
     own = load_vehicle(dataset.vehicle_folder).category
     categories = categories_of(frames, own)
     write = _write_coco if form == "coco" else _write_yolo

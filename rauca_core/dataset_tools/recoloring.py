@@ -31,9 +31,7 @@ def recolor_dataset(
     dataset = Dataset(folder)
     if not dataset.plan.light:
         raise RaucaError(f"{folder}: made without light maps, which recoloring needs; make a data set with light")
-    frames = StoredFrame.all_of(dataset)
-    if not frames:
-        raise RaucaError(f"{folder}: no finished frame to recolor; make the data set first")
+    frames = StoredFrame.all_of(dataset, "recolor")
     origins = {stored.frame.id: read_sums(stored.folder).get("passes.npz", "")[:16] for stored in frames}
     missing = sum(_claim(out / hex_name(color), origins) for color in colors)
     require_space(out, BYTES_PER_PIXEL * dataset.plan.size**2 * missing)

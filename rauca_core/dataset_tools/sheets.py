@@ -54,16 +54,22 @@ def _row(sheet: Image.Image, corner: tuple[int, int], name: str, frames: list[St
     pen = ImageDraw.Draw(sheet)
     _side_label(pen, left, top + tile / 2, name)
     for column, stored in enumerate(frames):
-        place = left + LABEL + column * (tile + GAP), top
+        x = left + LABEL + column * (tile + GAP)
         if stored is None:
-            _hole(pen, place, tile)
+            pen.rectangle((x, top, x + tile - 1, top + tile - 1), fill="#f0f2f5")
+            pen.text((x + tile / 2, top + tile / 2), "kept out", fill=SOFT, font=font(15), anchor="mm")
         else:
-            sheet.paste(enlarged(stored.image(), tile), place)
+            sheet.paste(enlarged(stored.image(), tile), (x, top))
 
 
 def frame_sheet(stored: StoredFrame, targets: list[Target]) -> Image.Image:
     """A frame three ways: as it is, with boxes and the paint's outline, with its classes; and the legend."""
     side = SHEET_SIDE
+    frame = stored.frame
+    title = (
+        f"{frame.id}    azimuth {frame.azimuth_deg:.0f}°, elevation {frame.elevation_deg:.0f}°, "
+        f"{frame.distance_m:.1f} m, {100 * frame.visible:.0f} % of the paint visible"
+    )
     views = [
         ("image", enlarged(stored.image(), side)),
         ("boxes, and the outline of the paint", with_boxes(stored, targets, side)),
@@ -75,21 +81,13 @@ def frame_sheet(stored: StoredFrame, targets: list[Target]) -> Image.Image:
     head = MARGIN + 56
     sheet = Image.new("RGB", (width, head + side + 16 + names.height + MARGIN // 2), PAPER)
     pen = ImageDraw.Draw(sheet)
-    pen.text((MARGIN, MARGIN - 8), _described(stored), fill=INK, font=font(19))
+    pen.text((MARGIN, MARGIN - 8), title, fill=INK, font=font(19))
     for column, (caption, view) in enumerate(views):
         left = MARGIN + column * (side + GAP)
         pen.text((left, head - 24), caption, fill=SOFT, font=font(15))
         sheet.paste(view, (left, head))
     sheet.paste(names, (MARGIN, head + side + 16))
     return sheet
-
-
-def _described(stored: StoredFrame) -> str:
-    frame = stored.frame
-    return (
-        f"{frame.id}    azimuth {frame.azimuth_deg:.0f}°, elevation {frame.elevation_deg:.0f}°, "
-        f"{frame.distance_m:.1f} m, {100 * frame.visible:.0f} % of the paint visible"
-    )
 
 
 def _side_label(pen: ImageDraw.ImageDraw, left: float, middle: float, text: str) -> None:
@@ -105,12 +103,6 @@ def _side_label(pen: ImageDraw.ImageDraw, left: float, middle: float, text: str)
     top = middle - 10 * len(lines)
     for number, line in enumerate(lines):
         pen.text((left, top + 20 * number), line, fill=INK, font=face)
-
-
-def _hole(pen: ImageDraw.ImageDraw, place: tuple[int, int], tile: int) -> None:
-    left, top = place
-    pen.rectangle((left, top, left + tile - 1, top + tile - 1), fill="#f0f2f5")
-    pen.text((left + tile / 2, top + tile / 2), "kept out", fill=SOFT, font=font(15), anchor="mm")
 
 
 INK, SOFT, PAPER, LINE = "#1d2430", "#5b6675", "#ffffff", "#dfe4ea"

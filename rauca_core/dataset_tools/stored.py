@@ -52,21 +52,16 @@ class StoredFrame:
     frame: Frame
 
     @staticmethod
-    def all_of(dataset: Dataset) -> list[StoredFrame]:
-        """The finished frames, in plan order."""
-        return [StoredFrame(dataset.frame_folder(frame.id), frame) for frame in dataset.frames()]
+    def all_of(dataset: Dataset, purpose: str = "look at") -> list[StoredFrame]:
+        """The finished frames, in plan order; raises :class:`RaucaError` where there is none to do something with."""
+        found = [StoredFrame(dataset.frame_folder(frame.id), frame) for frame in dataset.frames()]
+        if not found:
+            raise RaucaError(f"{dataset.folder}: no finished frame to {purpose}; make the data set first")
+        return found
 
     def image(self, name: str = "image.png") -> NDArray[np.uint8]:
         """A PNG of the frame: (H, W) for coverage and ids, (H, W, 3) sRGB for pictures."""
         return read_image(self.folder / name)
-
-    def vehicle_mask(self) -> NDArray[np.bool_]:
-        """(H, W) pixels at least half covered by the vehicle; the frame's box is theirs."""
-        return self.image("vehicle.png") >= 128
-
-    def instance_mask(self, number: int) -> NDArray[np.bool_]:
-        """(H, W) pixels that show another vehicle."""
-        return self.image("instances.png") == number
 
     def maps(self, *names: str) -> dict[str, NDArray[Any]]:
         """Arrays of ``passes.npz``."""
@@ -81,7 +76,10 @@ FIRST_OWN_COCO_ID = 91  # COCO's own end at 90
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One thing to detect: its class, tight box in pixels, and the (H, W) mask of what is visible of it."""
+    """One thing to detect: its class, tight box in pixels, and the (H, W) mask of what is visible of it.
+
+    Pixels at least half covered by the data set's vehicle are its own.
+    """
 
     category: str
     box_xyxy: Box
@@ -92,10 +90,10 @@ def targets_of(stored: StoredFrame, category: str) -> Iterator[Target]:
     """The data set's vehicle first, then others by id; those of fewer than 16 visible pixels are left out."""
     frame = stored.frame
     if frame.box_xyxy is not None:
-        yield Target(category, frame.box_xyxy, stored.vehicle_mask())
+        yield Target(category, frame.box_xyxy, stored.image("vehicle.png") >= 128)
     for instance in frame.instances:
         if instance.pixels >= MIN_BOX_PIXELS:
-            yield Target(instance.category, instance.box_xyxy, stored.instance_mask(instance.id))
+            yield Target(instance.category, instance.box_xyxy, stored.image("instances.png") == instance.id)
 
 
 def categories_of(frames: list[StoredFrame], category: str) -> list[str]:

@@ -42,9 +42,7 @@ def view_dataset(
         RaucaError: no finished frame, or one asked for that there is not.
     """
     dataset = Dataset(folder)
-    stored = {found.frame.id: found for found in StoredFrame.all_of(dataset)}
-    if not stored:
-        raise RaucaError(f"{folder}: no finished frame to show; make the data set first")
+    stored = {found.frame.id: found for found in StoredFrame.all_of(dataset, "show")}
     chosen = _chosen(folder, stored, frames)
     progress(Progress(0, len(chosen) + 1, "contact sheet"))
     sheet = _sheet(dataset, stored, views)

@@ -33,6 +33,23 @@ def covered(uvs: Floats, size: int, conservative: bool) -> tuple[Indices, Indice
     return np.concatenate(texels), np.concatenate(faces)
 
 
+def touched(uvs: Floats, size: int) -> Mask:
+    """(size, size) texels that a UV triangle (F, 3, 2) touches."""
+    mask = np.zeros(size * size, np.bool_)
+    mask[covered(uvs, size, conservative=True)[0]] = True
+    return mask.reshape(size, size)
+
+
+def dilated(mask: Mask, steps: int) -> Mask:
+    """A mask, empty along its border, that spread to squares of ``steps`` around each of its cells."""
+    for axis in (0, 1):
+        wide = mask.copy()
+        for shift in range(1, steps + 1):
+            wide |= np.roll(mask, shift, axis) | np.roll(mask, -shift, axis)
+        mask = wide
+    return mask
+
+
 def _candidates(corners: Points, size: int) -> Iterator[tuple[Indices, ...]]:
     """(face, column, row) of every texel in the bounding boxes of triangles, in chunks."""
     low = np.clip(np.floor(corners.min(axis=1)), 0, size - 1).astype(np.int64)

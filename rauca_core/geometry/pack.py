@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from ..contract import RaucaError
-from .atlas import covered, signed_uv_area
+from .atlas import dilated, signed_uv_area, touched
 from .mesh import Indices, Mask, Points
 
 Habit = tuple[tuple[float, float, float], str]
@@ -97,7 +97,7 @@ def _place_all(
         rotations: the footprints of a chart at the scale tried.
         cells, gap: the page without its border, and the least distance between charts, lattice cells.
     """
-    taken = np.zeros((cells, cells), np.bool_)
+    taken = np.zeros((cells, _stride(cells)), np.bool_)
     result: list[Points | None] = [None] * len(members)
     weights, order = habit
     big = [np.abs(signed_uv_area(m)).sum() if order == "area" else np.ptp(m, axis=(0, 1)).max() for m in members]
@@ -106,7 +106,7 @@ def _place_all(
         if spot is None:
             return None
         chosen, row, column = spot
-        wide = _dilate(np.pad(chosen.mask, gap), gap)
+        wide = dilated(np.pad(chosen.mask, gap), gap)
         top, left = max(row - gap, 0), max(column - gap, 0)
         bottom, right = min(row + chosen.mask.shape[0] + gap, cells), min(column + chosen.mask.shape[1] + gap, cells)
         taken[top:bottom, left:right] |= wide[
@@ -137,11 +137,10 @@ def _best_spot(
 ) -> tuple[Footprint, int, int] | None:
     """The rotation and free place that keep a chart closest to the page's first corner."""
     cells = len(taken)
-    page = _bits(taken)
     best, spot = np.inf, None
     for footprint in rotations:
         height, width = footprint.mask.shape
-        free = ~_cells(_collisions(page, footprint), cells)[: cells - height + 1, : cells - width + 1]
+        free = ~_collisions(taken, footprint)[: cells - height + 1, : cells - width + 1]
         rows = np.flatnonzero(free.any(axis=1))
         if len(rows) == 0:
             continue
@@ -154,12 +153,17 @@ def _best_spot(
     return spot
 
 
-def _collisions(page: int, footprint: Footprint) -> int:
-    """The places, as bits of a page, at which a chart's first corner may not lie.
+def _collisions(taken: Mask, footprint: Footprint) -> Mask:
+    """The places at which a chart's first corner may not lie.
 
-    One shift of the page moves all places at once: some hundred shifts of a few kilobytes try every one.
+    The page is one number: a bit for each cell, row after row, the first cell's the lowest. One shift of it moves all
+    places at once: some hundred shifts of a few kilobytes try every one.
+
+    Args:
+        taken: (cells, :func:`_stride`) of the page; the result is alike.
     """
-    spread, length, blocked = page, 1, 0  # spread: bits with something taken in the ``length`` cells from there on
+    spread = int.from_bytes(np.packbits(taken, bitorder="little").tobytes(), "little")
+    length, blocked = 1, 0  # spread: bits with something taken in the ``length`` cells from there on
     for run, starts in footprint.runs:
         while length < run:
             step = min(length, run - length)
@@ -167,7 +171,8 @@ def _collisions(page: int, footprint: Footprint) -> int:
             length += step
         for start in starts:
             blocked |= spread >> start
-    return blocked
+    packed = np.frombuffer(blocked.to_bytes(taken.size // 8, "little"), np.uint8)
+    return np.unpackbits(packed, bitorder="little").reshape(taken.shape).view(np.bool_)
 
 
 def _runs(mask: Mask, cells: int) -> list[tuple[int, list[int]]]:
@@ -179,19 +184,6 @@ def _runs(mask: Mask, cells: int) -> list[tuple[int, list[int]]]:
     return [(int(length), starts[lengths == length].tolist()) for length in np.unique(lengths)]
 
 
-def _bits(mask: Mask) -> int:
-    """A page as one number: a bit for each cell, row after row, the first cell's the lowest."""
-    wide = np.pad(mask, ((0, 0), (0, _stride(len(mask)) - len(mask))))
-    return int.from_bytes(np.packbits(wide, bitorder="little").tobytes(), "little")
-
-
-def _cells(bits: int, cells: int) -> Mask:
-    """:func:`_bits` undone."""
-    stride = _stride(cells)
-    packed = np.frombuffer(bits.to_bytes(cells * stride // 8, "little"), np.uint8)
-    return np.unpackbits(packed, bitorder="little").reshape(cells, stride)[:, :cells].view(np.bool_)
-
-
 def _stride(cells: int) -> int:
     """Bits that a row takes: whole bytes."""
     return -(-cells // 8) * 8
@@ -201,20 +193,7 @@ def _bitmap(points: Points, height: int, width: int) -> Mask:
     """(height, width) lattice cells that a chart touches, row 0 at y = 0."""
     side = max(height, width)
     unit = points / (side * CELL_TEXELS)
-    cells, _ = covered(np.stack([unit[..., 0], 1 - unit[..., 1]], axis=-1), side, conservative=True)
-    mask = np.zeros(side * side, np.bool_)
-    mask[cells] = True
-    return mask.reshape(side, side)[:height, :width]
-
-
-def _dilate(mask: Mask, steps: int) -> Mask:
-    for axis in (0, 1):
-        wide = mask.copy()
-        for shift in range(1, steps + 1):
-            for sign in (-1, 1):
-                wide |= np.roll(mask, sign * shift, axis)
-        mask = wide
-    return mask
+    return touched(np.stack([unit[..., 0], 1 - unit[..., 1]], axis=-1), side)[:height, :width]
 
 
 def _lean(points: Points) -> float:

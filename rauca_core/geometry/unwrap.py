@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import RaucaError, Vehicle
-from .atlas import chart_of_faces, covered, density_spread, signed_uv_area
+from .atlas import chart_of_faces, density_spread, dilated, signed_uv_area, touched
 from .mesh import Floats, Indices, Integers, Points, face_normals
 from .pack import pack_charts
 
@@ -72,13 +72,8 @@ def repack(vehicle: Vehicle, flat: Points, size: int = ATLAS_SIZE, padding: int 
 
 def chart_mask(uvs: Floats, size: int) -> NDArray[np.uint8]:
     """(size, size) mask: 255 on every texel that a face (F, 3, 2) touches and on those next to it, else 0."""
-    texels, _ = covered(uvs, size, conservative=True)
-    mask = np.zeros((size + 2 * MASK_DILATION,) * 2, np.bool_)
-    inner = np.zeros(size * size, np.bool_)
-    inner[texels] = True
-    mask[MASK_DILATION:-MASK_DILATION, MASK_DILATION:-MASK_DILATION] = inner.reshape(size, size)
-    steps = range(2 * MASK_DILATION + 1)
-    wide = np.logical_or.reduce([mask[i : i + size, j : j + size] for i in steps for j in steps])
+    inner = slice(MASK_DILATION, -MASK_DILATION)
+    wide = dilated(np.pad(touched(uvs, size), MASK_DILATION), MASK_DILATION)[inner, inner]
     return np.where(wide, 255, 0).astype(np.uint8)
 
 

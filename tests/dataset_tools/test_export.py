@@ -35,13 +35,13 @@ def test_coco_tools_read_the_frames_own_boxes_and_masks(mini, tmp_path):
         assert car["category_id"] == 3  # COCO's own number
         left, top, width, height = car["bbox"]
         assert (left, top, left + width, top + height) == stored.frame.box_xyxy
-        assert np.array_equal(coco.annToMask(car).astype(bool), stored.vehicle_mask())
-        assert car["area"] == stored.vehicle_mask().sum()
+        assert np.array_equal(coco.annToMask(car).astype(bool), stored.image("vehicle.png") >= 128)
+        assert car["area"] == (stored.image("vehicle.png") >= 128).sum()
         others = [a for a in found if a is not car]
         assert [names[a["category_id"]] for a in others] == [i.category for i in stored.frame.instances]
         for annotation, instance in zip(others, stored.frame.instances, strict=True):
             assert annotation["bbox"][:2] == list(instance.box_xyxy[:2])
-            assert np.array_equal(coco.annToMask(annotation).astype(bool), stored.instance_mask(instance.id))
+            assert np.array_equal(coco.annToMask(annotation).astype(bool), stored.image("instances.png") == instance.id)
 
 
 def test_coco_ground_truth_scores_itself_perfectly(mini, tmp_path):
