@@ -17,7 +17,7 @@ from blender_addon.scene.annotate import Annotation
 from blender_addon.scene.light_maps import MARGIN_PX, light_maps
 from blender_addon.scene.render import Crop, render_linear
 from blender_addon.scene.session import LightMemory, Session
-from blender_addon.vehicles import find_vehicle
+from blender_addon.scene.vehicle_files import find_vehicle
 from pipelines.dataset_options import dataset_job, dataset_parser
 from rauca_core.contract import Progress, Quality, VehicleSource, Weather, find_preset, in_rendering_order
 from rauca_core.contract.color import TRAIN, Color, recolor, srgb_to_linear
@@ -54,18 +54,11 @@ class Studio:
         started = Cpu()
         self.sights: dict[int, Annotation] = dict(self.session.annotations(LOCATION, sorted(views)))
         self.coverage_s = (Cpu() - started) / len(views)  # of a camera's annotation, mean
-        self._weather: Weather | None = None
         self._references: dict[tuple[Any, ...], Image] = {}
 
     def errors(self, view: int, frame: Image, halves: Halves) -> tuple[float, float, float]:
         """:func:`squared_errors` of a frame of a view."""
         return squared_errors(frame, halves, self.sights[view].paint > 0)
-
-    def set_weather(self, weather: Weather) -> None:
-        """As the data set's loop does: only when it changes."""
-        if weather != self._weather:
-            self.session.set_weather(weather)
-            self._weather = weather
 
     def use(self, quality: Quality, weathers: tuple[Weather, ...] = ()) -> None:
         """Render as a plan of this quality and these weathers would; nothing rendered before is remembered."""
@@ -81,7 +74,7 @@ class Studio:
 
     def render(self, view: int, weather: Weather, color: Color, draw: int = 0) -> Image:
         """One render in one color, linear; other draws have other noise."""
-        self.set_weather(weather)
+        self.session.set_weather(weather)
         red, green, blue = (float(c) for c in srgb_to_linear(np.array(color) / 255))
         self.session.vehicle.paint.set_color((red, green, blue))
         if not draw:
@@ -92,7 +85,7 @@ class Studio:
 
     def maps(self, view: int, weather: Weather) -> tuple[Image, Image]:
         """A and B as the data set stores them, save for their rounding to half precision."""
-        self.set_weather(weather)
+        self.session.set_weather(weather)
         grey = srgb_to_linear(np.array(self.session.plan.reference_srgb, np.float32) / 255)
         A, B, _ = light_maps(
             self.session, LOCATION, view, weather, self.sights[view].paint > 0, grey, self.sights[view]
@@ -176,7 +169,7 @@ def measure_fog(studio: Studio, settings: Settings, light: str, density: float) 
     real = recolor(*studio.maps(view, weather), grey)
     studio.use(replace(studio.default, composed_fog=True), (clear, weather))
     unfogged = studio.render(view, clear, grey)
-    studio.set_weather(weather)
+    studio.session.set_weather(weather)
     coarse = studio.session.render_coarse(LOCATION, view, weather)
     distance = studio.sights[view].distance
     everywhere = composed_fog.compose(coarse, unfogged, distance, weather.extinction)

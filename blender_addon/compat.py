@@ -12,20 +12,8 @@ def sky_texture_kind() -> str:
     return "SINGLE_SCATTERING" if bpy.app.version >= (5, 0, 0) else "NISHITA"
 
 
-def has_denoiser(scene: bpy.types.Scene) -> bool:
-    """True when this build carries Open Image Denoise (Debian's does not).
-
-    Builds without it either refuse the value or, in 5.2, drop it without a word.
-    """
-    try:
-        scene.cycles.denoiser = "OPENIMAGEDENOISE"
-    except TypeError:
-        return False
-    return bool(getattr(bpy.app.build_options, "openimagedenoise", True))
-
-
-def denoiser_is_built_in() -> bool:
-    """What :func:`has_denoiser` finds, for panels: nothing may be written to a scene while one is drawn."""
+def has_denoiser() -> bool:
+    """True when this build carries Open Image Denoise (Debian's does not)."""
     try:
         cycles = importlib.import_module("_cycles")
     except ImportError:

@@ -23,7 +23,7 @@ from .scene.camouflages import read_paintwork, render_camouflages, save_blend
 from .scene.images import read_image_blender
 from .scene.session import Session
 from .scene.uvs import unwrapped
-from .vehicles import find_vehicle
+from .scene.vehicle_files import find_vehicle
 
 Report = Callable[[contract.Progress], None]
 

@@ -12,7 +12,7 @@ from bpy.app.translations import pgettext_rpt as rpt
 from .core import contract
 from .jobs import watch
 from .jobs.background import Job
-from .jobs.child import Ending
+from .steps.job_panel import draw_button
 from .steps.operator import BackgroundOperator
 from .steps.panel import paragraph
 from .steps.python_check import CheckTask, verdict
@@ -84,7 +84,7 @@ def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     if watch.busy(CHECK):
         row = layout.row(align=True)
         row.label(text="Checking ...", icon="TIME")
-        row.operator("rauca.stop_job", text="Stop").job = CHECK
+        draw_button(row, CHECK, "STOP", "Stop")
         return
     layout.operator("rauca.check_python", icon="VIEWZOOM")
     if settings.verdict:
@@ -94,7 +94,6 @@ def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
 class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
     """See whether the chosen Python can optimize camouflages, and say what it lacks; takes some seconds"""
 
-    bl_idname = "rauca.check_python"
     bl_label = "Check"
     job = CHECK
     running = "The check is running"
@@ -116,7 +115,7 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
         task = CheckTask.of(python)
         watch.begin(CHECK, task, lambda job: _finish(job, python, task))
 
-    def outcome(self, context: bpy.types.Context, how: Ending) -> str:
+    def outcome(self, context: bpy.types.Context, job: Job) -> str:
         settings = preferences(context)
         assert settings is not None  # poll
         if not settings.ready:

@@ -21,7 +21,7 @@ BLENDER_PROBE = """
 import bpy
 from blender_addon import compat, devices
 gpus = [gpu.described for gpu in devices.gpus()]
-print("version", bpy.app.version_string, "denoiser" if compat.has_denoiser(bpy.context.scene) else "no-denoiser")
+print("version", bpy.app.version_string, "denoiser" if compat.has_denoiser() else "no-denoiser")
 print("renders on", "; ".join(["cpu", *gpus]))
 """
 

@@ -7,20 +7,22 @@ frame, and would hang for good if Blender died; this one loses nothing when Blen
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Literal
 
 import numpy as np
+from bpy.app.translations import pgettext_rpt as rpt
 from numpy.typing import NDArray
 
 from ..core import child_process, contract
-from .child import FINISHED, STOPPED, Ending, ending
+from .child import ending
 
 Phase = Literal["starting", "running", "pausing", "paused", "stopping", "done", "stopped", "failed"]
 NEWS_PER_TICK = 200
+STOPPED = "Stopped; what is finished is kept. Start again to go on"
 
 
 @dataclass(frozen=True)
@@ -75,23 +77,20 @@ class Job:
         notes: what the child wants known, each once.
         history: each figure of every step, oldest first.
         pictures: the newest of each name, not yet shown.
-        ending: how the job ended, once ``phase`` is done, stopped or failed.
+        when_done: to be called in Blender's thread, once it has ended in any way.
+        ending: how the job ended, translated, once ``phase`` is done, stopped or failed.
     """
 
-    def __init__(self, task: Task) -> None:
-        """Start it.
-
-        Raises:
-            RaucaError: the program cannot be started.
-        """
-        self.task = task
+    def __init__(self, task: Task, when_done: Callable[[Job], None] | None = None) -> None:
+        """Start it; raises :class:`RaucaError` when the program cannot be started."""
+        self.task, self.when_done = task, when_done
         self.phase: Phase = "starting"
         self.done = self.total = 0
         self.left_s: float | None = None
         self.notes: list[str] = []
         self.history: dict[str, list[float]] = {}
         self.pictures: dict[str, NDArray[np.uint8]] = {}
-        self.ending: Ending | None = None
+        self.ending = ""
         self._news: SimpleQueue[JobUpdate] = SimpleQueue()
         self._begin()
 
@@ -102,7 +101,7 @@ class Job:
     @property
     def alive(self) -> bool:
         """Whether it still works or waits to go on."""
-        return self.ending is None
+        return not self.ending
 
     @property
     def fraction(self) -> float:
@@ -135,13 +134,13 @@ class Job:
             try:
                 self._begin()
             except contract.RaucaError as error:
-                self._close(Ending("failed", "{reason}", {"reason": str(error)}))
+                self._close("failed", str(error))
                 raise
 
     def stop(self) -> None:
         """End the job, keeping what is finished; a second call does not wait for what the child has in hand."""
         if self.phase == "paused":
-            self._close(STOPPED)
+            self._close("stopped", rpt(STOPPED))
         elif self.phase == "stopping":
             self._process.kill()
         elif self.alive:
@@ -176,14 +175,14 @@ class Job:
 
     def _end(self, code: int) -> None:
         if code == 0:
-            self._close(FINISHED)
+            self._close("done", rpt("Finished"))
         elif self.phase == "pausing":
             self.phase, self.left_s = "paused", None
         elif self.phase == "stopping":
-            self._close(STOPPED)
+            self._close("stopped", rpt(STOPPED))
         else:
-            self._close(ending(code, self._process.complaints()))
+            self._close("failed", ending(code, self._process.complaints()))
 
-    def _close(self, how: Ending) -> None:
-        self.ending, self.phase, self.left_s = how, how.phase, None
+    def _close(self, phase: Phase, words: str) -> None:
+        self.phase, self.ending, self.left_s = phase, words, None
         self.task.clean()

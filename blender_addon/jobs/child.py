@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import bpy
+from bpy.app.translations import pgettext_rpt as rpt
 
 
 def child_command(job: Path) -> list[str]:
@@ -35,27 +34,8 @@ IN_THE_WINDOW = (
 )
 
 
-@dataclass(frozen=True)
-class Ending:
-    """A sentence about how a job ended.
-
-    Attributes:
-        phase: what became of the job.
-        text: in English, for translation; then ``format(**values)``.
-        values: what fills ``text``.
-    """
-
-    phase: Literal["done", "stopped", "failed"]
-    text: str
-    values: Mapping[str, str] = field(default_factory=dict)
-
-
-FINISHED = Ending("done", "Finished")
-STOPPED = Ending("stopped", "Stopped; what is finished is kept. Start again to go on")
-
-
-def ending(code: int, complaints: Sequence[str]) -> Ending:
-    """How a child ended that nobody asked to.
+def ending(code: int, complaints: Sequence[str]) -> str:
+    """How a child ended that nobody asked to, translated.
 
     Args:
         code: its exit code, not 0; negative for a signal.
@@ -64,17 +44,18 @@ def ending(code: int, complaints: Sequence[str]) -> Ending:
     for line in reversed(complaints):
         if line.startswith("error: "):
             reason = with_buttons(line.removeprefix("error: "))
-            return Ending("failed", "{reason}", {"reason": reason[:1].upper() + reason[1:]})
+            return reason[:1].upper() + reason[1:]
         if line.startswith("interrupted: "):
-            return Ending("failed", "It was interrupted from outside; what is finished is kept. Start again to go on")
+            return rpt("It was interrupted from outside; what is finished is kept. Start again to go on")
     if code == -signal.SIGKILL:
-        text = "It was killed, perhaps for want of memory; what is finished is kept. Close other programs, start again"
-        return Ending("failed", text)
+        return rpt(
+            "It was killed, perhaps for want of memory; what is finished is kept. Close other programs, start again"
+        )
     if code < 0:
-        text = "It crashed ({signal}); what is finished is kept. Start again to go on"
-        return Ending("failed", text, {"signal": signal.Signals(-code).name})
+        text = rpt("It crashed ({signal}); what is finished is kept. Start again to go on")
+        return text.format(signal=signal.Signals(-code).name)
     last = complaints[-1] if complaints else "no message"
-    return Ending("failed", "It broke off with code {code}: {last}", {"code": str(code), "last": last})
+    return rpt("It broke off with code {code}: {last}").format(code=code, last=last)
 
 
 def with_buttons(sentence: str) -> str:

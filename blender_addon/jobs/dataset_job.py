@@ -6,7 +6,6 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import bpy
@@ -17,7 +16,7 @@ from ..folders import scratch_folder, sweep_scratch
 from ..scene.frame import render_chunk
 from ..scene.images import read_image_blender
 from ..scene.session import Session
-from ..vehicles import find_vehicle
+from ..scene.vehicle_files import find_vehicle
 from .child import child_command
 from .supervisor import Crew, Listener, Supervisor
 from .workers import News, serve, tell
@@ -111,26 +110,23 @@ class _Run:
             sweep(out, held)
             if (out / "dataset.json").is_file():
                 self._claim(held)  # a vehicle removed as damaged comes back where no frame is missing, too
-            wanted, left_out = self._survey()
+            asked = self.job.wanted()
+            wanted, left_out = self._survey(asked)
             files.require_space(out, plan.size**2 * BYTES_PER_PIXEL * len(wanted))
             listener = Listener(self.progress, _note)
             supervisor = Supervisor(out, shard, self._crew(), listener, lambda: self._claim(held))
             try:
-                supervisor.run(self._pieces(wanted), len(self._asked) - len(wanted))
+                supervisor.run(self._pieces(wanted), len(asked) - len(wanted))
             finally:
                 sweep(out, held)
             return left_out | supervisor.quarantined
 
-    @cached_property
-    def _asked(self) -> list[contract.PlannedFrame]:
-        return self.job.wanted()
-
-    def _survey(self) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
+    def _survey(self, asked: list[contract.PlannedFrame]) -> tuple[list[contract.PlannedFrame], dict[str, str]]:
         """Frames to render, and those left out as quarantined; the ledger learns of done frames that it misses."""
         out, again = self.job.out, self.job.retry_quarantined
         ledger, states = contract.read_ledger(out), contract.frame_states(out)
         wanted, left_out = [], {}
-        for frame in self._asked:
+        for frame in asked:
             state = states.get(frame.id)
             if state == "quarantined" and not again:
                 left_out[frame.id] = ledger[frame.id].reason or ""

@@ -20,7 +20,6 @@ INTERVAL_S = 0.1
 CURVE_EVERY_S = 0.5
 
 _jobs: dict[str, Job] = {}
-_when_done: dict[str, Callable[[Job], None]] = {}
 _curve_at: dict[str, float] = {}  # when each job's was last drawn
 
 
@@ -36,20 +35,11 @@ def busy(name: str) -> bool:
 
 
 def begin(name: str, task: Task, when_done: Callable[[Job], None] | None = None) -> Job:
-    """Start a job and look after it.
-
-    Args:
-        when_done: called once in Blender's thread, when the job has ended in any way.
-
-    Raises:
-        RaucaError: the program cannot be started.
-    """
+    """Start a job and look after it; raises as :class:`Job`."""
     assert not busy(name)
-    started = Job(task)
+    started = Job(task, when_done)
     forget(name)
     _jobs[name] = started
-    if when_done is not None:
-        _when_done[name] = when_done
     if not bpy.app.timers.is_registered(_beat):
         bpy.app.timers.register(_beat, first_interval=INTERVAL_S, persistent=True)
     return started
@@ -61,7 +51,8 @@ def tick() -> None:
         if found.tick():
             _show(name, found)
             redraw()
-        if not found.alive and (told := _when_done.pop(name, None)):
+        if not found.alive and (told := found.when_done):
+            found.when_done = None
             told(found)
             redraw()
 
@@ -79,7 +70,6 @@ def run_to_end(name: str) -> Job:
 def forget(name: str) -> None:
     """Drop an ended job and its pictures."""
     _jobs.pop(name, None)
-    _when_done.pop(name, None)
     _curve_at.pop(name, None)
     pictures.forget(f"{name}.")
 
@@ -102,7 +92,6 @@ def unregister() -> None:
             found.stop()
             found.task.clean()
     _jobs.clear()
-    _when_done.clear()
     if bpy.app.timers.is_registered(_beat):
         bpy.app.timers.unregister(_beat)
     pictures.close()

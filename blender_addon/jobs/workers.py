@@ -45,11 +45,7 @@ class News:
 
 
 def parse_news(line: str) -> News | None:
-    """The news in a line, or None for anything else that Blender prints.
-
-    Raises:
-        RaucaError: the line is damaged.
-    """
+    """The news in a line, None for anything else that Blender prints; raises :class:`RaucaError` for a damaged one."""
     if not line.startswith(_MARK):
         return None
     try:

@@ -66,8 +66,14 @@ def categories(scene: bpy.types.Scene, own: str, where: str) -> dict[int, str]:
     Raises:
         RaucaError: an object's number or category is none of another vehicle's, or two categories share a number.
     """
+    carriers: dict[str, bpy.types.Object] = {}
     found: dict[int, str] = {}
-    for thing in _numbered(scene):
+    for thing, owner in _rendered_instances(scene):
+        # The one that instances stands before what it brings.
+        carrier = owner if semantics.INSTANCE_PROPERTY in owner else thing.original
+        if semantics.INSTANCE_PROPERTY in carrier:
+            carriers[carrier.name_full] = carrier
+    for thing in carriers.values():
         number, category = thing[semantics.INSTANCE_PROPERTY], thing.get(semantics.CATEGORY_PROPERTY)
         # A property that Blender's panel adds is a float, and that makes 3.0 of a 3.
         whole = type(number) in (int, float) and 0 < number < semantics.TARGET_INSTANCE and number == int(number)
@@ -101,16 +107,6 @@ def require_annotatable(scene: bpy.types.Scene, own: str, where: str) -> None:
                     )
     finally:
         bpy.data.materials.remove(probe)
-
-
-def _numbered(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The objects whose numbers renders tell: the one that instances stands before what it brings."""
-    found = {}
-    for thing, owner in _rendered_instances(scene):
-        carrier = owner if semantics.INSTANCE_PROPERTY in owner else thing.original
-        if semantics.INSTANCE_PROPERTY in carrier:
-            found[carrier.name_full] = carrier
-    return list(found.values())
 
 
 def _rendered_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..core import color, contract, semantics
 from . import nodes
 from .annotatable import categories, exchanged_materials, is_volume, shown_objects
+from .blocks import set_within
 from .render import Crop, render_linear
 from .vehicle import SceneVehicle
 
@@ -60,11 +61,16 @@ class Annotation:
 
 
 class GeometryView:
-    """The scene while its surfaces emit numbers; made by :func:`geometry_only`."""
+    """The scene while its surfaces emit numbers, one emitter for each kind of surface that occurs.
 
-    def __init__(self, scene: bpy.types.Scene, materials: list[bpy.types.Material], categories: dict[int, str]) -> None:
-        self._scene, self._categories = scene, categories
-        self._modes = [material.node_tree.nodes[MODE].outputs[0] for material in materials]
+    Made by :func:`geometry_only`.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, vehicle: SceneVehicle) -> None:
+        """Raises as :func:`categories`."""
+        self._scene, self._vehicle = scene, vehicle
+        self._categories = categories(scene, vehicle.vehicle.category, scene.name)
+        self._emitters: dict[tuple[str, bool, bool], bpy.types.Material] = {}
 
     def annotate(self, visible: Callable[[NDArray[np.uint8]], float], seed: int) -> Annotation:
         """Render what the scene's camera sees; ``visible`` tells the visible share of the paint from the instances."""
@@ -88,69 +94,27 @@ class GeometryView:
     def _ids(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Semantic and instance ids at the pixels' centers, (H, W) each."""
         self._switch(1.0)
-        cycles = self._scene.cycles
-        usual, cycles.filter_width = cycles.filter_width, SMALLEST_FILTER
-        try:
+        with set_within((self._scene.cycles, "filter_width", SMALLEST_FILTER)):
             pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
-        finally:
-            cycles.filter_width = usual
         numbers = np.rint(pixels).astype(np.uint8)
         semantic = np.where(pixels[..., 3] < 0.5, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])
         return semantic, np.ascontiguousarray(numbers[..., 1])
 
     def _switch(self, mode: float) -> None:
-        for socket in self._modes:
+        for material in self._emitters.values():
+            socket = material.node_tree.nodes[MODE].outputs[0]
             if socket.default_value != mode:  # writing the same value would still make Cycles rebuild the shader
                 socket.default_value = mode
 
-
-@contextlib.contextmanager
-def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.types.Object]) -> Iterator[GeometryView]:
-    """Within: surfaces emit numbers, the sky is transparent, light and fog are off; raises as :func:`categories`."""
-    things = shown_objects(scene)
-    numbered = categories(scene, vehicle.vehicle.category, scene.name)
-    emitters = _Emitters(vehicle)
-    cycles, render = scene.cycles, scene.render
-    before = cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world
-    unlit = [o for o in things if o.type in ("LIGHT", "VOLUME") or is_volume(o)]
-    hidden = [(thing, thing.hide_render) for thing in {*fog, *unlit, *(o for o in scene.objects if o.type == "LIGHT")}]
-    ours = vehicle.object.get(semantics.INSTANCE_PROPERTY)
-    try:
-        vehicle.object[semantics.INSTANCE_PROPERTY] = semantics.TARGET_INSTANCE
-        with exchanged_materials([thing for thing in things if thing not in unlit], emitters.of):
-            for thing, _ in hidden:
-                thing.hide_render = True
-            cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = 0, 1.0, True, None
-            yield GeometryView(scene, emitters.materials, numbered)
-    finally:
-        for thing, was in hidden:
-            thing.hide_render = was
-        cycles.max_bounces, cycles.film_exposure, render.film_transparent, scene.world = before
-        del vehicle.object[semantics.INSTANCE_PROPERTY]
-        if ours is not None:
-            vehicle.object[semantics.INSTANCE_PROPERTY] = ours
-        emitters.remove()
-
-
-class _Emitters:
-    """Emitters of numbers, one for each kind of surface that occurs."""
-
-    def __init__(self, vehicle: SceneVehicle) -> None:
-        self._vehicle = vehicle
-        self._by_kind: dict[tuple[str, bool, bool], bpy.types.Material] = {}
-
-    @property
-    def materials(self) -> list[bpy.types.Material]:
-        return list(self._by_kind.values())
-
-    def of(self, thing: bpy.types.Object, material: bpy.types.Material | None) -> bpy.types.Material:
+    def emitter_of(self, thing: bpy.types.Object, material: bpy.types.Material | None) -> bpy.types.Material:
         """The emitter that stands for a material on an object."""
-        ours = thing == self._vehicle.object
+        ours, vehicle = thing == self._vehicle.object, self._vehicle
         name = str(material.get(semantics.CLASS_PROPERTY, "other")) if material else "other"
-        kind = (name if name in semantics.CLASS_IDS else "other", ours, ours and _is_paint(self._vehicle, material))
-        if kind not in self._by_kind:
-            self._by_kind[kind] = self._emitter(*kind)
-        return self._by_kind[kind]
+        paint = ours and vehicle.vehicle.materials[vehicle.materials.index(material)].kind == "paint"
+        kind = (name if name in semantics.CLASS_IDS else "other", ours, paint)
+        if kind not in self._emitters:
+            self._emitters[kind] = self._emitter(*kind)
+        return self._emitters[kind]
 
     def _emitter(self, name: str, ours: bool, paint: bool) -> bpy.types.Material:
         material = bpy.data.materials.new(f"rauca {name}")
@@ -173,8 +137,27 @@ class _Emitters:
         return material
 
     def remove(self) -> None:
-        for material in self.materials:
-            bpy.data.materials.remove(material)
+        """Remove the emitters."""
+        bpy.data.batch_remove(list(self._emitters.values()))
+
+
+@contextlib.contextmanager
+def geometry_only(scene: bpy.types.Scene, vehicle: SceneVehicle, fog: list[bpy.types.Object]) -> Iterator[GeometryView]:
+    """Within: surfaces emit numbers, the sky is transparent, light and fog are off; raises as :func:`categories`."""
+    things = shown_objects(scene)
+    view = GeometryView(scene, vehicle)
+    unlit = [o for o in things if o.type in ("LIGHT", "VOLUME") or is_volume(o)]
+    off = [(thing, "hide_render", True) for thing in {*fog, *unlit, *(o for o in scene.objects if o.type == "LIGHT")}]
+    flat = [(scene.cycles, "max_bounces", 0), (scene.cycles, "film_exposure", 1.0)]
+    bare = [(scene.render, "film_transparent", True), (scene, "world", None)]
+    vehicle.object[semantics.INSTANCE_PROPERTY] = semantics.TARGET_INSTANCE
+    try:
+        surfaces = [thing for thing in things if thing not in unlit]
+        with exchanged_materials(surfaces, view.emitter_of), set_within(*off, *flat, *bare):
+            yield view
+    finally:
+        del vehicle.object[semantics.INSTANCE_PROPERTY]
+        view.remove()
 
 
 def _class_where(
@@ -183,10 +166,6 @@ def _class_where(
     """One class where ``chosen`` is above a half, else the other: no blend along an edge between them."""
     one, other = float(semantics.CLASS_IDS[there]), float(semantics.CLASS_IDS[elsewhere])
     return nodes.compute(tree, "MULTIPLY_ADD", nodes.compute(tree, "GREATER_THAN", chosen, 0.5), one - other, other)
-
-
-def _is_paint(vehicle: SceneVehicle, material: bpy.types.Material | None) -> bool:
-    return vehicle.vehicle.materials[vehicle.materials.index(material)].kind == "paint"
 
 
 class PaintVisibility:

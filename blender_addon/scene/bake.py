@@ -77,9 +77,9 @@ class Baked:
 def other_layers(surface: Surface) -> list[str]:
     """UV layers that all painted meshes have, but the one of the camouflage."""
     pieces = surface.painted_pieces()
-    names = [{layer.name for layer in piece.owner.data.uv_layers} for piece, _ in pieces]
-    own = {piece.layer for piece, _ in pieces}
-    return [layer.name for layer in pieces[0][0].owner.data.uv_layers if layer.name in set.intersection(*names) - own]
+    names = [{layer.name for layer in piece.owner.data.uv_layers} for piece in pieces]
+    own = {piece.layer for piece in pieces}
+    return [layer.name for layer in pieces[0].owner.data.uv_layers if layer.name in set.intersection(*names) - own]
 
 
 def add_layer(surface: Surface) -> str:
@@ -89,16 +89,16 @@ def add_layer(surface: Surface) -> str:
         RaucaError: a mesh that cannot be written to, or has no room for another layer; nothing was changed.
     """
     pieces = surface.painted_pieces()
-    require_own_faces(piece for piece, _ in pieces)
-    full = [piece.owner.name for piece, _ in pieces if len(piece.owner.data.uv_layers) >= 8]
+    require_own_faces(pieces)
+    full = [piece.owner.name for piece in pieces if len(piece.owner.data.uv_layers) >= 8]
     if full:
         raise contract.RaucaError(f"{full[0]}: has 8 UV layers, Blender's most; remove one")
-    taken = {layer.name for piece, _ in pieces for layer in piece.owner.data.uv_layers}
+    taken = {layer.name for piece in pieces for layer in piece.owner.data.uv_layers}
     name = next(n for n in ("baked", *(f"baked.{i:03}" for i in range(1, 100))) if n not in taken)
     uvs = np.zeros_like(surface.vehicle.uvs)
     uvs[surface.paint] = smart_project(surface.vehicle)
-    for piece, span in pieces:
-        write_layer(piece, surface.paint[span], uvs[span], name)
+    for piece in pieces:
+        write_layer(piece, surface.paint[piece.span], uvs[piece.span], name)
     return name
 
 
@@ -109,11 +109,9 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
         RaucaError: the layer is missing, or cannot hold the camouflage; says what would be lost and what to do.
     """
     pieces = surface.painted_pieces()
-    require_own_faces(piece for piece, _ in pieces)
-    target = np.concatenate([_layer_uvs(surface, piece, span, layer) for piece, span in pieces])
-    paint = np.concatenate([np.flatnonzero(surface.paint[span]) + span.start for _, span in pieces])
-    moved, wraps = _within(target, layer)
-    _require_room(surface, paint, moved, layer)
+    require_own_faces(pieces)
+    moved, wraps = _within(np.concatenate([_layer_uvs(surface, piece, layer) for piece in pieces]), layer)
+    _require_room(surface, moved, layer)
     shared = shared_texels(moved) or 0.0
     if shared > OVERLAP_LIMIT and not allow_overlaps:
         raise contract.RaucaError(
@@ -126,10 +124,10 @@ def prepare_bake(surface: Surface, coat: Coat, layer: str, size: int, allow_over
         raise contract.RaucaError("The camouflage's image is gone from this file; apply the camouflage again (step 6)")
     base = vehicle.base_texture
     return Task(
-        source_uvs=vehicle.uvs[paint].astype(np.float64),
+        source_uvs=vehicle.uvs[surface.paint].astype(np.float64),
         target_uvs=moved,
         wraps=wraps,
-        material=vehicle.material[paint],
+        material=vehicle.material[surface.paint],
         bases=np.array([m.base_color for m in vehicle.materials], np.float32),
         textured=np.array([m.textured for m in vehicle.materials]),
         camouflage=image_linear(camouflage),
@@ -162,19 +160,18 @@ def show_baked(surface: Surface, coat: Coat, layer: str, wraps: bool, image: bpy
     coat.set_baked(image, wraps)
     if previous is not None and previous.users == 0:
         bpy.data.images.remove(previous)
-    for _, span in surface.painted_pieces():
-        for material in surface.materials(span):
+    for piece in surface.painted_pieces():
+        for material in surface.materials(piece):
             set_baked_layer(material, layer)
     coat.show("BAKED")
 
 
-def _layer_uvs(surface: Surface, piece: Piece, span: slice, layer: str) -> NDArray[np.float64]:
-    mesh = piece.owner.data
-    found = mesh.uv_layers.get(layer)
+def _layer_uvs(surface: Surface, piece: Piece, layer: str) -> NDArray[np.float64]:
+    found = piece.owner.data.uv_layers.get(layer)
     if found is None:
         raise contract.RaucaError(f"{piece.owner.name}: has no UV layer {layer!r}; all painted parts need it")
     values = values_of(found.uv, "vector", np.float32, 2)
-    return values[piece.loops[surface.paint[span]]].astype(np.float64)
+    return values[piece.loops[surface.paint[piece.span]]].astype(np.float64)
 
 
 def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], bool]:
@@ -190,9 +187,9 @@ def _within(uvs: NDArray[np.float64], layer: str) -> tuple[NDArray[np.float64], 
     return moved, bool((tile != 0).any())
 
 
-def _require_room(surface: Surface, paint: NDArray[np.int64], uvs: NDArray[np.float64], layer: str) -> None:
+def _require_room(surface: Surface, uvs: NDArray[np.float64], layer: str) -> None:
     """Refuse a layout in which parts of the paint have no area."""
-    _, area = geometry.face_normals(surface.soup.positions, surface.soup.triangles[paint])
+    _, area = geometry.face_normals(surface.soup.positions, surface.soup.triangles[surface.paint])
     homeless = np.abs(geometry.signed_uv_area(uvs)) < 5e-13
     lost = area[homeless].sum() / max(area.sum(), 1e-30)
     if lost > HOMELESS_LIMIT:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core import color, contract, files
 from . import nodes
-from .blocks import values_of
+from .blocks import nothing_selected, values_of
 from .coating import PAINTED, Coat, take_off
 from .images import blender_pixels, image_linear
 from .mesh_edits import Surface
@@ -64,32 +64,26 @@ def _as_bytes(image: bpy.types.Image) -> Iterator[bpy.types.Image]:
 @contextlib.contextmanager
 def _copies(context: bpy.types.Context, surface: Surface, picture: bpy.types.Image, uvs: str) -> Iterator[None]:
     """Within: the selection is a copy of the vehicle in plain materials; afterwards all is as before."""
-    layer = context.view_layer
-    active, selected = layer.objects.active, [thing for thing in layer.objects if thing.select_get()]
     made: list[bpy.types.ID] = []
     materials: set[bpy.types.Material] = set()
-    try:
-        for thing in selected:
-            thing.select_set(False)
-        for owner in dict.fromkeys(piece.owner for piece in surface.soup.pieces):
-            copy = owner.copy()
-            made.append(copy)
-            if owner.data is not None:  # an empty that instances a collection has none
-                copy.data = owner.data.copy()
-                made.append(copy.data)
-            context.scene.collection.objects.link(copy)
-            copy.matrix_world = owner.matrix_world
-            copy.hide_set(False)
-            if copy.type == "MESH":
-                materials |= _exchange(surface, owner, copy, picture, uvs)
-            copy.select_set(True)
-            layer.objects.active = copy
-        yield
-    finally:
-        bpy.data.batch_remove([*made, *materials])
-        for thing in selected:
-            thing.select_set(True)
-        layer.objects.active = active
+    with nothing_selected():
+        try:
+            for owner in dict.fromkeys(piece.owner for piece in surface.soup.pieces):
+                copy = owner.copy()
+                made.append(copy)
+                if owner.data is not None:  # an empty that instances a collection has none
+                    copy.data = owner.data.copy()
+                    made.append(copy.data)
+                context.scene.collection.objects.link(copy)
+                copy.matrix_world = owner.matrix_world
+                copy.hide_set(False)
+                if copy.type == "MESH":
+                    materials |= _exchange(surface, owner, copy, picture, uvs)
+                copy.select_set(True)
+                context.view_layer.objects.active = copy
+            yield
+        finally:
+            bpy.data.batch_remove([*made, *materials])
 
 
 def _exchange(
@@ -132,10 +126,10 @@ def _specs(surface: Surface, owner: bpy.types.Object) -> dict[tuple[int, bool], 
     """The contract's material of each slot of an object, on its paint (True) and off it (False)."""
     names = [slot.material.name if slot.material else "" for slot in owner.material_slots]
     found: dict[tuple[int, bool], contract.Material] = {}
-    for piece, span in surface.soup.spans():
+    for piece in surface.soup.pieces:
         if piece.owner != owner:
             continue
-        pairs = np.stack([surface.soup.material[span], surface.vehicle.material[span]], axis=1)
+        pairs = np.stack([surface.soup.material[piece.span], surface.vehicle.material[piece.span]], axis=1)
         for block, spec in np.unique(pairs, axis=0):
             name = surface.soup.names[block]
             if name in names:

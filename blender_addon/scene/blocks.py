@@ -1,9 +1,10 @@
-"""Blender's data blocks: which came after a moment, which objects renders show, and their values as arrays."""
+"""Blender's data blocks: which came after a moment, which renders show, their values, what is set for a while."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -32,6 +33,34 @@ def values_of(collection: bpy.types.bpy_prop_collection, name: str, kind: type, 
     values: NDArray = np.empty((len(collection), *each), kind)
     collection.foreach_get(name, values.ravel())
     return values
+
+
+@contextlib.contextmanager
+def set_within(*settings: tuple[Any, str, Any]) -> Iterator[None]:
+    """Within: attributes (owner, name, value) have these values; afterwards their own again."""
+    before = [(owner, name, getattr(owner, name)) for owner, name, _ in settings]
+    try:
+        for owner, name, value in settings:
+            setattr(owner, name, value)
+        yield
+    finally:
+        for owner, name, value in before:
+            setattr(owner, name, value)
+
+
+@contextlib.contextmanager
+def nothing_selected() -> Iterator[None]:
+    """Within: no object is selected to begin with; afterwards the selection and the active object are as before."""
+    layer = bpy.context.view_layer
+    active, selected = layer.objects.active, list(layer.objects.selected)
+    for thing in selected:
+        thing.select_set(False)
+    try:
+        yield
+    finally:
+        for thing in selected:
+            thing.select_set(True)
+        layer.objects.active = active
 
 
 def rendered(objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Sequence
@@ -71,12 +72,9 @@ def render_camouflages(
         progress(done, total, paintwork.name)
         if missing:
             session.vehicle.paint.set_map(paintwork.uv_map_srgb)
-        present: tuple[int, contract.Weather] | None = None
         for frame in missing:
-            if present != (frame.location, frame.weather):
-                session.enter(frame.location)
-                session.set_weather(frame.weather)
-                present = (frame.location, frame.weather)
+            session.enter(frame.location)
+            session.set_weather(frame.weather)
             pixels = _in_paint(session, dataset, frame)
             files.write_bytes(folder / f"{frame.id}.png", files.png_bytes(pixels))
             done += 1
@@ -112,19 +110,12 @@ def _claim(folder: Path, paintwork: Paintwork, plan: contract.Plan) -> None:
         "margin": MARGIN,
         "plan": hashlib.sha256(views.encode()).hexdigest()[:16],
     }
-    if _noted(note) == bound:
-        return
+    with contextlib.suppress(contract.RaucaError):  # a folder that says nothing, or in a damaged file
+        if reading.parse_json(reading.read_text(note, schema.MAX_JSON_BYTES), note.name) == bound:
+            return
     for stale in folder.glob("*.png"):
         stale.unlink()
     files.write_json(note, bound)
-
-
-def _noted(note: Path) -> object:
-    """What a folder is bound to; None when it does not say, or says it in a damaged file."""
-    try:
-        return reading.parse_json(reading.read_text(note, schema.MAX_JSON_BYTES), note.name)
-    except contract.RaucaError:
-        return None
 
 
 def save_blend(vehicle: contract.Vehicle, camouflage: Path, out: Path) -> None:

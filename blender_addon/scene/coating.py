@@ -170,13 +170,13 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
         RaucaError: a mesh or material that cannot be changed, in words that say what to do; nothing was changed.
     """
     pieces = surface.painted_pieces()
-    layers = [_existing_layer(surface, piece, span) for piece, span in pieces]
-    polygons = [_painted_polygons(surface, piece, span) for piece, span in pieces]
+    layers = [_existing_layer(surface, piece) for piece in pieces]
+    polygons = [_painted_polygons(surface, piece) for piece in pieces]
     _check(surface, pieces, layers, polygons)
-    uncoat([piece.owner for piece, _ in pieces])
-    for (piece, span), layer, painted in zip(pieces, layers, polygons, strict=True):
+    uncoat([piece.owner for piece in pieces])
+    for piece, layer, painted in zip(pieces, layers, polygons, strict=True):
         if layer is None:
-            write_layer(piece, surface.paint[span], surface.vehicle.uvs[span])
+            write_layer(piece, surface.paint[piece.span], surface.vehicle.uvs[piece.span])
         assert painted is not None  # _check saw to it
         mesh = piece.owner.data
         mark = mesh.attributes.get(PAINTED) or mesh.attributes.new(PAINTED, "FLOAT", "FACE")
@@ -187,8 +187,8 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
         image.pack()
     coat = Coat.new(*images)
     coat.tree[NAME_KEY], coat.tree[ATLAS_KEY] = paintwork.name, surface.vehicle.atlas_id
-    for (_, span), layer in zip(pieces, layers, strict=True):
-        for material in surface.materials(span):
+    for piece, layer in zip(pieces, layers, strict=True):
+        for material in surface.materials(piece):
             put_on(material, coat, layer or UV_LAYER)
     return coat
 
@@ -223,27 +223,22 @@ def painted_objects(scene: bpy.types.Scene, coat: Coat) -> list[bpy.types.Object
     ]
 
 
-def _existing_layer(surface: Surface, piece: Piece, span: slice) -> str | None:
+def _existing_layer(surface: Surface, piece: Piece) -> str | None:
     """The UV layer of a piece that already holds the vehicle's UVs, or None."""
-    paint = surface.paint[span]
-    if piece.layer is None:
-        return None
-    found, wanted = surface.soup.uvs[span][paint], surface.vehicle.uvs[span][paint]
+    paint = surface.paint[piece.span]
+    found, wanted = (uvs[piece.span][paint] for uvs in (surface.soup.uvs, surface.vehicle.uvs))
     return piece.layer if np.allclose(found, wanted, atol=1e-6, equal_nan=False) else None
 
 
 def _check(
-    surface: Surface,
-    pieces: list[tuple[Piece, slice]],
-    layers: list[str | None],
-    polygons: list[NDArray[np.bool_] | None],
+    surface: Surface, pieces: list[Piece], layers: list[str | None], polygons: list[NDArray[np.bool_] | None]
 ) -> None:
     """Raise :class:`RaucaError` for whatever stands in the way, before anything is changed."""
     used: dict[bpy.types.Material, str] = {}
-    for (piece, span), layer, painted in zip(pieces, layers, polygons, strict=True):
+    for piece, layer, painted in zip(pieces, layers, polygons, strict=True):
         if layer is None or painted is None or piece.owner.data.library is not None:
             require_own_faces([piece])
-        for worn in surface.materials(span):
+        for worn in surface.materials(piece):
             material = require_coatable(worn, piece.owner.name)
             other = used.setdefault(material, layer or UV_LAYER)
             if other != (layer or UV_LAYER):
@@ -253,12 +248,12 @@ def _check(
                 )
 
 
-def _painted_polygons(surface: Surface, piece: Piece, span: slice) -> NDArray[np.bool_] | None:
+def _painted_polygons(surface: Surface, piece: Piece) -> NDArray[np.bool_] | None:
     """Painted polygons of a piece's mesh; where modifiers add faces, its marks or materials may tell them, or nothing.
 
     None also for what is no mesh.
     """
-    mesh, paint = piece.owner.data, surface.paint[span]
+    mesh, paint = piece.owner.data, surface.paint[piece.span]
     if piece.owner.type != "MESH":
         return None
     if piece.direct:
@@ -266,9 +261,9 @@ def _painted_polygons(surface: Surface, piece: Piece, span: slice) -> NDArray[np
         polygons[piece.polygon[paint]] = True
         return polygons
     marks = mesh.attributes.get(PAINT_MARK)
-    if marks is not None and (surface.soup.marked[span] == paint).all():
+    if marks is not None and (surface.soup.marked[piece.span] == paint).all():
         return values_of(marks.data, "value", np.bool_)
-    names = np.array(surface.soup.names)[surface.soup.material[span]]
+    names = np.array(surface.soup.names)[surface.soup.material[piece.span]]
     painted = set(names[paint].tolist())
     if not np.array_equal(np.isin(names, list(painted)), paint):
         return None

@@ -84,7 +84,6 @@ def render_chunk(
     tell(News("begin", chunk[0].id))
     session.enter(chunk[0].location)
     annotations = session.annotations(chunk[0].location, _announced(chunk, tell, stopped))
-    weather = None
     for task in chunk:
         if stopped():
             return
@@ -95,10 +94,7 @@ def render_chunk(
         tell(News("begin", task.id))
         started = time.perf_counter()
         try:
-            if task.weather != weather:
-                weather = None  # until it is set: an exception on the way leaves the scene between two
-                session.set_weather(task.weather)
-                weather = task.weather
+            session.set_weather(task.weather)
             render_frame(session, folder, task, annotation)
         except contract.RaucaError:
             raise

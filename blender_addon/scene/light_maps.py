@@ -18,6 +18,7 @@ MARGIN_PX = 16  # around the paint, where its light falls on other things, and f
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Coverage = NDArray[np.float32] | Mask
+Shot = tuple[int, int, contract.Weather]  # location, view, weather
 
 
 def light_maps(
@@ -40,14 +41,14 @@ def light_maps(
         coverage: (H, W) share of each pixel that shows paint, in [0, 1]; True and False will do.
         annotation: what the camera sees, if fog may be composed as the plan says; all of it is rendered without.
     """
-    painted = coverage > 0
-    light = session.memory.get(location, view, weather)
+    painted, shot = coverage > 0, (location, view, weather)
+    light = session.memory.get(*shot)
     if light is None:
         if annotation is not None and composed_fog.is_composed(session.plan.quality, weather):
-            light = _compose_light(session, location, view, weather, annotation)
+            light = _compose_light(session, shot, annotation)
         else:
-            light = _render_light(session, location, view, weather, painted)
-        session.memory.keep(location, view, weather, light)
+            light = _render_light(session, shot, painted)
+        session.memory.keep(*shot, light)
     gain = refine_edges(light.gain, coverage)
     image = gain * reference_linear + light.black
     A = np.where(painted[..., None], gain, 0.0).astype(np.float32)
@@ -55,42 +56,39 @@ def light_maps(
     return A, B, image.astype(np.float32)
 
 
-def _render_light(session: Session, location: int, view: int, weather: contract.Weather, painted: Mask) -> PaintLight:
+def _render_light(session: Session, shot: Shot, painted: Mask) -> PaintLight:
     session.vehicle.paint.set_color((0.0, 0.0, 0.0))
-    black = session.render(location, view, weather)
-    crop = Crop.around(painted, MARGIN_PX)
-    return PaintLight(_gain(session, location, view, weather, crop, black), black)
+    black = session.render(*shot)
+    return PaintLight(_gain(session, shot, Crop.around(painted, MARGIN_PX), black), black)
 
 
-def _compose_light(
-    session: Session, location: int, view: int, weather: contract.Weather, annotation: Annotation
-) -> PaintLight:
+def _compose_light(session: Session, shot: Shot, annotation: Annotation) -> PaintLight:
     """The vehicle in the real volume, its surroundings composed: see `composed_fog.py`."""
-    unfogged = session.memory.get(location, view, clear(weather))
+    location, view, weather = shot
+    without = (location, view, clear(weather))
+    unfogged = session.memory.get(*without)
     if unfogged is None:
         session.set_weather(clear(weather))
-        unfogged = _render_light(session, location, view, clear(weather), annotation.paint > 0)
-        session.memory.keep(location, view, clear(weather), unfogged)
+        unfogged = _render_light(session, without, annotation.paint > 0)
+        session.memory.keep(*without, unfogged)
         session.set_weather(weather)
     session.vehicle.paint.set_color((0.0, 0.0, 0.0))
-    coarse = session.render_coarse(location, view, weather)
+    coarse = session.render_coarse(*shot)
     black = composed_fog.compose(coarse, unfogged.black, annotation.distance, weather.extinction)
     crop = Crop.around(annotation.vehicle > 0, MARGIN_PX)
     rendered = black.copy()
     if crop is not None:
-        rendered[crop.inside] = session.render(location, view, weather, crop)
+        rendered[crop.inside] = session.render(*shot, crop)
         black = composed_fog.blend(black, rendered[crop.inside], crop.inside)
-    return PaintLight(_gain(session, location, view, weather, crop, rendered), black)
+    return PaintLight(_gain(session, shot, crop, rendered), black)
 
 
-def _gain(
-    session: Session, location: int, view: int, weather: contract.Weather, crop: Crop | None, black: Image
-) -> Image:
+def _gain(session: Session, shot: Shot, crop: Crop | None, black: Image) -> Image:
     """What white paint adds to a frame, per albedo; nothing beyond the crop."""
     gain = np.zeros_like(black)
     if crop is not None:
         session.vehicle.paint.set_color((WHITE, WHITE, WHITE))
-        white = session.render(location, view, weather, crop)
+        white = session.render(*shot, crop)
         gain[crop.inside] = np.maximum((white - black[crop.inside]) / WHITE, 0.0)
     return gain
 

@@ -27,8 +27,7 @@ class MeshParts:
         self._count = 0
         self._points: list[NDArray[np.float64]] = []
         self._corners: list[NDArray[np.int64]] = []  # (F, k) per batch
-        self._uvs: list[NDArray[np.float64] | None] = []  # (F, k, 2) per batch; None: metres, worked out in the end
-        self._local: list[NDArray[np.float64]] = []  # (F, k, 3) of the batches without UVs, before they are moved
+        self._uvs: list[NDArray[np.float64]] = []  # (F, k, 2) per batch
         self._batches: list[tuple[str, bool]] = []
 
     @contextlib.contextmanager
@@ -48,9 +47,7 @@ class MeshParts:
         points, faces = np.asarray(points, float).reshape(-1, 3), np.asarray(faces, np.int64)
         if not faces.size:
             return
-        if uvs is None:
-            self._local.append(points[faces])
-        self._uvs.append(None if uvs is None else np.asarray(uvs, float))
+        self._uvs.append(_metric_uvs(points[faces]) if uvs is None else np.asarray(uvs, float))
         self._points.append(points @ self._frame[:3, :3].T + self._frame[:3, 3])
         self._corners.append(faces + self._count)
         self._batches.append((material, smooth))
@@ -140,20 +137,10 @@ class MeshParts:
         slots = np.repeat([used.index(material) for material, _ in self._batches], faces)
         mesh.polygons.foreach_set("material_index", slots.astype(np.int32))
         mesh.polygons.foreach_set("use_smooth", np.repeat([smooth for _, smooth in self._batches], faces))
-        uvs = np.concatenate([u.reshape(-1, 2) for u in self._all_uvs()])
+        uvs = np.concatenate([u.reshape(-1, 2) for u in self._uvs])
         mesh.uv_layers.new(name="metres").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
         mesh.update(calc_edges=True)
         return mesh
-
-    def _all_uvs(self) -> Iterator[NDArray[np.float64]]:
-        """UVs (F, k, 2) of every batch; those in metres at once for all faces of as many corners."""
-        metric: dict[int, Iterator[NDArray[np.float64]]] = {}
-        for sides in {faces.shape[1] for faces in self._local}:
-            alike = [faces for faces in self._local if faces.shape[1] == sides]
-            ends = np.cumsum([len(faces) for faces in alike])
-            metric[sides] = iter(np.split(_metric_uvs(np.concatenate(alike)), ends[:-1]))
-        for uvs, corners in zip(self._uvs, self._corners, strict=True):
-            yield next(metric[corners.shape[1]]) if uvs is None else uvs
 
 
 def turned(angle: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDArray[np.float64]:

@@ -31,6 +31,13 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
         bpy.ops.object.mode_set(mode=mode)
 
 
+def leave_mode(context: bpy.types.Context) -> None:
+    """Leave edit, sculpt or paint mode for good."""
+    active = context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def require_writable(thing: bpy.types.Object) -> None:
     """Raise :class:`RaucaError` for a mesh that is not this object's own: of a library, or shared."""
     mesh = thing.data
@@ -138,13 +145,14 @@ class Surface:
             )
         return Surface(vehicle, soup, vehicle.paint_faces())
 
-    def painted_pieces(self) -> list[tuple[Piece, slice]]:
-        """The pieces with paint on them, and the run of triangles that each is."""
+    def painted_pieces(self) -> list[Piece]:
+        """The pieces with paint on them."""
         return self.soup.painted(self.paint)
 
-    def materials(self, span: slice) -> list[bpy.types.Material | None]:
-        """The scene's materials on the paint of a run of triangles."""
-        return [self.soup.blocks[self.soup.names[i]] for i in np.unique(self.soup.material[span][self.paint[span]])]
+    def materials(self, piece: Piece) -> list[bpy.types.Material | None]:
+        """The scene's materials on the paint of a piece."""
+        used = np.unique(self.soup.material[piece.span][self.paint[piece.span]])
+        return [self.soup.blocks[self.soup.names[i]] for i in used]
 
     def vehicle_to_world(self) -> NDArray[np.float64]:
         """Where the objects stand: the rigid (4, 4) transform that takes the vehicle to them, by least squares."""

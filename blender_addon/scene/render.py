@@ -60,9 +60,9 @@ def prepare(scene: bpy.types.Scene) -> None:
     compat.use_single_layer_exr(render.image_settings)
 
 
-def require_denoiser(scene: bpy.types.Scene) -> None:
+def require_denoiser() -> None:
     """Raise :class:`RaucaError` when this Blender cannot denoise: few-sample frames would be noise."""
-    if not compat.has_denoiser(scene):
+    if not compat.has_denoiser():
         raise contract.RaucaError(
             f"Blender {bpy.app.version_string} has no Open Image Denoise; use the bpy wheel or blender.org's build, "
             "or pass --no-denoise with 64 samples or more"

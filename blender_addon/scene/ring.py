@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +15,13 @@ GROUND_CLEARANCE_M = 0.3
 HIGHEST_DEG = 89.0  # straight down there is no telling which way is up
 
 
-class Shots(Protocol):
-    """What of a plan places the cameras."""
+@dataclass(frozen=True)
+class Shots:
+    """What of a plan places the cameras, before there is a plan."""
 
-    @property
-    def ring(self) -> contract.Ring: ...
-
-    @property
-    def size(self) -> int: ...
-
-    @property
-    def seed(self) -> int: ...
+    ring: contract.Ring
+    size: int
+    seed: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +35,11 @@ class Viewpoint:
 
 
 def viewpoint(
-    plan: Shots, location: int, view: int, vehicle_to_world: NDArray[np.float64], center: NDArray[np.float64]
+    plan: contract.Plan | Shots,
+    location: int,
+    view: int,
+    vehicle_to_world: NDArray[np.float64],
+    center: NDArray[np.float64],
 ) -> Viewpoint:
     """The camera of one view.
 

@@ -20,7 +20,7 @@ from .ring import Viewpoint, viewpoint
 from .town import Town
 from .user_scene import UserScene
 from .vehicle import SceneVehicle
-from .weather import SceneWeather, VehicleLamps
+from .weather import SceneWeather, add_beams, shine
 
 MOST_BYTES = 256 << 20  # about a hundred views of 320 x 320
 
@@ -110,26 +110,32 @@ class Session:
         self.scene = bpy.data.scenes.new("rauca")
         render.prepare(self.scene)
         if plan.quality.denoise:
-            render.require_denoiser(self.scene)
+            render.require_denoiser()
         self.place = build_place(self.scene, plan, blend, vehicle.category)
         self.vehicle = SceneVehicle(self.scene, vehicle, plan.finish)
         self.weather = SceneWeather(self.scene, self.place.lamps)
-        self._beams = VehicleLamps(self.scene, self.vehicle.object, vehicle)
+        self._beams = add_beams(self.scene, self.vehicle.object, vehicle)
         self.memory = LightMemory(plan)
         self._visibility = PaintVisibility(vehicle)
+        self._entered: int | None = None
+        self._weather: contract.Weather | None = None
 
     def viewpoint(self, location: int, view: int) -> Viewpoint:
         """The camera of a view, jitter included."""
         return viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.center)
 
     def enter(self, location: int) -> None:
-        """Put the vehicle at a location."""
+        """Put the vehicle at a location, if it is not there; its weather is to be set anew."""
+        if location == self._entered:
+            return
+        self._entered = self._weather = None  # until all is done: an exception on the way leaves the scene between two
         self.place.enter(location)
         pose = self.place.pose(location)
         self.vehicle.place(pose)
         if self.plan.scenery.kind != "town":  # which lies on z = 0, all of it inside the box
             self.weather.fog.location = pose[:3, 3]
         self.scene.view_layers[0].update()
+        self._entered = location
 
     def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:
         """What several views of a location see, whatever the weather."""
@@ -168,7 +174,12 @@ class Session:
         return seeding.named_seed(self.plan.seed, "render", location, view, *weather.light_key()) % 2**31
 
     def set_weather(self, weather: contract.Weather) -> None:
+        """Set it, if another one is."""
+        if weather == self._weather:
+            return
+        self._weather = None
         self.weather.apply(weather)
         self.vehicle.light_lamps(weather.lamps)
-        self._beams.shine(weather.lamps)
+        shine(self._beams, weather.lamps)
         self.place.light_windows(weather.lamps)
+        self._weather = weather

@@ -21,7 +21,7 @@ from . import nodes, wetness
 from .overrides import Setting, override, restore
 from .sky import DAY_CARD, GREY_CARD, draw_sky, film_exposure, new_world, sun_diameter_deg, sun_share, toward_sun
 from .town.materials import NIGHT_GROUP, set_lit
-from .weather import MARCH_RATE, StreetLamps, fill_with_fog, new_fog_box
+from .weather import MARCH_RATE, fill_with_fog, new_fog_box, shine
 
 EEVEE_FOG_END_M = 400.0
 LOWEST_SUN = math.sin(math.radians(4.0))  # a grazing sun lamp would need endless strength
@@ -88,7 +88,7 @@ def remove(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup, lamps: list[b
 
 def _wet_and_light(lamps: list[bpy.types.Object], level: float, film: float, puddles: float, ripples: float) -> None:
     """Both node groups serve all scenes; without one, nothing here can get wet or be lit."""
-    StreetLamps(lamps).shine(level)
+    shine(lamps, level)
     if wetness.GROUP in bpy.data.node_groups:
         wetness.set_wetness(film, puddles, ripples)
     if NIGHT_GROUP in bpy.data.node_groups:

@@ -52,7 +52,9 @@ def draw_sky(world: bpy.types.World, weather: contract.Weather) -> None:
     """Replace a world's nodes by the weather's sky, sun, clouds and the glow of the night; linear, before exposure."""
     tree = nodes.fresh_tree(world)
     altitude, cover = weather.sun_altitude_angle, weather.cloudiness / 100.0
-    night = night_share(altitude) * (1.0 - cover) + weather.lamps * cover
+    # None of the clear night sky's light is there by day, all from the end of twilight on.
+    clear_night = float(np.clip(altitude / contract.weather.NIGHT_ALTITUDE_DEG, 0.0, 1.0)) ** 2
+    night = clear_night * (1.0 - cover) + weather.lamps * cover
     glow = [n + (c - n) * cover for n, c in zip(NIGHT_SKY, NIGHT_CLOUDS, strict=True)]
     if altitude <= contract.weather.NIGHT_ALTITUDE_DEG:
         color: bpy.types.NodeSocket | tuple[float, ...] = (*glow, 1.0)
@@ -78,16 +80,6 @@ def exposure_stops(sun_altitude_deg: float, cover: float = 0.0) -> float:
     lost = -math.log2(ground_share(cover)) * 6 / 7
     by_day = float(np.clip(1.0 + sun_altitude_deg / 12.0, 0.0, 1.0))
     return float(np.interp(sun_altitude_deg, altitudes, stops)) + lost * by_day
-
-
-def night_share(sun_altitude_deg: float) -> float:
-    """How much of the clear night sky's light is there: none by day, all from the end of twilight on."""
-    return float(np.clip(sun_altitude_deg / contract.weather.NIGHT_ALTITUDE_DEG, 0.0, 1.0)) ** 2
-
-
-def clear_card(sun_altitude_deg: float) -> float:
-    """Radiance of the grey card under the clear sky in the sky's own units, before exposure."""
-    return _twilight(sun_altitude_deg, 1, DAY_CARD) / 2.0 ** exposure_stops(sun_altitude_deg)
 
 
 def _twilight(sun_altitude_deg: float, column: int, by_day: float) -> float:
@@ -170,7 +162,8 @@ def _clouds(tree: bpy.types.NodeTree, sky: bpy.types.NodeSocket, weather: contra
         opacity = nodes.compute(tree, "MULTIPLY", opacity, _beside_sun(tree, toward, toward_sun(weather), cover))
     # Thick parts are darker, as seen from below; a low sun warms broken clouds.
     altitude, open_sky = weather.sun_altitude_angle, 1.0 - cover**2
-    level = clear_card(altitude) / GREY_CARD * (CLOSED + (SUNLIT - CLOSED) * open_sky)
+    card = _twilight(altitude, 1, DAY_CARD) / 2.0 ** exposure_stops(altitude)  # under the clear sky, before exposure
+    level = card / GREY_CARD * (CLOSED + (SUNLIT - CLOSED) * open_sky)
     warmth = open_sky * max(0.0, 1.0 - abs(altitude - 1.0) / 14.0)
     tint = (1.0 + 0.25 * warmth, 1.0 - 0.06 * warmth, 1.03 - 0.33 * warmth)
     bright = (*(level * (1.0 + SHADE_CONTRAST) * c for c in tint), 1.0)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import contract, geometry
-from .blocks import values_of
+from .blocks import nothing_selected, values_of
 from .render import silenced
 
 OVERLAP_LIMIT = 0.02  # of the covered texels; more than stray slivers, and one texel would paint two places
@@ -20,25 +19,14 @@ SMART_ANGLE_DEG = 40.0
 DENSITY_RATIO = 2.0  # times finer or coarser than the paint's median: the pattern visibly changes its size
 
 
-@dataclass(frozen=True)
-class UvFaults:
-    """Faulty paint faces, each (F_paint,) bool.
+def uv_faults(uvs: NDArray[np.float32], area: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
+    """Judge the UVs (F_paint, 3, 2) of faces with ``area`` (F_paint,) on the surface, square metres.
 
-    Attributes:
-        missing: no UVs, or no area in the texture.
-        outside: reaching beyond the border of the texture, or lying in another tile of it.
-        overlapping: sharing a texel with another face.
-        uneven: texels more than ``DENSITY_RATIO`` times finer or coarser than the paint's median by area.
+    Returns:
+        The faulty faces, (F_paint,) each: ``missing`` UVs, or an area in the texture; ``outside`` the texture, or in
+        another tile of it; ``overlapping`` another face, by a texel; ``uneven``: texels more than ``DENSITY_RATIO``
+        times finer or coarser than the paint's median by area.
     """
-
-    missing: NDArray[np.bool_]
-    outside: NDArray[np.bool_]
-    overlapping: NDArray[np.bool_]
-    uneven: NDArray[np.bool_]
-
-
-def uv_faults(uvs: NDArray[np.float32], area: NDArray[np.float64]) -> UvFaults:
-    """Judge the UVs (F_paint, 3, 2) of faces with ``area`` (F_paint,) on the surface, square metres."""
     finite = np.isfinite(uvs).all(axis=(1, 2))
     clean = np.where(finite[:, None, None], uvs, 0.0).astype(np.float64)
     uv_area = np.abs(geometry.signed_uv_area(clean))
@@ -56,7 +44,7 @@ def uv_faults(uvs: NDArray[np.float32], area: NDArray[np.float64]) -> UvFaults:
     if judged.any():
         ratio = density / _median(density[judged], area[judged])
         uneven = judged & ((ratio > DENSITY_RATIO) | (ratio < 1 / DENSITY_RATIO))
-    return UvFaults(missing, outside, overlapping & ~missing, uneven)
+    return {"missing": missing, "outside": outside, "overlapping": overlapping & ~missing, "uneven": uneven}
 
 
 def uv_verdict(uvs: NDArray[np.float32]) -> tuple[str, NDArray[np.float32]]:
@@ -114,26 +102,20 @@ def smart_project(vehicle: contract.Vehicle) -> NDArray[np.float64]:
     mesh = bpy.data.meshes.new("rauca unwrap")
     item = bpy.data.objects.new("rauca unwrap", mesh)
     layer = bpy.context.view_layer
-    active, selected = layer.objects.active, list(layer.objects.selected)
-    for other in selected:  # edit mode takes in whatever is selected, and would lay it out anew as well
-        other.select_set(False)
-    try:
-        mesh.from_pydata(vehicle.positions[used].tolist(), [], compact.reshape(-1, 3).tolist())
-        mesh.uv_layers.new(name="flat")
-        bpy.context.scene.collection.objects.link(item)
-        layer.update()
-        layer.objects.active = item
-        item.select_set(True)
-        with silenced():
-            bpy.ops.object.mode_set(mode="EDIT")
-            bpy.ops.mesh.select_all(action="SELECT")
-            bpy.ops.uv.smart_project(angle_limit=math.radians(SMART_ANGLE_DEG), island_margin=0.002)
-            bpy.ops.object.mode_set(mode="OBJECT")
-        uvs = values_of(mesh.uv_layers[0].uv, "vector", np.float32, 2).reshape(-1, 3, 2)
-    finally:
-        bpy.data.objects.remove(item)
-        bpy.data.meshes.remove(mesh)
-        for other in selected:
-            other.select_set(True)
-        layer.objects.active = active
+    with nothing_selected():  # edit mode takes in whatever is selected, and would lay it out anew as well
+        try:
+            mesh.from_pydata(vehicle.positions[used].tolist(), [], compact.reshape(-1, 3).tolist())
+            mesh.uv_layers.new(name="flat")
+            bpy.context.scene.collection.objects.link(item)
+            layer.update()
+            layer.objects.active = item
+            item.select_set(True)
+            with silenced():
+                bpy.ops.object.mode_set(mode="EDIT")
+                bpy.ops.mesh.select_all(action="SELECT")
+                bpy.ops.uv.smart_project(angle_limit=math.radians(SMART_ANGLE_DEG), island_margin=0.002)
+                bpy.ops.object.mode_set(mode="OBJECT")
+            uvs = values_of(mesh.uv_layers[0].uv, "vector", np.float32, 2).reshape(-1, 3, 2)
+        finally:
+            bpy.data.batch_remove([item, mesh])
     return uvs.astype(np.float64)

@@ -105,12 +105,14 @@ def load_shipped(name: str) -> contract.Vehicle:
     return contract.load_vehicle(assets.assets_folder() / "vehicles" / name, read_image_blender)
 
 
-def add_shipped(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
-    """Add a shipped vehicle to ``scene``, its images packed; the object knows what it is."""
-    placed = SceneVehicle(scene, load_shipped(name))
+def add_vehicle(scene: bpy.types.Scene, vehicle: contract.Vehicle) -> bpy.types.Object:
+    """Add a vehicle to ``scene`` at the 3D cursor, its images packed; the object of a shipped one knows what it is."""
+    placed, name = SceneVehicle(scene, vehicle), vehicle.name
     placed.paint.pack()
     placed.object.name = placed.object.data.name = name
-    placed.object[NAME_KEY] = name
+    placed.object.location = scene.cursor.location
+    if name in shipped_names() and load_shipped(name).geometry_id == vehicle.geometry_id:
+        placed.object[NAME_KEY] = name
     for spec, material in zip(placed.vehicle.materials, placed.materials, strict=True):
         material.diffuse_color = (*spec.base_color, 1.0)  # what the viewport's solid view shows
     return placed.object

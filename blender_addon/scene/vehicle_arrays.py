@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
 
 import bpy
 import numpy as np
@@ -30,6 +31,7 @@ class Piece:
         layer: name of the UV layer read, or None.
         layers: number of UV layers of the mesh.
         shows_layer: renders show that layer, so the materials' textures belong to it.
+        span: its run of the soup's triangles.
     """
 
     owner: bpy.types.Object
@@ -40,6 +42,7 @@ class Piece:
     layer: str | None
     layers: int
     shows_layer: bool
+    span: slice
 
 
 @dataclass
@@ -68,14 +71,9 @@ class Soup:
     blocks: dict[str, bpy.types.Material | None] = field(default_factory=dict)
     pieces: list[Piece] = field(default_factory=list)
 
-    def spans(self) -> list[tuple[Piece, slice]]:
-        """Each piece with its run of triangles."""
-        ends = np.cumsum([len(piece.polygon) for piece in self.pieces]).tolist()
-        return [(p, slice(end - len(p.polygon), end)) for p, end in zip(self.pieces, ends, strict=True)]
-
-    def painted(self, paint: NDArray[np.bool_]) -> list[tuple[Piece, slice]]:
-        """The pieces with paint (F,) on them, and the run of triangles that each is."""
-        return [(piece, span) for piece, span in self.spans() if paint[span].any()]
+    def painted(self, paint: NDArray[np.bool_]) -> list[Piece]:
+        """The pieces with paint (F,) on them."""
+        return [piece for piece in self.pieces if paint[piece.span].any()]
 
 
 def read_objects(objects: list[bpy.types.Object]) -> Soup:
@@ -164,11 +162,10 @@ def _triangles(
     triangles = vertex[corners]
     material = np.minimum(slot, len(slots) - 1).astype(np.int16)
     shown = layer is not None and (layer.active_render or len(mesh.uv_layers) == 1)
-    piece = Piece(*origin, polygon, corners, layer.name if layer else None, len(mesh.uv_layers), shown)
-    marked = marked_faces(mesh)[polygon]
-    soup = Soup(positions, triangles, uvs[corners], _unit(normals, positions, triangles), material, marked, slots)
-    soup.pieces.append(piece)
-    return soup
+    name, count, alone = layer.name if layer else None, len(mesh.uv_layers), slice(0, len(triangles))
+    piece = Piece(*origin, polygon, corners, name, count, shown, alone)
+    marked, normals = marked_faces(mesh)[polygon], _unit(normals, positions, triangles)
+    return Soup(positions, triangles, uvs[corners], normals, material, marked, slots, pieces=[piece])
 
 
 def marked_faces(mesh: bpy.types.Mesh) -> NDArray[np.bool_]:
@@ -197,6 +194,7 @@ def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> 
         faces, none = np.zeros((0, 3, 3), np.float32), np.zeros(0, np.int16)
         return Soup(np.zeros((0, 3)), faces[..., 0].astype(np.int32), faces[..., :2], faces, none, none.astype(bool))
     first = np.cumsum([0] + [len(p.positions) for p in found[:-1]])
+    ends = accumulate(len(p.triangles) for p in found)
     return Soup(
         np.concatenate([p.positions for p in found]),
         np.concatenate([p.triangles + start for p, start in zip(found, first, strict=True)]).astype(np.int32),
@@ -206,5 +204,5 @@ def _joined(found: list[Soup], blocks: dict[str, bpy.types.Material | None]) -> 
         np.concatenate([p.marked for p in found]),
         names,
         blocks,
-        [piece for p in found for piece in p.pieces],
+        [replace(p.pieces[0], span=slice(end - len(p.triangles), end)) for p, end in zip(found, ends, strict=True)],
     )

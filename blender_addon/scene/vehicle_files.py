@@ -12,10 +12,11 @@ import addon_utils
 import bpy
 
 from ..core import contract, reading
-from .blocks import Since, rendered_by
+from .blocks import Since, rendered_by, set_within
 from .gltf_check import check_gltf
 from .images import image_header, read_image_blender
 from .render import silenced
+from .vehicle import load_shipped, shipped_names
 from .vehicle_arrays import SHAPES
 from .vehicle_reading import read_vehicle
 from .vehicle_request import VehicleRequest
@@ -48,7 +49,8 @@ def opened(path: Path) -> Iterator[list[bpy.types.Object]]:
     try:
         with damage_told(path, "export it again"):
             _require_finite(path)
-            with silenced(), _into_the_scenes_own_collection():
+            layer = bpy.context.view_layer  # whose active collection, to which importers add, may be hidden
+            with silenced(), set_within((layer, "active_layer_collection", layer.layer_collection)):
                 _import(path)
             _check_images([block for block in new.blocks() if isinstance(block, bpy.types.Image)], path)
         bpy.context.view_layer.update()
@@ -106,43 +108,22 @@ def _append(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def _into_the_scenes_own_collection() -> Iterator[None]:
-    """Within: importers add to the scene itself; the artist's active collection may be hidden."""
-    view_layer = bpy.context.view_layer
-    active = view_layer.active_layer_collection
-    view_layer.active_layer_collection = view_layer.layer_collection
-    try:
-        yield
-    finally:
-        view_layer.active_layer_collection = active
-
-
-@contextlib.contextmanager
 def scripts_off() -> Iterator[None]:
     """Append from a .blend without running anything of it, however much the user's preferences trust others.
 
     Texts are never run on appending. Drivers could be when the scene is next evaluated: they are removed, so that
     driven values stay as they were saved.
     """
-    preferences = bpy.context.preferences.filepaths
-    trusted = preferences.use_scripts_auto_execute
-    preferences.use_scripts_auto_execute = False
     new = Since()
-    try:
-        yield
-    finally:
-        for block in new.blocks():
-            _remove_drivers(block)
-        preferences.use_scripts_auto_execute = trusted
-
-
-def _remove_drivers(block: bpy.types.ID) -> None:
-    owners = [block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)]
-    for owner in owners:
-        animation = getattr(owner, "animation_data", None)
-        if animation is not None:
-            for driver in list(animation.drivers):
-                animation.drivers.remove(driver)
+    with set_within((bpy.context.preferences.filepaths, "use_scripts_auto_execute", False)):
+        try:
+            yield
+        finally:
+            for block in new.blocks():
+                for owner in (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)):
+                    if (animation := getattr(owner, "animation_data", None)) is not None:
+                        for driver in list(animation.drivers):
+                            animation.drivers.remove(driver)
 
 
 def _check_images(fresh: list[bpy.types.Image], path: Path) -> None:
@@ -184,6 +165,24 @@ def _refuse_outside(path: Path, named: str) -> None:
         reading.require_inside(path, named)
 
 
+def find_vehicle(source: contract.VehicleSource) -> contract.Vehicle:
+    """The vehicle a user names: one that is shipped, or any that :func:`import_vehicle` reads.
+
+    Raises:
+        RaucaError: there is none of that name, the file cannot be used, or a shipped one is given a paint option.
+    """
+    known, path = shipped_names(), Path(source.name)
+    if source.name in known:
+        if source.paint_mask or source.paint_material:
+            raise contract.RaucaError(f"--vehicle {source.name} brings its own paint; drop the paint option")
+        return load_shipped(source.name)
+    if not path.exists():
+        raise contract.RaucaError(
+            f"{path}: no such vehicle; give an .obj, .glb or .blend file, or one of {', '.join(known)}"
+        )
+    return import_vehicle(path, source.paint_mask, source.paint_material)
+
+
 def import_vehicle(path: Path, paint_mask: Path | None = None, paint_material: str | None = None) -> contract.Vehicle:
     """Read a vehicle from an .obj, .glb, .gltf or .blend file, or from a rauca vehicle folder.
 
@@ -202,4 +201,6 @@ def import_vehicle(path: Path, paint_mask: Path | None = None, paint_material: s
             raise contract.RaucaError(f"{path}: a vehicle folder brings its own paint; drop the paint option")
         return contract.load_vehicle(path, read_image_blender)
     with opened(path) as objects:
-        return read_vehicle(objects, VehicleRequest.of_file(path, paint_mask, paint_material))
+        return read_vehicle(
+            objects, VehicleRequest(path.stem, path, paint_mask=paint_mask, paint_material=paint_material)
+        )

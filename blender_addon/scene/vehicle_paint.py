@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core import color, contract
 from .images import image_linear, image_pixels, read_image_blender
+from .vehicle_request import VehicleRequest
 
 KINDS = [
     ("glass", r"glass|window|windscreen|windshield"),
@@ -23,28 +24,24 @@ KINDS = [
 ]
 
 
-def choose_paint(names: list[str], wanted: str | None, has_mask: bool, where: str, remedy: str) -> list[str]:
+def choose_paint(names: list[str], request: VehicleRequest) -> list[str]:
     """Names of the painted materials: the one asked for, all when a mask decides, or the one whose name says so.
-
-    Args:
-        where: names the vehicle in a message.
-        remedy: how the user can say what is paint.
 
     Raises:
         RaucaError: an unknown name, or nothing to decide by.
     """
-    shown = ", ".join(repr(n) if n else "(faces without a material)" for n in names)
+    shown, wanted = ", ".join(repr(n) if n else "(faces without a material)" for n in names), request.paint_material
     if wanted is not None:
         if wanted not in names:
-            raise contract.RaucaError(f"{where}: has no material {wanted!r}; it has {shown}; {remedy}")
+            raise contract.RaucaError(f"{request.where}: has no material {wanted!r}; it has {shown}; {request.remedy}")
         return [wanted]
-    if has_mask:
+    if request.paint_mask is not None:
         return names
     for word in ("paint", "body", "car"):  # the clearest word first
         found = [n for n in names if word in n.lower()]
         if len(names) > 1 and len(found) == 1:
             return found
-    raise contract.RaucaError(f"{where}: cannot tell which faces are paint; it has {shown}; {remedy}")
+    raise contract.RaucaError(f"{request.where}: cannot tell which faces are paint; it has {shown}; {request.remedy}")
 
 
 def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
@@ -74,7 +71,7 @@ def read_mask(path: Path, base: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
 
 def base_image(material: bpy.types.Material | None, beside: Path | None) -> NDArray[np.uint8] | None:
     """The texture of a material's base color, (H, W, 3) sRGB; without one, the PNG ``beside`` the vehicle's file."""
-    image = _linked_image(material)
+    image = linked_image(material)
     if image is not None and image.size[0] and image.size[1]:
         if image.is_float:  # Blender keeps these in linear light, whatever their file holds
             return color.to_bytes(color.linear_to_srgb(image_linear(image)))
@@ -105,17 +102,12 @@ def describe(
     return contract.Material(name or "unnamed", kind, (red, green, blue), roughness, 0.0 if paint else metallic, coat)
 
 
-def same_image(one: bpy.types.Material | None, two: bpy.types.Material | None) -> bool:
-    """True when two materials take their base color from one image, or neither from any."""
-    return _linked_image(one) == _linked_image(two)
-
-
 def _principled(material: bpy.types.Material | None) -> bpy.types.Node | None:
     tree = material.node_tree if material is not None else None
     return next((n for n in tree.nodes if n.type == "BSDF_PRINCIPLED"), None) if tree else None
 
 
-def _linked_image(material: bpy.types.Material | None) -> bpy.types.Image | None:
+def linked_image(material: bpy.types.Material | None) -> bpy.types.Image | None:
     """The first image met upstream of the base color."""
     shader = _principled(material)
     sockets = [shader.inputs["Base Color"]] if shader is not None else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -43,7 +44,6 @@ class Reading:
         paint: (F,) True on paint.
         base: the paint's texture, (H, W, 3) sRGB, where it belongs to the UVs that were read.
         mask: (H, H) the paint mask that was given, or None.
-        to_vehicle: (4, 4) from the world to the vehicle's frame.
         notes: what was assumed.
     """
 
@@ -52,7 +52,6 @@ class Reading:
     paint: NDArray[np.bool_]
     base: NDArray[np.uint8] | None
     mask: NDArray[np.uint8] | None
-    to_vehicle: NDArray[np.float64]
     notes: list[str]
 
     @staticmethod
@@ -64,13 +63,13 @@ class Reading:
         bad = int((~np.isfinite(soup.positions)).any(axis=1).sum())
         if bad:
             raise contract.RaucaError(f"{request.where}: {bad} vertices are NaN or infinite; repair the mesh")
-        to_vehicle, notes = orient(soup, request)
+        notes = orient(soup, request)
         if np.abs(soup.positions).max() > contract.MAX_EXTENT_M:  # farther, xatlas can turn for ever
             raise contract.RaucaError(f"{request.where}: reaches beyond {contract.MAX_EXTENT_M:g} m; repair the mesh")
         paint, base, mask = _choose_paint(soup, request, notes)
-        if layers := {repr(piece.layer) for piece, _ in soup.painted(paint) if piece.layers > 1}:
+        if layers := {repr(piece.layer) for piece in soup.painted(paint) if piece.layers > 1}:
             notes.append(f"UVs: layer {', '.join(sorted(layers))}, of several")
-        return Reading(request, soup, paint, base, mask, to_vehicle, notes)
+        return Reading(request, soup, paint, base, mask, notes)
 
     def vehicle(self) -> contract.Vehicle:
         """The vehicle, its paint unwrapped anew if its UVs cannot be used."""
@@ -105,7 +104,7 @@ class Reading:
             materials=materials,
             paint_mask=mask,
             base_texture=base,
-            source=self.request.source,
+            source=(self.request.file or Path(bpy.data.filepath)).name,
             notes=self.notes,
         )
 
@@ -115,11 +114,11 @@ class Reading:
         materials: list[contract.Material] = []
         index = np.zeros(len(paint), np.int16)
         painted_names = {soup.names[i] for i in np.unique(soup.material[paint])}
-        main = soup.blocks[soup.names[soup.material[paint][0]]]
+        main = vehicle_paint.linked_image(soup.blocks[soup.names[soup.material[paint][0]]])
         for number, name in enumerate(soup.names):
             block = soup.blocks[name]
             texture = vehicle_paint.base_image(block, self.request.beside)
-            textured = base is not None and texture is not None and vehicle_paint.same_image(block, main)
+            textured = base is not None and texture is not None and vehicle_paint.linked_image(block) == main
             for is_paint in (True, False):
                 here = (soup.material == number) & (paint == is_paint)
                 if here.any():
@@ -142,9 +141,8 @@ def _choose_paint(
             raise contract.RaucaError(f"{request.where}: no face is marked as paint; {request.remedy}")
         notes.append(f"paint: the {int(soup.marked.sum())} triangles marked by hand")
         return soup.marked.copy(), _base_of(soup, soup.marked, request), None
-    has_mask = request.paint_mask is not None
     shown = [soup.names[i] for i in np.unique(soup.material)]  # a slot that no face uses decides nothing
-    painted = vehicle_paint.choose_paint(shown, request.paint_material, has_mask, request.where, request.remedy)
+    painted = vehicle_paint.choose_paint(shown, request)
     paint = np.isin(np.array(soup.names)[soup.material], painted)
     base = vehicle_paint.base_image(soup.blocks[painted[0]], request.beside)
     mask = None
@@ -161,7 +159,7 @@ def _choose_paint(
 
 def _base_of(soup: Soup, paint: NDArray[np.bool_], request: VehicleRequest) -> NDArray[np.uint8] | None:
     """The paint's texture, unless the UVs that were read are another layer than the one it is shown with."""
-    if any(piece.layer is not None and not piece.shows_layer for piece, _ in soup.painted(paint)):
+    if any(piece.layer is not None and not piece.shows_layer for piece in soup.painted(paint)):
         return None
     return vehicle_paint.base_image(soup.blocks[soup.names[soup.material[paint][0]]], request.beside)
 
@@ -218,9 +216,7 @@ def find_anchor(objects: Sequence[bpy.types.Object], request: VehicleRequest) ->
         return NOWHERE
     low, high = points.min(axis=0), points.max(axis=0)
     length, width, height = high - low
-    front = request.front
-    if front == "AUTO":
-        front = "-Y" if width > length else "+X"
+    front = request.front if request.front != "AUTO" else "-Y" if width > length else "+X"
     pose = np.eye(4)
     pose[:3, :3] = TURNS[front].T
     pose[:3, 3] = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2])

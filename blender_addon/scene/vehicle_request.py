@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core import contract
 from .vehicle_arrays import Soup
 
 Front = Literal["AUTO", "+X", "-X", "+Y", "-Y"]
-OPTIONS_REMEDY = "give --paint-mask PNG or --paint-material NAME, or mark the faces in Blender"
 
 
 @dataclass(frozen=True)
@@ -21,42 +19,47 @@ class VehicleRequest:
     """How objects become a vehicle.
 
     Attributes:
-        where: names the vehicle in messages: its file or its object.
         name: the vehicle's name.
-        source: the file it comes from, for the record.
-        beside: an image that stands in for a missing base texture.
-        guess_up: the file may mean y as up.
+        file: where the objects come from; None: the open scene.
         front: the axis along which the vehicle's front points; ``AUTO`` takes the longer side.
         paint_mask: grey PNG in the vehicle's own UVs, white where the camouflage may go.
         paint_material: name of the material to camouflage.
         by_marks: paint is what is marked by hand; None: if anything is.
-        remedy: how the user can say what is paint.
     """
 
-    where: str
     name: str
-    source: str = ""
-    beside: Path | None = None
-    guess_up: bool = False
+    file: Path | None = None
     front: Front = "AUTO"
     paint_mask: Path | None = None
     paint_material: str | None = None
     by_marks: bool | None = None
-    remedy: str = OPTIONS_REMEDY
 
     @property
     def own_paint(self) -> bool:
         """True when the user says what is paint; else the vehicle does."""
         return self.paint_material is not None or self.paint_mask is not None or bool(self.by_marks)
 
-    @staticmethod
-    def of_file(path: Path, paint_mask: Path | None, paint_material: str | None) -> VehicleRequest:
-        """For a file's objects; an OBJ knows neither its up axis nor, often, its texture."""
-        obj = path.suffix.lower() == ".obj"
-        beside = path.with_suffix(".png") if obj else None
-        return VehicleRequest(
-            str(path), path.stem, path.name, beside, obj, paint_mask=paint_mask, paint_material=paint_material
-        )
+    @property
+    def where(self) -> str:
+        """Names the vehicle in messages."""
+        return str(self.file or self.name)
+
+    @property
+    def remedy(self) -> str:
+        """How the user can say what is paint."""
+        if self.file is None:
+            return "in step 1, Vehicle, choose the paint's material or mark its faces"
+        return "give --paint-mask PNG or --paint-material NAME, or mark the faces in Blender"
+
+    @property
+    def is_obj(self) -> bool:
+        """A file of a format that knows neither its up axis nor, often, its texture."""
+        return self.file is not None and self.file.suffix.lower() == ".obj"
+
+    @property
+    def beside(self) -> Path | None:
+        """An image that stands in for a missing base texture."""
+        return self.file.with_suffix(".png") if self.file is not None and self.is_obj else None
 
 
 LENGTH_M = (0.5, 50.0)
@@ -69,15 +72,15 @@ TURNS = {  # from the axis of the front to +x
 }
 
 
-def orient(soup: Soup, request: VehicleRequest) -> tuple[NDArray[np.float64], list[str]]:
-    """Turn and move the vehicle in place; returns the transform (4, 4), and what was assumed.
+def orient(soup: Soup, request: VehicleRequest) -> list[str]:
+    """Turn and move the vehicle in place; returns what was assumed.
 
     Raises:
         RaucaError: a length that no vehicle has.
     """
     turn, notes = np.eye(3), []
     size = np.ptp(soup.positions, axis=0)
-    if request.guess_up and size[1] < size[2]:
+    if request.is_obj and size[1] < size[2]:
         notes.append("axes: y taken as up, because the vehicle is smaller along y than along z")
         turn, size = Y_UP, size[[0, 2, 1]]
     else:
@@ -91,8 +94,7 @@ def orient(soup: Soup, request: VehicleRequest) -> tuple[NDArray[np.float64], li
     soup.positions = soup.positions @ turn.T
     soup.normals = (soup.normals @ turn.T).astype(np.float32)
     low, high = soup.positions.min(axis=0), soup.positions.max(axis=0)
-    origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    soup.positions -= origin
+    soup.positions -= np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     length, width, height = high - low
     if not LENGTH_M[0] <= length <= LENGTH_M[1]:
         raise contract.RaucaError(
@@ -100,6 +102,4 @@ def orient(soup: Soup, request: VehicleRequest) -> tuple[NDArray[np.float64], li
             f" {4.5 / max(length, 1e-9):.1g}"
         )
     notes.append(f"size: {length:.2f} x {width:.2f} x {height:.2f} m (length, width, height)")
-    applied = np.eye(4)
-    applied[:3, :3], applied[:3, 3] = turn, -origin
-    return applied, notes
+    return notes

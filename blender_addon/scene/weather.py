@@ -33,7 +33,7 @@ class SceneWeather:
 
     def __init__(self, scene: bpy.types.Scene, lamps: list[bpy.types.Object]) -> None:
         self._scene = scene
-        self._lamps = StreetLamps(lamps)
+        self._lamps = lamps  # the place's own list, which it may fill anew at each location
         self._world = new_world()
         self._drawn: tuple[float, ...] | None = None
         scene.world = self._world
@@ -49,7 +49,7 @@ class SceneWeather:
             draw_sky(self._world, weather)
             self._drawn = weather.sky_key()
         self._scene.cycles.film_exposure = film_exposure(weather)
-        self._lamps.shine(weather.lamps)
+        shine(self._lamps, weather.lamps)
         self.fog.hide_render = weather.extinction == 0.0
         compat.march_volumes(self._scene, not weather.fog_is_uniform)
         fill_with_fog(self.fog, weather)
@@ -116,51 +116,37 @@ FULL_ENERGY = "rauca_full_energy"
 BEAM_OFFSET_M = 0.08  # before the lens, so that the lamp's own housing does not swallow the light
 
 
-class StreetLamps:
-    """A place's light objects, dimmed together; the energy they come with is full brightness.
-
-    The list stays the place's own, which may fill it anew at each location.
-    """
-
-    def __init__(self, lamps: list[bpy.types.Object]) -> None:
-        self._lamps = lamps
-
-    def shine(self, level: float) -> None:
-        """Turn all to ``level``, 0 (off) to 1."""
-        for lamp in self._lamps:
-            lamp.hide_render = level == 0.0
-            if FULL_ENERGY not in lamp.data:  # kept on the light itself, which lamps may share
-                lamp.data[FULL_ENERGY] = lamp.data.energy
-            lamp.data.energy = lamp.data[FULL_ENERGY] * level
+def shine(lamps: list[bpy.types.Object], level: float) -> None:
+    """Turn light objects to ``level``, 0 (off) to 1; the energy they come with is full brightness."""
+    for lamp in lamps:
+        lamp.hide_render = level == 0.0
+        if FULL_ENERGY not in lamp.data:  # kept on the light itself, which lamps may share
+            lamp.data[FULL_ENERGY] = lamp.data.energy
+        lamp.data.energy = lamp.data[FULL_ENERGY] * level
 
 
-class VehicleLamps:
-    """Beams of the headlamps, parented to the vehicle; the glow of the lenses is the vehicle's own.
+def add_beams(
+    scene: bpy.types.Scene, vehicle_object: bpy.types.Object, vehicle: contract.Vehicle
+) -> list[bpy.types.Object]:
+    """Beams of the headlamps, off, parented to the vehicle; the glow of the lenses is the vehicle's own.
 
     A vehicle without a material of kind ``headlamp`` has none.
     """
-
-    def __init__(self, scene: bpy.types.Scene, vehicle_object: bpy.types.Object, vehicle: contract.Vehicle) -> None:
-        self._beams: list[bpy.types.Object] = []
-        for position in headlamp_positions(vehicle):
-            light = bpy.data.lights.new("rauca headlamp", "SPOT")
-            light.color, light.shadow_soft_size = BEAM_COLOR, BEAM_SOURCE_RADIUS_M
-            light.spot_size, light.spot_blend = math.radians(BEAM_ANGLE_DEG), BEAM_BLEND
-            beam = bpy.data.objects.new("rauca headlamp", light)
-            beam.parent = vehicle_object
-            beam.location = position
-            dip = math.radians(BEAM_DIP_DEG)
-            ahead = Vector((math.cos(dip), 0.0, -math.sin(dip)))
-            beam.rotation_euler = ahead.to_track_quat("-Z", "Y").to_euler()
-            beam.hide_render = True
-            scene.collection.objects.link(beam)
-            self._beams.append(beam)
-
-    def shine(self, level: float) -> None:
-        """Turn the beams to ``level``, 0 (off) to 1."""
-        for beam in self._beams:
-            beam.hide_render = level == 0.0
-            beam.data.energy = BEAM_ENERGY_W * level
+    beams = []
+    for position in headlamp_positions(vehicle):
+        light = bpy.data.lights.new("rauca headlamp", "SPOT")
+        light.energy, light.color, light.shadow_soft_size = BEAM_ENERGY_W, BEAM_COLOR, BEAM_SOURCE_RADIUS_M
+        light.spot_size, light.spot_blend = math.radians(BEAM_ANGLE_DEG), BEAM_BLEND
+        beam = bpy.data.objects.new("rauca headlamp", light)
+        beam.parent = vehicle_object
+        beam.location = position
+        dip = math.radians(BEAM_DIP_DEG)
+        ahead = Vector((math.cos(dip), 0.0, -math.sin(dip)))
+        beam.rotation_euler = ahead.to_track_quat("-Z", "Y").to_euler()
+        beam.hide_render = True
+        scene.collection.objects.link(beam)
+        beams.append(beam)
+    return beams
 
 
 def headlamp_positions(vehicle: contract.Vehicle) -> NDArray[np.float64]:

@@ -14,11 +14,10 @@ from ..core import contract, files
 from ..folders import chosen_folder
 from ..scene.bake import Baked, Task, add_layer, baked_image, other_layers, prepare_bake, run_bake, show_baked
 from ..scene.baked_export import export_glb
-from ..scene.coating import Coat
 from ..scene.mesh_edits import object_mode
 from ..translations import OWN_SENSE
 from .camouflage.painted_vehicle import coat_shown, painted_surface, painted_vehicle, require_coat, surface_of
-from .operator import NO_UNDO, ModalOperator, RaucaOperator
+from .operator import NO_COAT, NO_UNDO, ModalOperator, Obstacle, RaucaOperator
 from .panel import State, StepPanel, folder_setting
 
 
@@ -54,10 +53,15 @@ def state(context: bpy.types.Context) -> State:
         return State("missing", iface("Apply a camouflage first"))
     if not settings.folder:
         return State("missing", iface("Choose a folder for the image"))
-    if Coat(coat).image("baked") is not None and settings.file:
+    if _is_baked(context) and settings.file:
         text = iface("Baked to {file}: colors differ by {share:.1%} on average")
         return State("done", text.format(file=Path(settings.file).name, share=settings.difference))
     return State("ready", iface("Ready to bake"))
+
+
+def _is_baked(context: bpy.types.Context) -> bool:
+    coat = coat_shown(context)
+    return coat is not None and coat.image("baked") is not None
 
 
 class RAUCA_PT_bake(StepPanel, bpy.types.Panel):
@@ -82,7 +86,7 @@ class RAUCA_PT_bake(StepPanel, bpy.types.Panel):
             layout.prop(settings, name)
         row = layout.row(align=True)
         row.operator("rauca.bake", icon="RENDER_STILL")
-        if camouflage.coat is not None and Coat(camouflage.coat).image("baked") is not None:
+        if _is_baked(context):
             row.operator("rauca.export_glb", text="Export GLB", icon="EXPORT")
 
 
@@ -131,17 +135,14 @@ class _StoppedError(Exception):
 class RAUCA_OT_bake(ModalOperator, bpy.types.Operator):
     """Carry the camouflage to another UV layer of the vehicle, as a PNG and inside this .blend; Esc stops it"""
 
-    bl_idname = "rauca.bake"
     bl_label = "Bake"
     stopped = "Bake stopped; nothing was written"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if coat_shown(context) is None:
-            return rpt("Apply a camouflage first")
-        if cls.running() is not None:
-            return rpt("A bake is running; press Esc in the viewport to stop it")
-        return ""
+    obstacles = (
+        NO_COAT,
+        Obstacle(
+            "A bake is running; press Esc in the viewport to stop it", lambda _: RAUCA_OT_bake.running() is not None
+        ),
+    )
 
     def begin(self, context: bpy.types.Context) -> BakeRun:
         settings = context.scene.rauca.bake
@@ -226,12 +227,8 @@ def _layer(wanted: str, layers: list[str]) -> str:
 class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):
     """Add a UV layer in which Blender's Smart UV Project lays out the vehicle's paint"""
 
-    bl_idname = "rauca.new_uv_layer"
     bl_label = "New UV Layer"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("Apply a camouflage first") if coat_shown(context) is None else ""
+    obstacles = (NO_COAT,)
 
     def work(self, context: bpy.types.Context) -> str:
         with object_mode(context):
@@ -244,16 +241,11 @@ class RAUCA_OT_new_uv_layer(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_export_glb(RaucaOperator, bpy.types.Operator):
     """Save the vehicle with the baked camouflage as a GLB, for game engines, simulators and viewers"""
 
-    bl_idname = "rauca.export_glb"
     bl_label = "Export GLB"
     bl_options = NO_UNDO
+    obstacles = (Obstacle("Bake the camouflage first", lambda context: not _is_baked(context)),)
     filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: bpy.props.StringProperty(default="*.glb", options={"HIDDEN"})
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        coat = coat_shown(context)
-        return rpt("Bake the camouflage first") if coat is None or coat.image("baked") is None else ""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self.filepath:

@@ -20,7 +20,7 @@ from ..jobs.child import child_command
 from ..jobs.thumbnails import thumbnail
 from .cameras import timing
 from .job_panel import draw_job, draw_open_folder, job_state
-from .operator import BackgroundOperator, RaucaOperator
+from .operator import BackgroundOperator, Obstacle, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 
 JOB = "dataset"
@@ -108,7 +108,7 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):
         column = layout.column()
         for name in ("folder", "locations", "size", "samples", "denoise"):
             column.prop(settings, name)
-        if settings.denoise and not compat.denoiser_is_built_in():
+        if settings.denoise and not compat.has_denoiser():
             count = samples_without_denoiser(settings.samples)
             words = iface("This Blender has no denoiser: {count} samples without it give as clean frames, more slowly")
             paragraph(context, layout, words.format(count=count), icon="ERROR")
@@ -139,17 +139,12 @@ def samples_without_denoiser(samples: int) -> int:
 class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):
     """Turn denoising off and take so many samples that the frames are as clean; they take longer"""
 
-    bl_idname = "rauca.without_denoiser"
     bl_label = "Render Without Denoising"
+    obstacles = (Obstacle("Denoise is off already", lambda context: not context.scene.rauca.dataset.denoise),)
 
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("Denoise is off already") if not context.scene.rauca.dataset.denoise else ""
-
-    def work(self, context: bpy.types.Context) -> str | None:
+    def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.dataset
         settings.denoise, settings.samples = False, samples_without_denoiser(settings.samples)
-        return None
 
 
 @dataclass
@@ -182,22 +177,16 @@ class DatasetTask(Task):
 class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):
     """Render every view in every weather to the chosen folder; goes on where an earlier run stopped"""
 
-    bl_idname = "rauca.generate_dataset"
     bl_label = "Generate Dataset"
     job = JOB
     running = "A dataset is being rendered; stop it first"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if not context.scene.rauca.dataset.folder:
-            return rpt("Choose a folder for the dataset")
-        return super().obstacle(context)
+    obstacles = (Obstacle("Choose a folder for the dataset", lambda context: not context.scene.rauca.dataset.folder),)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.dataset
         folder = chosen_folder(settings.folder, rpt("the dataset"))
         refuse_foreign(folder, "dataset.json", rpt("dataset"))
-        if settings.denoise and not compat.denoiser_is_built_in():
+        if settings.denoise and not compat.has_denoiser():
             raise contract.RaucaError(
                 rpt(
                     "This Blender was built without a denoiser; turn Denoise off and take {count} samples, or use "

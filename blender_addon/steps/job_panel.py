@@ -45,9 +45,8 @@ def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str) 
     if found.alive:
         layout.progress(factor=found.fraction, text=f"{found.fraction:.0%}")
         _draw_buttons(layout, name, found)
-    elif found.phase != "done" and found.ending is not None:
-        words = iface(found.ending.text).format(**found.ending.values)
-        paragraph(context, layout, words, icon="ERROR" if found.phase == "failed" else "INFO")
+    elif found.phase != "done":
+        paragraph(context, layout, found.ending, icon="ERROR" if found.phase == "failed" else "INFO")
     for note in found.notes[-NOTES:]:
         paragraph(context, layout, note, icon="INFO")
 
@@ -57,65 +56,48 @@ def draw_open_folder(layout: bpy.types.UILayout, folder: str) -> None:
     layout.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = folder
 
 
+def draw_button(layout: bpy.types.UILayout, name: str, action: str, text: str, icon: str = "NONE") -> None:
+    """A button that steers a job."""
+    button = layout.operator("rauca.steer_job", text=iface(text), icon=icon)
+    button.job, button.action = name, action
+
+
 def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
     row = layout.row(align=True)
     if found.phase == "paused":
-        row.operator("rauca.continue_job", icon="PLAY").job = name
+        draw_button(row, name, "GO_ON", "Go On", "PLAY")
     else:
         pause = row.row(align=True)
         pause.enabled = found.phase in ("starting", "running")
-        pause.operator("rauca.pause_job", icon="PAUSE").job = name
-    text = "Stop at Once" if found.phase == "stopping" else "Stop"
-    row.operator("rauca.stop_job", text=text, icon="CANCEL").job = name
+        draw_button(pause, name, "PAUSE", "Pause", "PAUSE")
+    draw_button(row, name, "STOP", "Stop at Once" if found.phase == "stopping" else "Stop", "CANCEL")
 
 
-class _JobOperator(RaucaOperator):
-    """Base of an operator on a job under way."""
+ACTIONS = [
+    ("PAUSE", "Pause", "Finish what is in hand, then leave the machine alone until you go on; nothing is lost"),
+    ("GO_ON", "Go On", "Go on where the job was paused, with the settings it was started with"),
+    (
+        "STOP",
+        "Stop",
+        "End the job; what is finished is kept. Press again to end it without waiting for what is in hand",
+    ),
+]
 
+
+class RAUCA_OT_steer_job(RaucaOperator, bpy.types.Operator):
+    """Pause a job, go on with it, or stop it"""
+
+    bl_label = "Steer Job"
     bl_options = NO_UNDO
 
     job: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    action: bpy.props.EnumProperty(name="Action", items=ACTIONS, options={"SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> None:
-        self.steer(watch.job(self.job))
-        watch.redraw()
-
-    def steer(self, job: Job | None) -> None:
-        """Do it; raises :class:`RaucaError` where ``job`` is not in the phase for it."""
-        raise NotImplementedError
-
-
-class RAUCA_OT_pause_job(_JobOperator, bpy.types.Operator):
-    """Finish what is in hand, then leave the machine alone until you go on; nothing is lost"""
-
-    bl_idname = "rauca.pause_job"
-    bl_label = "Pause"
-
-    def steer(self, job: Job | None) -> None:
+        job = watch.job(self.job)
         if job is None or not job.alive:
-            raise contract.RaucaError("Nothing is running that could be paused")
-        job.pause()
-
-
-class RAUCA_OT_continue_job(_JobOperator, bpy.types.Operator):
-    """Go on where the job was paused, with the settings it was started with"""
-
-    bl_idname = "rauca.continue_job"
-    bl_label = "Go On"
-
-    def steer(self, job: Job | None) -> None:
-        if job is None or job.phase != "paused":
+            raise contract.RaucaError("Nothing is running")
+        if self.action == "GO_ON" and job.phase != "paused":
             raise contract.RaucaError("Nothing is paused")
-        job.go_on()
-
-
-class RAUCA_OT_stop_job(_JobOperator, bpy.types.Operator):
-    """End the job; what is finished is kept. Press again to end it without waiting for what is in hand"""
-
-    bl_idname = "rauca.stop_job"
-    bl_label = "Stop"
-
-    def steer(self, job: Job | None) -> None:
-        if job is None or not job.alive:
-            raise contract.RaucaError("Nothing is running that could be stopped")
-        job.stop()
+        {"PAUSE": job.pause, "GO_ON": job.go_on, "STOP": job.stop}[self.action]()
+        watch.redraw()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import bpy
@@ -11,16 +12,43 @@ from bpy.app.translations import pgettext_tip as tip
 
 from ..core import contract
 from ..jobs import watch
-from ..jobs.child import Ending, with_buttons
+from ..jobs.background import Job
+from ..jobs.child import with_buttons
 
 NO_UNDO = {"REGISTER"}  # of an operator that leaves the scene as it is
 TICK_S = 0.1
 
 
-class RaucaOperator:
-    """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``."""
+@dataclass(frozen=True)
+class Obstacle:
+    """Why a button cannot be pressed, in English, while ``stands``; asked for at every redraw."""
 
+    words: str
+    stands: Callable[[bpy.types.Context], bool]
+
+
+NO_COAT = Obstacle("Apply a camouflage first", lambda context: context.scene.rauca.camouflage.coat is None)
+LINKED = Obstacle(
+    "This scene is linked from another file: open that file", lambda context: context.scene.library is not None
+)
+NOT_OBJECT_MODE = Obstacle("Leave edit mode first", lambda context: context.mode != "OBJECT")
+NOT_PICKED = Obstacle(
+    "Pick the vehicle's object or collection first", lambda context: context.scene.rauca.vehicle.picked(context) is None
+)
+
+
+class RaucaOperator:
+    """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``.
+
+    Blender knows ``RAUCA_OT_name`` as ``rauca.name``.
+    """
+
+    bl_idname: ClassVar[str]
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
+    obstacles: ClassVar[tuple[Obstacle, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        cls.bl_idname = cls.__name__.replace("RAUCA_OT_", "rauca.")
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -32,8 +60,8 @@ class RaucaOperator:
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
-        """Why it cannot be pressed at present, translated; empty if it can. Asked for at every redraw."""
-        return ""
+        """Why it cannot be pressed at present, translated; empty if it can."""
+        return next((rpt(obstacle.words) for obstacle in cls.obstacles if obstacle.stands(context)), "")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -83,7 +111,7 @@ class BackgroundOperator(RaucaOperator):
 
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt(cls.running) if watch.busy(cls.job) else ""
+        return super().obstacle(context) or (rpt(cls.running) if watch.busy(cls.job) else "")
 
     def begin(self, context: bpy.types.Context) -> None:
         """Start the job with :func:`watch.begin`; raises :class:`RaucaError`."""
@@ -95,15 +123,14 @@ class BackgroundOperator(RaucaOperator):
         given = self.properties.is_property_set("wait")  # type: ignore[attr-defined]
         if not (self.wait if given else bpy.app.background):
             return None
-        how = watch.run_to_end(self.job).ending
-        return self.outcome(context, how) if how is not None else None
+        job = watch.run_to_end(self.job)
+        return None if job.alive else self.outcome(context, job)
 
-    def outcome(self, context: bpy.types.Context, how: Ending) -> str:
+    def outcome(self, context: bpy.types.Context, job: Job) -> str:
         """What to tell a script that waited; raises :class:`RaucaError` for what went wrong."""
-        words = rpt(how.text).format(**how.values)
-        if how.phase == "failed":
-            raise contract.RaucaError(words)
-        return words
+        if job.phase == "failed":
+            raise contract.RaucaError(job.ending)
+        return job.ending
 
 
 class Work(Protocol):

@@ -142,7 +142,6 @@ class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):
 class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):
     """Optimize a camouflage on the dataset against the chosen detectors; goes on where an earlier run stopped"""
 
-    bl_idname = "rauca.optimize"
     bl_label = "Optimize"
     job = JOB
     running = "A camouflage is being optimized; stop it first"

@@ -61,7 +61,7 @@ class SidebarPanel:
 class StepPanel(SidebarPanel):
     """Base of a step's panel.
 
-    A subclass gives ``number``, ``bl_label``, ``bl_idname`` and ``step_state = staticmethod(state)``.
+    A subclass gives ``number``, ``bl_label`` and ``step_state = staticmethod(state)``.
     """
 
     number: int

@@ -97,7 +97,7 @@ def test_stopping_keeps_what_is_finished_and_a_paused_job_stops_too(tmp_path):
     job.stop()
     until(job, lambda: not job.alive)
     assert job.phase == "stopped"
-    assert "Start again" in job.ending.text
+    assert "Start again" in job.ending
     again = Job(job.task)
     until(again, lambda: again.done >= 1 or not again.alive)
     again.pause()
@@ -135,7 +135,7 @@ def test_stopping_twice_does_not_wait_for_a_child_that_goes_on(tmp_path):
 def test_an_end_nobody_asked_for_is_told_in_words(tmp_path, code, words):
     job = ended(code, tmp_path)
     assert job.phase == "failed"
-    assert words in job.ending.text.format(**job.ending.values)
+    assert words in job.ending
     assert job.task.cleaned == 1
 
 
@@ -168,9 +168,8 @@ def test_what_the_command_line_says_is_still_said_there():
     for there, here in IN_THE_WINDOW:
         assert there in text, there
         assert "--" not in here
-    assert ending(2, ["error: a: not writable; choose another output folder"]).values == {
-        "reason": "A: not writable; choose another folder"
-    }
+    said = ending(2, ["error: a: not writable; choose another output folder"])
+    assert said == "A: not writable; choose another folder"
 
 
 def test_a_thumbnail_is_the_mean_of_its_blocks(tmp_path):

@@ -18,10 +18,10 @@ from blender_addon.translations import words
 WORDS = words("de")
 ADD_ON = Path(blender_addon.__file__).parent
 SHOWN = [*ADD_ON.glob("steps/**/*.py"), ADD_ON / "preferences.py"]
-SAID_BY_JOBS = [ADD_ON / "jobs" / "child.py"]
-TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Ending"}  # calls whose plain texts are shown
+SAID_BY_JOBS = [ADD_ON / "jobs" / name for name in ("background.py", "child.py")]
+TRANSLATED = {"iface", "rpt", "tip", "RaucaError", "Obstacle"}  # calls whose plain texts are shown
 # Names and signs that are the same in every language.
-EXEMPT = {"{reason}", "CARLA", "CPU", "GPU", "+X", "-X", "+Y", "-Y"}
+EXEMPT = {"CARLA", "CPU", "GPU", "+X", "-X", "+Y", "-Y"}
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def literal_texts() -> Iterator[str]:
             called = getattr(node.func, "attr", getattr(node.func, "id", ""))
             given = [word.value for word in node.keywords if word.arg in ("text", "heading")]
             if called in TRANSLATED:
-                given += node.args[1:] if called == "Ending" else node.args  # its first word is its phase
+                given += node.args
             for value in given:
                 if isinstance(value, ast.Constant) and isinstance(value.value, str) and value.value:
                     yield value.value

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from blender_addon.scene.mesh_edits import mark_faces
+from blender_addon.scene.mesh_edits import Surface, mark_faces
 from blender_addon.scene.ring import ring_lines, viewpoint
 from blender_addon.scene.vehicle import SceneVehicle
 from blender_addon.scene.vehicle_arrays import read_objects
@@ -166,10 +166,12 @@ def test_the_anchor_of_an_artists_mesh_is_how_it_will_be_read(addon, front):
     cube.scale, cube.location, cube.rotation_euler = (0.9, 2.1, 0.7), (5.0, 1.0, 0.7), (0.0, 0.0, 0.1)
     addon.context.view_layer.update()
     soup = read_objects([cube])
-    request = VehicleRequest("cube", "cube", front=front)
-    to_vehicle, _ = orient(soup, request)
+    request = VehicleRequest("cube", front=front)
+    in_world = soup.positions
+    orient(soup, request)
     found = find_anchor([cube], request)
-    np.testing.assert_allclose(found.vehicle_to_world @ to_vehicle, np.eye(4), atol=1e-5)
+    turn, place = found.vehicle_to_world[:3, :3], found.vehicle_to_world[:3, 3]
+    np.testing.assert_allclose(soup.positions @ turn.T + place, in_world, atol=1e-5)
     middle = (soup.positions.min(axis=0) + soup.positions.max(axis=0)) / 2
     np.testing.assert_allclose(found.center, middle, atol=1e-5)
 
@@ -193,7 +195,8 @@ def test_the_anchor_is_the_jobs_whatever_is_paint_and_whatever_else_hangs_on_the
         mark_faces(thing.data, np.arange(len(thing.data.polygons)) < 100)
         chosen.paint = "FACES"
     if paint != "SHIPPED":
-        where = np.linalg.inv(chosen.reading(addon.context).to_vehicle)
+        read = chosen.chosen(addon.context)
+        where = Surface.of(read, chosen.objects(addon.context)).vehicle_to_world()
     found, job = anchor(addon.context), SceneVehicle(addon.data.scenes.new("job"), chosen.chosen(addon.context))
     assert found.found
     np.testing.assert_allclose(found.vehicle_to_world, where, atol=1e-5)

@@ -200,7 +200,7 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     assert detection_overlay.shown_detections(scene, seen[0]) == []  # the camouflage works
     bpy.ops.rauca.show_paint(which="ORIGINAL")
     ((detector, found),) = detection_overlay.shown_detections(scene, seen[0])
-    assert (detector, found.box, found.score, found.name) == ("eye", (10, 20, 50, 60), 0.9, "car")
+    assert (detector, found.box, found.score) == ("eye", (10, 20, 50, 60), 0.9)
     bpy.ops.rauca.evaluated_view(step="WEATHER")
     assert rauca.camouflage.frame == "L00-V000-fog"
     box.location.x += 3.0  # the vehicle moves, and the view with it

@@ -64,12 +64,12 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
     assert state(addon.context).words.startswith(f"{job.done} of {STEPS} steps, about ")
     assert not addon.ops.rauca.optimize.poll()
 
-    addon.ops.rauca.pause_job(job="optimize")
+    addon.ops.rauca.steer_job(job="optimize", action="PAUSE")
     longest = max(longest, until(lambda: job.phase == "paused"))
     stood = json.loads((tmp_path / "made" / "checkpoints" / "checkpoint.json").read_text())["step"]
     assert 2 <= stood < STEPS
     addon.ops.wm.read_homefile(use_empty=True, load_ui=False)
-    addon.ops.rauca.continue_job(job="optimize")
+    addon.ops.rauca.steer_job(job="optimize", action="GO_ON")
     longest = max(longest, until(lambda: not job.alive))
 
     assert job.phase == "done", job.ending
@@ -88,7 +88,7 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
 def test_a_stopped_run_goes_on_and_another_one_is_refused(addon, ready, tmp_path):
     addon.ops.rauca.optimize(wait=False)
     until(lambda: watch.job("optimize").done >= 2)
-    addon.ops.rauca.stop_job(job="optimize")
+    addon.ops.rauca.steer_job(job="optimize", action="STOP")
     until(lambda: not watch.busy("optimize"))
     first = list(watch.job("optimize").history["loss"])
     assert watch.job("optimize").phase == "stopped"

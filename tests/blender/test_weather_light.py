@@ -11,7 +11,7 @@ import pytest
 from blender_addon.scene import camera as placing
 from blender_addon.scene import nodes, render, wetness
 from blender_addon.scene.sky import exposure_stops
-from blender_addon.scene.weather import SceneWeather, VehicleLamps, headlamp_positions
+from blender_addon.scene.weather import SceneWeather, add_beams, headlamp_positions, shine
 from rauca_core.contract import Camera, Material, Quality, Weather
 
 from .conftest import mesh_object
@@ -203,11 +203,11 @@ def test_headlamps_throw_light_ahead(yard, box_vehicle):
     assert (positions[:, 0] > 2.0).all()
     anchor = bpy.data.objects.new("vehicle", None)
     yard.scene.collection.objects.link(anchor)
-    beams = VehicleLamps(yard.scene, anchor, lit)
+    beams = add_beams(yard.scene, anchor, lit)
     ahead = Camera.look_at(np.array([6.0, 0, 10]), np.array([6.0, 0.01, 0]), 30, 16, 16)
     behind = Camera.look_at(np.array([-6.0, 0, 10]), np.array([-6.0, 0.01, 0]), 30, 16, 16)
-    beams.shine(1.0)
+    shine(beams, 1.0)
     on, back = yard.look(Weather("w", -30), ahead).mean(), yard.look(Weather("w", -30), behind).mean()
-    beams.shine(0.0)
+    shine(beams, 0.0)
     assert on > 4 * back
     assert yard.look(Weather("w", -30), ahead).mean() == pytest.approx(back, rel=0.1)

@@ -98,7 +98,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
     desk.enter("seed", 7)
     blender.shoot("4-more")
     assert blender.settings("dataset.seed") == 7
-    if not blender.ask("value = own('compat').denoiser_is_built_in()"):
+    if not blender.ask("value = own('compat').has_denoiser()"):
         blender.shoot("4-no-denoiser")
         desk.press("rauca.without_denoiser(", lambda: not blender.settings("dataset.denoise"))
     desk.enter("samples", SAMPLES)
@@ -298,7 +298,7 @@ def measured(desk: Sidebar, job: str, picture: str) -> str:
     blender.wait(lambda: blender.ask(found + "value = not found.alive"), "the job's end", PATIENCE_S)
     gaps = Gaps.of(blender.ask("value = heart.take()"))
     MEASURED[job] = gaps
-    told = blender.ask(found + "value = [found.phase, found.ending.text, dict(found.ending.values), found.notes]")
+    told = blender.ask(found + "value = [found.phase, found.ending, found.notes]")
     assert told[0] == "done", told
     return str(gaps)
 

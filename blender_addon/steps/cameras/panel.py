@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface
-from bpy.app.translations import pgettext_rpt as rpt
 from bpy.app.translations import pgettext_tip as tip
 
 from ...core import contract
 from ...scene.camera import leave, look
 from ...translations import OWN_SENSE
-from ..operator import RaucaOperator
+from ..operator import LINKED, Obstacle, RaucaOperator
 from ..panel import SidebarPanel, State, StepPanel, paragraph
 from .properties import RaucaCameras, anchor
 from .timing import estimated_seconds, frame_count, pace
@@ -90,8 +89,8 @@ def _draw_estimate(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
 class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
     """See what this view's camera will see, jitter included; your own camera is kept"""
 
-    bl_idname = "rauca.look_through"
     bl_label = "Look Through"
+    obstacles = (LINKED,)
 
     step: bpy.props.IntProperty(
         name="Step", default=0, options={"SKIP_SAVE"}, description="Views to go on by; 0: the chosen one"
@@ -105,12 +104,6 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
             return tip("Look through the next view; after the last comes the first")
         return ""
 
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.scene.library is not None:
-            return rpt("This scene is linked from another file: open that file")
-        return ""
-
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.cameras
         settings.view = (settings.chosen() + self.step) % len(settings.ring()) + 1
@@ -122,12 +115,10 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):
     """Bring back your own camera and picture size; the view's camera goes"""
 
-    bl_idname = "rauca.leave_view"
     bl_label = "Leave View"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("No view is being looked through") if context.scene.rauca.cameras.camera is None else ""
+    obstacles = (
+        Obstacle("No view is being looked through", lambda context: context.scene.rauca.cameras.camera is None),
+    )
 
     def work(self, context: bpy.types.Context) -> None:
         leave(context.scene, context.scene.rauca.cameras)

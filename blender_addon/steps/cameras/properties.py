@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 import bpy
@@ -12,7 +11,7 @@ import numpy as np
 from ...core import contract
 from ...scene.blocks import rendered
 from ...scene.camera import look
-from ...scene.ring import Viewpoint, viewpoint
+from ...scene.ring import Shots, Viewpoint, viewpoint
 from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ..panel import angle
 
@@ -38,15 +37,6 @@ def _looks(thing: bpy.types.Object) -> tuple[object, ...]:
     corners = tuple(value for corner in thing.bound_box for value in corner)
     matrix = tuple(value for row in thing.matrix_world for value in row)
     return thing.name_full, thing.mode, len(thing.modifiers), corners, matrix
-
-
-@dataclass(frozen=True)
-class SceneShots:
-    """What of a plan places the cameras, before there is a plan: the panels' settings."""
-
-    ring: contract.Ring
-    size: int
-    seed: int
 
 
 def _changed(self: RaucaCameras, context: bpy.types.Context) -> None:
@@ -111,10 +101,10 @@ class RaucaCameras(bpy.types.PropertyGroup):
             fov_deg=_degrees(self.fov),
         )
 
-    def shots(self) -> SceneShots:
+    def shots(self) -> Shots:
         """Ring, picture size and seed, as the job gets them."""
         dataset = self.id_data.rauca.dataset
-        return SceneShots(self.ring(), dataset.size, dataset.seed)
+        return Shots(self.ring(), dataset.size, dataset.seed)
 
     def chosen(self) -> int:
         """Index of the chosen view."""

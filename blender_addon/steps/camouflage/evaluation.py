@@ -18,10 +18,9 @@ NORMAL = "normal"  # the paint of a vehicle without camouflage
 
 @dataclass(frozen=True)
 class Detection:
-    """A box in pixels of the evaluated image, left, top, right, bottom; what it is taken for; the score in [0, 1]."""
+    """A box in pixels of the evaluated image, left, top, right, bottom; its score in [0, 1]."""
 
     box: tuple[float, float, float, float]
-    name: str
     score: float
 
 
@@ -49,21 +48,18 @@ class Evaluation:
     """One set of views and weathers that detectors looked at.
 
     Attributes:
-        category: the class that a right detection names.
         detectors: in table order.
         paints: what the vehicle wore.
-        found: ``found[detector][image sha256]``, best first.
+        found: ``found[detector][image sha256]``: what was taken for the evaluated class, best first.
     """
 
-    category: str
     detectors: tuple[str, ...]
     paints: tuple[str, ...]
     found: dict[str, dict[str, tuple[Detection, ...]]]
 
     def of(self, evaluated: EvaluatedFrame, paint: str, detector: str) -> tuple[Detection, ...]:
         """What a detector found of the evaluated class, best first."""
-        detections = self.found.get(detector, {}).get(evaluated.images.get(paint, ""), ())
-        return tuple(d for d in detections if d.name == self.category)
+        return self.found.get(detector, {}).get(evaluated.images.get(paint, ""), ())
 
 
 def find_evaluation(near: Path) -> str:
@@ -97,16 +93,10 @@ def _read_results(path: Path) -> list[EvaluatedFrame]:
     if any(len(row) != len(frames) for row in rows.values()):
         raise contract.RaucaError(f"{path}: images and frames do not fit together; evaluate again")
     detectors = fields.nested("detectors").names()
-    kept = fields.nested("detections")
-    evaluation = Evaluation(
-        category=fields.nested("settings").text("category"),
-        detectors=tuple(detectors),
-        paints=tuple(rows),
-        found={
-            name: _read_detections(path.parent, [kept.nested(paint) for paint in kept.names()], name)
-            for name in detectors
-        },
-    )
+    kept, category = fields.nested("detections"), fields.nested("settings").text("category")
+    of_paints = [kept.nested(paint) for paint in kept.names()]
+    found = {name: _read_detections(path.parent, of_paints, name, category) for name in detectors}
+    evaluation = Evaluation(tuple(detectors), tuple(rows), found)
     evaluated_frames = []
     for i, row in enumerate(frames):
         # The image of the uncamouflaged vehicle is the data set's own and lies in the frame's folder.
@@ -120,22 +110,23 @@ def _read_results(path: Path) -> list[EvaluatedFrame]:
     return evaluated_frames
 
 
-def _read_detections(beside: Path, of_paints: list[schema.Fields], detector: str) -> dict[str, tuple[Detection, ...]]:
-    """What one detector found of any paint, by image; lines that a killed run left unreadable are passed over."""
+def _read_detections(
+    beside: Path, of_paints: list[schema.Fields], detector: str, category: str
+) -> dict[str, tuple[Detection, ...]]:
+    """What one detector took for a class, by image; lines that a killed run left unreadable are passed over."""
+
+    def of_an_image(line: schema.Fields) -> tuple[str, tuple[Detection, ...]]:
+        names = line.items("names")
+        boxes = line.array("boxes", (len(names), 4)).tolist() if names else []
+        rows = zip(boxes, names, line.array("scores", (len(names),)).tolist(), strict=True)
+        return line.text("image"), tuple(Detection(tuple(box), score) for box, name, score in rows if name == category)
+
     found: dict[str, tuple[Detection, ...]] = {}
     folders = {row.text(detector) for row in of_paints if row.has(detector)} or {"detections"}
     for path in (path for folder in sorted(folders) for path in sorted((beside / folder).glob("*.jsonl"))):
         if path.stem.rpartition("-")[0] == detector:  # not another one's, whose name begins with this one's
-            found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", _of_an_image)
+            found |= schema.whole_lines(path, MAX_DETECTIONS_BYTES, "a cache of detections", of_an_image)
     return found
-
-
-def _of_an_image(line: schema.Fields) -> tuple[str, tuple[Detection, ...]]:
-    names = line.items("names")
-    boxes = line.array("boxes", (len(names), 4)).tolist() if names else []
-    scores = line.array("scores", (len(names),)).tolist()
-    found = zip(boxes, names, scores, strict=True)
-    return line.text("image"), tuple(Detection(tuple(box), str(name), score) for box, name, score in found)
 
 
 SAME = 0.015  # of the picture's side: how far a corner of the vehicle may lie from where it was
@@ -165,10 +156,3 @@ class Views:
         places = projected[..., :2] / np.where(depth > 1e-6, depth, np.nan)
         near = np.abs(places - seen).max(axis=(1, 2)) < SAME
         return [evaluated for evaluated, fits in zip(self.evaluated_frames, near, strict=True) if fits]
-
-
-def camera_in_world(camera: contract.Camera, vehicle_to_world: NDArray[np.float64]) -> contract.Camera:
-    """A camera given in the vehicle's frame, in the world."""
-    turn, place = vehicle_to_world[:3, :3], vehicle_to_world[:3, 3]
-    R = camera.R @ turn.T
-    return contract.Camera(camera.K, R, camera.t - R @ place, camera.width, camera.height)

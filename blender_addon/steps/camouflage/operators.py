@@ -12,18 +12,17 @@ from mathutils import Matrix
 from ...core import contract
 from ...scene import camera
 from ...scene.camouflages import read_paintwork
-from ...scene.coating import paint_surface, painted_objects, uncoat
+from ...scene.coating import Coat, paint_surface, painted_objects, uncoat
 from ...scene.mesh_edits import Surface, object_mode
-from ..operator import RaucaOperator
-from .evaluation import EvaluatedFrame, Views, camera_in_world, find_evaluation
-from .painted_vehicle import coat_shown, objects_of, place, require_coat, vehicle_for
+from ..operator import NO_COAT, Obstacle, RaucaOperator
+from .evaluation import EvaluatedFrame, Views, find_evaluation
+from .painted_vehicle import objects_of, place, vehicle_for
 from .shown_evaluation import load_now, nearest, same_view, vehicle_to_world
 
 
 class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
     """Paint the vehicle of step 1 with the chosen camouflage; it is added to the scene if it is not there"""
 
-    bl_idname = "rauca.apply_camouflage"
     bl_label = "Apply Camouflage"
 
     def work(self, context: bpy.types.Context) -> str:
@@ -38,7 +37,7 @@ class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
             surface = Surface.of(vehicle, objects or place(context, vehicle))
             coat = paint_surface(surface, paintwork)
         settings.coat = coat.tree
-        anchor = surface.painted_pieces()[0][0].owner
+        anchor = surface.painted_pieces()[0].owner
         settings.anchor = anchor
         to_anchor = np.linalg.inv(np.array(anchor.matrix_world)) @ surface.vehicle_to_world()
         settings.vehicle_to_anchor = [x for row in Matrix(to_anchor.tolist()) for x in row]
@@ -57,16 +56,12 @@ LOOKS = [
 class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):
     """Change between the original paint and the camouflage"""
 
-    bl_idname = "rauca.show_paint"
     bl_label = "Original / Camouflage"
     which: bpy.props.EnumProperty(name="Show", items=LOOKS, options={"SKIP_SAVE"})
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("Apply a camouflage first") if coat_shown(context) is None else ""
+    obstacles = (NO_COAT,)
 
     def work(self, context: bpy.types.Context) -> None:
-        coat = require_coat(context)
+        coat = Coat(context.scene.rauca.camouflage.coat)
         which = self.which
         if which == "TOGGLE":
             which = "CAMOUFLAGE" if coat.shown == "ORIGINAL" else "ORIGINAL"
@@ -78,17 +73,14 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):
     """Take the camouflage off again: the materials are as they were"""
 
-    bl_idname = "rauca.remove_camouflage"
     bl_label = "Remove Camouflage"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("There is no camouflage to remove") if coat_shown(context) is None else ""
+    obstacles = (Obstacle("There is no camouflage to remove", NO_COAT.stands),)
 
     def work(self, context: bpy.types.Context) -> None:
+        settings = context.scene.rauca.camouflage
         with object_mode(context):
-            uncoat(painted_objects(context.scene, require_coat(context)))
-        context.scene.rauca.camouflage.coat = None
+            uncoat(painted_objects(context.scene, Coat(settings.coat)))
+        settings.coat = None
 
 
 CAMERA_NAME = "rauca evaluated view"
@@ -103,16 +95,12 @@ STEPS = [
 class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
     """Look at the vehicle through a view that detectors were evaluated on; a camera of its own is added for that"""
 
-    bl_idname = "rauca.evaluated_view"
     bl_label = "Look Through an Evaluated View"
     step: bpy.props.EnumProperty(name="View", items=STEPS, options={"SKIP_SAVE"})
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        settings = context.scene.rauca.camouflage
-        if settings.coat is None:
-            return rpt("Apply a camouflage first")
-        return rpt("Choose the folder of an evaluation first") if not settings.study else ""
+    obstacles = (
+        NO_COAT,
+        Obstacle("Choose the folder of an evaluation first", lambda context: not context.scene.rauca.camouflage.study),
+    )
 
     def work(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -123,7 +111,7 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
             raise contract.RaucaError("The vehicle is no longer in this scene; apply the camouflage again (step 6)")
         if scene.camera is None or scene.camera.name != CAMERA_NAME:
             scene.camera = _own_camera(scene)
-        camera.place(scene, camera_in_world(evaluated.camera, pose))
+        camera.place(scene, evaluated.camera.relative_to(np.linalg.inv(pose)))
         scene.rauca.camouflage.frame = evaluated.frame
         if context.space_data is not None and context.space_data.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"

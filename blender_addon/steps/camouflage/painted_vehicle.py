@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_rpt as rpt
 from ...core import contract
 from ...scene.coating import Coat
 from ...scene.mesh_edits import Surface
-from ...scene.vehicle import NAME_KEY, SceneVehicle, add_shipped, load_shipped, shipped_names
+from ...scene.vehicle import NAME_KEY, add_vehicle, load_shipped, shipped_names
 
 ATLAS_KEY = "rauca_placed_atlas"  # custom property of an object placed for a vehicle that is a file
 
@@ -39,14 +39,7 @@ def objects_of(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bp
 def place(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bpy.types.Object]:
     """Add ``vehicle`` to the scene at the 3D cursor; one of Rauca's own becomes the chosen one of step 1."""
     settings = context.scene.rauca.vehicle
-    if vehicle.name in shipped_names() and load_shipped(vehicle.name).geometry_id == vehicle.geometry_id:
-        thing = add_shipped(context.scene, vehicle.name)
-    else:
-        placed = SceneVehicle(context.scene, vehicle)
-        placed.paint.pack()
-        thing = placed.object
-        thing.name = thing.data.name = vehicle.name
-    thing.location = context.scene.cursor.location
+    thing = add_vehicle(context.scene, vehicle)
     thing[ATLAS_KEY] = vehicle.atlas_id
     if settings.origin != "FILE" and NAME_KEY in thing:
         settings.choose(thing)

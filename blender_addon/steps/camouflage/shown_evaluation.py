@@ -39,11 +39,7 @@ def ask(study: str) -> Views | str | None:
 
 
 def load_now(study: str) -> Views:
-    """The evaluation in a folder, at once.
-
-    Raises:
-        RaucaError: there is none, or it is damaged.
-    """
+    """The evaluation in a folder, at once; raises :class:`RaucaError` if there is none, or it is damaged."""
     key = _key(study)
     found = _read.get(key)
     if not isinstance(found, Views):

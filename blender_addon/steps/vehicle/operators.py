@@ -8,11 +8,11 @@ from bpy.app.translations import pgettext_rpt as rpt
 
 from ...core import contract
 from ...scene.blocks import values_of
-from ...scene.mesh_edits import mark_faces, object_mode, require_writable, select_faces
+from ...scene.mesh_edits import leave_mode, mark_faces, object_mode, require_writable, select_faces
 from ...scene.paint_layer import check_paint, polygons_of
-from ...scene.vehicle import add_shipped, shipped_names
+from ...scene.vehicle import add_vehicle, load_shipped, shipped_names
 from ...scene.vehicle_arrays import marked_faces
-from ..operator import RaucaOperator
+from ..operator import NOT_PICKED, Obstacle, RaucaOperator
 
 DISPLAY_NAMES = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
 
@@ -29,16 +29,12 @@ def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> li
 class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):
     """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
 
-    bl_idname = "rauca.add_vehicle"
     bl_label = "Add Vehicle"
     vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)
 
     def work(self, context: bpy.types.Context) -> str:
-        active = context.view_layer.objects.active
-        if active is not None and active.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
-        thing = add_shipped(context.scene, self.vehicle)
-        thing.location = context.scene.cursor.location
+        leave_mode(context)
+        thing = add_vehicle(context.scene, load_shipped(self.vehicle))
         context.view_layer.update()
         for other in context.view_layer.objects:
             other.select_set(other == thing)
@@ -57,15 +53,14 @@ ACTIONS = [
 class RAUCA_OT_mark_paint(RaucaOperator, bpy.types.Operator):
     """Say by the selected faces what is paint"""
 
-    bl_idname = "rauca.mark_paint"
     bl_label = "Mark Paint"
     action: bpy.props.EnumProperty(name="Action", items=ACTIONS)
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.mode != "EDIT_MESH":
-            return rpt("Select the vehicle and press Tab: faces are selected in edit mode")
-        return ""
+    obstacles = (
+        Obstacle(
+            "Select the vehicle and press Tab: faces are selected in edit mode",
+            lambda context: context.mode != "EDIT_MESH",
+        ),
+    )
 
     def work(self, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.vehicle
@@ -104,29 +99,20 @@ KINDS = [
 class RAUCA_OT_check_uvs(RaucaOperator, bpy.types.Operator):
     """Check the UVs of the paint and select the faulty faces"""
 
-    bl_idname = "rauca.check_uvs"
     bl_label = "Check"
     kind: bpy.props.EnumProperty(name="Faults", items=KINDS)
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.scene.rauca.vehicle.picked(context) is None:
-            return rpt("Pick the vehicle's object or collection first")
-        return ""
+    obstacles = (NOT_PICKED,)
 
     def work(self, context: bpy.types.Context) -> str:
         settings = context.scene.rauca.vehicle
-        active = context.view_layer.objects.active
-        if active is not None and active.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
+        leave_mode(context)
         reading = settings.reading(context)
         faults = check_paint(reading)
-        kinds = {name.lower(): getattr(faults, name.lower()) for name, *_ in KINDS[1:]}
-        for name, faces in kinds.items():
+        for name, faces in faults.items():
             setattr(settings, name, int(faces.sum()))
         settings.checked = True
-        every = np.logical_or.reduce(list(kinds.values()))
-        shown = every if self.kind == "ALL" else kinds[self.kind.lower()]
+        every = np.logical_or.reduce(list(faults.values()))
+        shown = every if self.kind == "ALL" else faults[self.kind.lower()]
         if not shown.any():
             return "No faults found"
         select_faces(context, polygons_of(reading, shown))

@@ -9,13 +9,12 @@ import bpy
 from ...core import contract
 from ...scene.mesh_edits import marked_count, object_mode
 from ...scene.vehicle import shipped_names
+from ...scene.vehicle_files import find_vehicle
 from ...scene.vehicle_reading import Reading, read_vehicle
 from ...scene.vehicle_request import VehicleRequest
 from ...translations import OWN_SENSE
-from ...vehicles import find_vehicle
 
 SHAPES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY")  # objects that a vehicle can be made of
-REMEDY = "in step 1, Vehicle, choose the paint's material or mark its faces"
 
 
 def _shaped(self: bpy.types.PropertyGroup, thing: bpy.types.Object) -> bool:
@@ -115,11 +114,7 @@ class RaucaVehicle(bpy.types.PropertyGroup):
             return read_vehicle(self.required_objects(context), self.request())
 
     def reading(self, context: bpy.types.Context) -> Reading:
-        """The chosen objects face by face; in object mode.
-
-        Raises:
-            RaucaError: as :meth:`chosen`.
-        """
+        """The chosen objects face by face; in object mode. Raises as :meth:`chosen`."""
         return Reading.of(self.required_objects(context), self.request())
 
     def picked(self, context: bpy.types.Context) -> bpy.types.ID | None:
@@ -151,10 +146,7 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         root = self.collection if self.origin == "COLLECTION" else self.object
         name, by_marks = root.name if root is not None else "", self.paint == "FACES"
         material = self.material.name if self.material is not None and not by_marks else None
-        source = Path(bpy.data.filepath).name
-        return VehicleRequest(
-            name, name, source, front=self.front, paint_material=material, by_marks=by_marks, remedy=REMEDY
-        )
+        return VehicleRequest(name, front=self.front, paint_material=material, by_marks=by_marks)
 
     def choose(self, shipped: bpy.types.Object) -> None:
         """Choose an object that is one of Rauca's own vehicles."""

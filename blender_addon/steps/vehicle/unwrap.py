@@ -17,7 +17,7 @@ from ...scene.paint_layer import to_unwrap, write_unwrapped
 from ...scene.uvs import unwrapped
 from ...scene.vehicle import untouched_shipped
 from ...scene.vehicle_reading import Reading
-from ..operator import ModalOperator
+from ..operator import NOT_PICKED, ModalOperator, Obstacle
 
 
 class UnwrapChild:
@@ -46,8 +46,7 @@ class UnwrapChild:
             RaucaError: it cannot be unwrapped, or the process died.
         """
         if code := self._process.code():
-            how = ending(code, self._process.complaints())
-            raise contract.RaucaError(how.text.format(**how.values))
+            raise contract.RaucaError(ending(code, self._process.complaints()))
         return contract.load_vehicle(self.folder / "after", read_image_blender)
 
     def stop(self) -> None:
@@ -59,17 +58,12 @@ class UnwrapChild:
 class RAUCA_OT_unwrap_paint(ModalOperator, bpy.types.Operator):
     """Unwrap the paint into a UV layer of its own, without overlaps and at one level of detail; other layers stay"""
 
-    bl_idname = "rauca.unwrap_paint"
     bl_label = "Unwrap"
     stopped = "Unwrapping stopped"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if cls.running() is not None:
-            return rpt("The paint is being unwrapped; Esc stops it")
-        if context.scene.rauca.vehicle.picked(context) is None:
-            return rpt("Pick the vehicle's object or collection first")
-        return ""
+    obstacles = (
+        Obstacle("The paint is being unwrapped; Esc stops it", lambda _: RAUCA_OT_unwrap_paint.running() is not None),
+        NOT_PICKED,
+    )
 
     def begin(self, context: bpy.types.Context) -> UnwrapChild:
         with object_mode(context):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface
-from bpy.app.translations import pgettext_rpt as rpt
 from bpy.app.translations import pgettext_tip as tip
 
 from ...scene import shown_weather, street
 from ...scene.town.materials import NIGHT_GROUP
 from ...scene.wetness import GROUP as WETTABLE
 from ..cameras.properties import anchor
-from ..operator import RaucaOperator
+from ..operator import LINKED, NOT_OBJECT_MODE, Obstacle, RaucaOperator
 from ..panel import State, StepPanel, paragraph
 from . import gallery
 from .gallery import display_name
@@ -138,14 +137,8 @@ def _draw_sliders(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
 class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):
     """Put sky, sun, clouds and fog into this scene; your own world is kept and comes back with Remove Weather"""
 
-    bl_idname = "rauca.show_weather"
     bl_label = "Show in This Scene"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.scene.library is not None:
-            return rpt("This scene is linked from another file: open that file")
-        return ""
+    obstacles = (LINKED,)
 
     def work(self, context: bpy.types.Context) -> None:
         context.scene.rauca.weather.show()
@@ -154,12 +147,8 @@ class RAUCA_OT_show_weather(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):
     """Bring back your own world and settings; exactly what was added goes"""
 
-    bl_idname = "rauca.remove_weather"
     bl_label = "Remove Weather"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return rpt("This scene shows no weather") if not context.scene.rauca.weather.shown.on else ""
+    obstacles = (Obstacle("This scene shows no weather", lambda context: not context.scene.rauca.weather.shown.on),)
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather
@@ -169,20 +158,19 @@ class RAUCA_OT_remove_weather(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):
     """Go on to the next weather of the list; after the last comes the first"""
 
-    bl_idname = "rauca.next_weather"
     bl_label = "Next Weather"
+    obstacles = (
+        Obstacle(
+            "The list of weathers is empty: choose another list or file",
+            lambda context: not context.scene.rauca.weather.listed(),
+        ),
+    )
 
     step: bpy.props.IntProperty(name="Step", default=1, options={"SKIP_SAVE"})
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return tip("Go back to the weather before; before the first comes the last") if properties.step < 0 else ""
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if not context.scene.rauca.weather.listed():
-            return rpt("The list of weathers is empty: choose another list or file")
-        return ""
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather
@@ -196,16 +184,13 @@ class RAUCA_OT_next_weather(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):
     """Build a street of the dataset's town around the vehicle, which stays where it is"""
 
-    bl_idname = "rauca.set_up_street"
     bl_label = "Set Up a Street"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.mode != "OBJECT":
-            return rpt("Leave edit mode first")
-        if context.scene.rauca.weather.street is not None:
-            return rpt("This scene has a street: remove it first")
-        return ""
+    obstacles = (
+        NOT_OBJECT_MODE,
+        Obstacle(
+            "This scene has a street: remove it first", lambda context: context.scene.rauca.weather.street is not None
+        ),
+    )
 
     def work(self, context: bpy.types.Context) -> None:
         settings, seed = context.scene.rauca.weather, context.scene.rauca.dataset.seed
@@ -217,16 +202,11 @@ class RAUCA_OT_set_up_street(RaucaOperator, bpy.types.Operator):
 class RAUCA_OT_remove_street(RaucaOperator, bpy.types.Operator):
     """Remove the street and everything that came with it; objects of your own among the houses stay"""
 
-    bl_idname = "rauca.remove_street"
     bl_label = "Remove Street"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        if context.mode != "OBJECT":
-            return rpt("Leave edit mode first")
-        if context.scene.rauca.weather.street is None:
-            return rpt("This scene has no street")
-        return ""
+    obstacles = (
+        NOT_OBJECT_MODE,
+        Obstacle("This scene has no street", lambda context: context.scene.rauca.weather.street is None),
+    )
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.weather
