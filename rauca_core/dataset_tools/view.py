@@ -84,8 +84,9 @@ def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int
 
 def columns_of(plan: Plan, views: Sequence[int] = ()) -> list[tuple[int, int]]:
     """(location, view) of the contact sheet's columns, each in another location as long as there are more."""
-    chosen = list(views) or spread(len(plan.ring), MOST_COLUMNS)
-    count = len(views) or MOST_COLUMNS
+    around, count = len(plan.ring), len(views) or MOST_COLUMNS
+    evenly = [(2 * i + 1) * around // (2 * MOST_COLUMNS) for i in range(MOST_COLUMNS)]
+    chosen = list(views) or (evenly if around > MOST_COLUMNS else list(range(around)))
     return list(dict.fromkeys((i % plan.locations, chosen[i % len(chosen)]) for i in range(count)))
 
 
@@ -93,13 +94,6 @@ def _column(plan: Plan, location: int, view: int) -> str:
     azimuth, elevation, distance = plan.ring.nominal(view)
     place = f"place {location}, " if plan.locations > 1 else ""
     return f"{place}{azimuth:.0f}°, {elevation:.0f}° up, {distance:g} m"
-
-
-def spread(count: int, most: int) -> list[int]:
-    """Up to ``most`` of ``range(count)``, evenly spread."""
-    if count <= most:
-        return list(range(count))
-    return [(2 * i + 1) * count // (2 * most) for i in range(most)]
 
 
 def _page(dataset: Dataset, sheet: Image.Image, overlays: dict[str, Image.Image]) -> str:

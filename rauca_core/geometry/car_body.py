@@ -225,10 +225,10 @@ def _wall_materials(body: CarBody, wall: Points) -> Names:
     y = 0.5 * (wall[1:, -1, 1] + wall[:-1, -1, 1])[:, None]
     names = np.full((count, row.shape[1]), "paint/", dtype="U32")
     for panel, here in _side_panels(body, place).items():
-        names[np.broadcast_to(here, names.shape)] = "paint/" + panel
-    names[np.broadcast_to(nose, names.shape)] = "paint/nose"
-    names[np.broadcast_to(tail, names.shape)] = "paint/tail"
-    names[np.broadcast_to(row == 0, names.shape)] = "trim"
+        np.copyto(names, "paint/" + panel, where=here)
+    np.copyto(names, "paint/nose", where=nose)
+    np.copyto(names, "paint/tail", where=tail)
+    np.copyto(names, "trim", where=row == 0)
     names[(row == 1) & nose & (y < features["front_intake_y"])] = "trim"
     names[(row == 1) & tail & (y < features["rear_intake_y"])] = "trim"
     names[(row == 3) & tail] = "gap"
@@ -258,8 +258,8 @@ def _deck_materials(body: CarBody) -> Names:
 
     screen, window = features["windscreen"], features["rear_window"]
     names = np.full((len(x) - 1, lines), "paint/roof", dtype="U32")
-    names[np.broadcast_to(middle > features["bonnet_gap"] - 1e-6, names.shape)] = "paint/bonnet"
-    names[np.broadcast_to(middle < features["boot_gap"] + 1e-6, names.shape)] = "paint/boot"
+    np.copyto(names, "paint/bonnet", where=middle > features["bonnet_gap"] - 1e-6)
+    np.copyto(names, "paint/boot", where=middle < features["boot_gap"] + 1e-6)
     names[between([features["bonnet_gap"], screen[1]]) & (line < SCREEN_LINE)] = "paint/front pillar"
     names[between([window[0], features["boot_gap"]]) & (line < SCREEN_LINE)] = "paint/rear pillar"
     names[between([window[1], features["boot_gap"]]) & (line >= SCREEN_LINE)] = "paint/boot"
