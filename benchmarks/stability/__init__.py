@@ -10,7 +10,8 @@ import torch
 
 DTYPES = (torch.float32, torch.bfloat16, torch.float64)
 Pointless = Mapping[torch.dtype, str]
-Body = TypeVar("Body", bound=Callable[..., str])
+NEVER: Pointless = {}
+Body = TypeVar("Body", bound=Callable[..., str | None])
 
 
 class UnexpectedError(AssertionError):
@@ -24,33 +25,33 @@ class Check:
     Attributes:
         part: of the house: rasterizer, renderer, environment, losses or optimizer.
         name: for tables and tests.
-        expected: what must come of it, in a few words.
-        attempt: tries it in a precision and says what came of it; raises :class:`UnexpectedError`.
+        attempt: tries it in a precision; says what came of it if that is more than what was ``expected``.
         pointless: precisions in which the case has no meaning, and why.
     """
 
     part: str
     name: str
     expected: str
-    attempt: Callable[[torch.dtype], str]
+    attempt: Callable[[torch.dtype], str | None]
     pointless: Pointless = field(default_factory=dict)
 
 
 class Checks(list[Check]):
     """The hard cases of one part, in the order in which they are written."""
 
-    def __init__(self, part: str, given: Callable[[torch.dtype], Any] = lambda dtype: dtype) -> None:
-        """``given`` is what attempts of this part take for a precision."""
+    def __init__(
+        self, part: str, given: Callable[[torch.dtype], Any] = lambda dtype: dtype, pointless: Pointless = NEVER
+    ) -> None:
+        """``given`` is what attempts of this part take for a precision; ``pointless`` is said of every case."""
         super().__init__()
-        self._part, self._given = part, given
+        self._part, self._given, self._pointless = part, given, pointless
 
-    def case(
-        self, name: str, expected: str, pointless: Pointless | None = None, **chosen: Any
-    ) -> Callable[[Body], Body]:
+    def case(self, name: str, expected: str, pointless: Pointless = NEVER, **chosen: Any) -> Callable[[Body], Body]:
         """What is defined next tries this case, with keyword arguments ``chosen``."""
+        never = {**self._pointless, **pointless}
 
         def add(body: Body) -> Body:
-            self.append(Check(self._part, name, expected, lambda d: body(self._given(d), **chosen), pointless or {}))
+            self.append(Check(self._part, name, expected, lambda d: body(self._given(d), **chosen), never))
             return body
 
         return add
@@ -69,7 +70,7 @@ def outcome(check: Check, dtype: torch.dtype) -> Outcome:
     if dtype in check.pointless:
         return Outcome(None, check.pointless[dtype])
     try:
-        return Outcome(True, check.attempt(dtype))
+        return Outcome(True, check.attempt(dtype) or check.expected)
     except Exception as error:
         return Outcome(False, f"{type(error).__name__}: {error}".splitlines()[0])
 

@@ -77,7 +77,7 @@ def _our_maps(dtype: torch.dtype, kind: str) -> str:
     return f"reference off by {off:.0e}" if unclipped.any() else "finite; every pixel clipped"
 
 
-def _around_the_vehicle(dtype: torch.dtype, kind: str) -> str:
+def _around_the_vehicle(dtype: torch.dtype, kind: str) -> str | None:
     net = _network(dtype)
     image, mask = (t.to(wide(dtype)) for t in frames(kind))
     borders = ((image, 0.4), (mask, 0.0))
@@ -98,7 +98,7 @@ def _around_the_vehicle(dtype: torch.dtype, kind: str) -> str:
     expect(abs(float(mask.sum() - mask[inside].sum())) < 1e-6, "paint outside the window")
     corner = srgb_to_linear(image[0, 0, 0]).double()
     expect(torch.allclose(B[0, 0, 0].double(), corner), "the corner is not the frame's")
-    return "as its surroundings alone, to the bit"
+    return None
 
 
 def _training(dtype: torch.dtype, kind: str) -> str:
@@ -132,7 +132,7 @@ for way, expected, body in (
 
 
 @CHECKS.case("color transfer: flat frames", "finite, A at least 0", NO_QUANTILES)
-def _color_transfer(dtype: torch.dtype) -> str:
+def _color_transfer(dtype: torch.dtype) -> None:
     for value in (0.0, 1.0, 100.0):
         image = torch.full((3, SIZE, SIZE), value, dtype=dtype)
         for cover in (0.0, 1.0, 0.3):
@@ -141,7 +141,6 @@ def _color_transfer(dtype: torch.dtype) -> str:
                 where = f"light {value:g}, coverage {cover:g}, albedo {albedo[0]:g}"
                 expect(torch.isfinite(A).all() and torch.isfinite(B).all(), f"maps are not finite: {where}")
                 expect((A >= 0).all(), f"A below 0: {where}")
-    return "18 frames, finite, A never below 0"
 
 
 @CHECKS.case("Eq. 5 at a wrong 0", "finite, with a gradient that leads away")

@@ -1,4 +1,4 @@
-"""The optimizer's hard cases: what the frames show, what the detector answers, and many steps of the real loop on them.
+"""What makes a loss or a gradient infinite, in frames or in what a detector answers: steps of the real loop on each.
 
 The precision is that of the detectors, or of the whole loop for float64.
 """
@@ -20,20 +20,7 @@ from rauca_core.attack.run import Run
 from rauca_core.contract import Camera, Dataset, Vehicle
 from rauca_core.runtime.devices import threads
 
-from . import Check, expect
-from .detectors import (
-    Answer,
-    Answering,
-    as_found,
-    elsewhere,
-    endless,
-    inside_out,
-    nothing,
-    points,
-    saturated,
-    sure,
-    unseen,
-)  # fmt: skip
+from . import Check, detectors, expect
 from .drawn import CENTER, Look, Maps, around, make_dataset, painted_box
 
 SIZE = 48  # pixels
@@ -46,23 +33,14 @@ SMALL = {"batch": 2, "map_size": 32, "samples": 2, "lr": 0.02, "beta": 0.0}
 
 @dataclass(frozen=True)
 class HardCase:
-    """One way to make a loss or a gradient infinite.
-
-    Attributes:
-        name: for tables and tests.
-        about: what is hard, in a few words.
-        look: how the frames are made.
-        answer: what the detector makes of its predictions.
-        learns: whether the attack has a gradient on the UV map.
-        settings: of the optimizer, where they differ.
-    """
+    """How the frames look, what the detector answers, and whether the attack then has a gradient on the UV map."""
 
     name: str
     about: str
     look: Look = field(default_factory=Look)
-    answer: Answer = as_found
+    answer: detectors.Answer = detectors.as_found
     learns: bool = True
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the optimizer, where they differ
 
 
 def _from_afar(azimuth_deg: float, size: int) -> Camera:
@@ -113,52 +91,34 @@ CASES = (
     HardCase("blinding", "A and B at float16's largest", Look(light=_flat(LARGEST_HALF, LARGEST_HALF)), learns=False),
     HardCase("faint", "A at float16's smallest, B = 0", Look(light=_flat(SMALLEST_HALF, 0))),
     HardCase("negative light", "A below 0 in parts, from noise", Look(light=_below_zero)),
-    HardCase("no boxes", "the detector returns none", answer=nothing, learns=False),
-    HardCase("no detection", "every probability is exactly 0", answer=unseen, learns=False),
-    HardCase("no overlap", "every box misses the vehicle", answer=elsewhere, learns=False),
+    HardCase("no boxes", "the detector returns none", answer=detectors.nothing, learns=False),
+    HardCase("no detection", "every probability is exactly 0", answer=detectors.unseen, learns=False),
+    HardCase("no overlap", "every box misses the vehicle", answer=detectors.elsewhere, learns=False),
     HardCase(
-        "certain",
-        "confidence and overlap exactly 1, no slope",
-        Look(box=MIDDLE),
-        partial(saturated, _AT),
-        False,
-        _STILL,
+        "certain", "confidence and overlap exactly 1, no slope",
+        Look(box=MIDDLE), partial(detectors.saturated, _AT), False, _STILL,
     ),
     HardCase(
-        "certain, steep",
-        "confidence and overlap exactly 1, and a slope",
-        Look(box=MIDDLE),
-        partial(sure, _AT),
-        True,
-        _STILL,
+        "certain, steep", "confidence and overlap exactly 1, and a slope",
+        Look(box=MIDDLE), partial(detectors.sure, _AT), True, _STILL,
     ),
-    HardCase("endless boxes", "boxes from minus to plus infinity", answer=endless),
-    HardCase("inside out", "right edges left of left ones", answer=inside_out, learns=False),
-    HardCase("points", "predicted boxes without area", answer=points, learns=False),
-)
+    HardCase("endless boxes", "boxes from minus to plus infinity", answer=detectors.endless),
+    HardCase("inside out", "right edges left of left ones", answer=detectors.inside_out, learns=False),
+    HardCase("points", "predicted boxes without area", answer=detectors.points, learns=False),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Endured:
-    """What became of a run.
-
-    Attributes:
-        steps: taken.
-        finite: loss, attack, smoothness, gradient and UV map were, after every step.
-        in_range: texels stayed in [0, 1].
-        learnt: texels that had a gradient at some step, share of all.
-        moved: texels that are not where they began, share of all.
-        stray: texels that moved without ever having had a gradient.
-        largest_gradient: of a texel, over all steps.
-    """
+    """What became of a run."""
 
     steps: int
-    finite: bool
-    in_range: bool
-    learnt: float
-    moved: float
-    stray: int
-    largest_gradient: float
+    finite: bool  # loss, attack, smoothness, gradient and UV map, after every step
+    in_range: bool  # texels stayed in [0, 1]
+    learnt: float  # share of the texels that had a gradient at some step
+    moved: float  # share that are not where they began
+    stray: int  # texels that moved without ever having had a gradient
+    largest_gradient: float  # of a texel, over all steps
 
 
 def endure(case: HardCase, vehicle: Vehicle, folder: Path, steps: int, double: bool = False, **chosen: Any) -> Endured:
@@ -172,7 +132,9 @@ def endure(case: HardCase, vehicle: Vehicle, folder: Path, steps: int, double: b
     settings = make_settings(**{**SMALL, **chosen, **case.settings, "steps": steps})
     made = (folder / "dataset.json").is_file()
     dataset = Dataset(folder) if made else make_dataset(folder, vehicle, SIZE, AZIMUTHS, look=case.look)
-    ensemble = DetectorEnsemble([Answering(case.answer)], settings.target, None, settings.precision, settings.objective)
+    ensemble = DetectorEnsemble(
+        [detectors.Answering(case.answer)], settings.target, None, settings.precision, settings.objective
+    )
     run = Run(dataset, ensemble, settings)
     if double:
         run.texture.parameter = run.texture.parameter.detach().double().requires_grad_()
