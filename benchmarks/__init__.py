@@ -1,1 +1,1 @@
-"""Speed against error; each benchmark prints a table and writes JSON and a plot under reports/."""
+"""Speed against error, by ``rauca bench``."""

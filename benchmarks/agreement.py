@@ -1,7 +1,4 @@
-"""The neural renderer's distance from Cycles on a data set's frames, over subsamples per pixel.
-
-``rauca bench agreement DATASET --camouflage FILE`` runs it.
-"""
+"""``rauca bench agreement``: the neural renderer's distance from Cycles on a data set's frames."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from .harness import Results, Settings
 
 
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:
-    """Measure each sample count on the same frames, in one process; writes ``out`` (.json) and a plot beside it."""
+    """Measure each number of samples per pixel and axis on the same frames."""
     opened = Dataset(dataset)
     frames = [frame.id for frame in opened.frames()[::REFERENCE_EVERY]]
     views, paint = recipes.views_in(dataset), recipes.camouflage_in(camouflage, camouflage.stem)

@@ -31,12 +31,7 @@ class Panel(NamedTuple):
 
 
 def save_figure(path: Path, panels: Sequence[Panel], x: str, y: str, width: float = 4.5, share: bool = True) -> None:
-    """Plots side by side: x, what it costs, on a logarithmic axis; y, how well it does.
-
-    Args:
-        width: of a panel, inches.
-        share: one y axis for all.
-    """
+    """Plots of ``width`` inches side by side: x, what it costs, logarithmic; y, how well it does, one axis for all."""
     size = (width * len(panels), 4.2)
     figure, plots = plt.subplots(1, len(panels), figsize=size, layout="constrained", sharey=share, squeeze=False)
     for axes, panel in zip(plots[0], panels, strict=True):

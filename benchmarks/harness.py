@@ -1,13 +1,12 @@
-"""What every benchmark shares: its extent, timing by turns, what it found, tables, targets, figures, its page in docs/.
+"""What every benchmark shares: its extent, timing by turns, what it found, its page in docs/.
 
-A benchmark is a module with ``FULL`` and ``QUICK`` settings and a function ``bench(out, settings, docs, ...)`` that
-fills a :class:`Results` and writes it to ``out`` (JSON) and, where ``docs`` is a folder, to its page and pictures.
-``rauca bench NAME`` starts it; see `pipelines/bench_commands.py`.
+``rauca bench NAME`` calls a module's ``bench(out, settings, docs, ...)``, with its ``FULL`` or ``QUICK`` settings. That
+fills :class:`Results` and writes them to ``out`` (JSON) and, where ``docs`` is a folder, to a page and pictures.
 """
 
 from __future__ import annotations
 
-import math
+import json
 import os
 import platform
 import time
@@ -20,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import to_json
 from rich.table import Table as Printed
 
 from pipelines.console import output, progress_bar
@@ -34,11 +34,7 @@ class Settings(SimpleNamespace):
     """How much is measured, by name: everything, a quick look, or what a test takes."""
 
     def but(self, **changed: Any) -> Settings:
-        """The same with some values changed.
-
-        Raises:
-            TypeError: there is no such setting.
-        """
+        """The same with some values changed; raises TypeError where there is no such setting."""
         if unknown := changed.keys() - vars(self).keys():
             raise TypeError(f"no such settings: {', '.join(sorted(unknown))}")
         return Settings(**{**vars(self), **changed})
@@ -70,24 +66,14 @@ class Table(NamedTuple):
 
 @dataclass
 class Results:
-    """What one run of a benchmark found, filled part by part.
-
-    Attributes:
-        benchmark: its name, as after ``rauca bench``.
-        settings: the run's extent.
-        rows: measured values by kind; the names of values end in their units.
-        figures: what else goes to the JSON.
-        tables: what is printed, and written to the page.
-        targets: printed, never asserted: times depend on the machine.
-        pictures: what saves each, the ending of its name beside the JSON, and its name below ``docs/pictures``.
-    """
+    """What one run of a benchmark found, filled part by part. Names of values end in their units."""
 
     benchmark: str
     settings: Settings
-    rows: dict[str, list[Row]] = field(default_factory=dict)
-    figures: dict[str, Any] = field(default_factory=dict)
+    rows: dict[str, list[Row]] = field(default_factory=dict)  # by kind
+    figures: dict[str, Any] = field(default_factory=dict)  # what else goes to the JSON
     tables: list[Table] = field(default_factory=list)
-    targets: list[Target] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)  # never asserted: times depend on the machine
     pictures: list[tuple[Callable[[Path], None], str, str]] = field(default_factory=list)
 
     def add(self, kind: str, /, **values: Any) -> Row:
@@ -113,7 +99,6 @@ class Results:
         self.tables.append(Table(title, tuple(columns), cells, on_page))
 
     def target(self, what: str, wanted: float, found: float, unit: str = "", most: bool = False) -> None:
-        """Add a target."""
         self.targets.append(Target(what, wanted, found, unit, most))
 
     def target_table(self, title: str = "Targets") -> None:
@@ -130,7 +115,7 @@ class Results:
         self.tables.append(Table(title, ("what", "wanted", "found", ""), rows))
 
     def picture(self, save: Callable[[Path], None], ending: str, name: str) -> None:
-        """Add a picture."""
+        """Add a picture: what saves it, the ending of its name beside the JSON, its name below ``docs/pictures``."""
         self.pictures.append((save, ending, name))
 
     def to_json(self) -> dict[str, Any]:
@@ -144,15 +129,11 @@ class Results:
             **self.rows,
             "targets": [{**vars(target), "passed": target.passed} for target in self.targets],
         }
-        plain: dict[str, Any] = _without_infinity(whole)
+        plain: dict[str, Any] = json.loads(to_json(whole, inf_nan_mode="null"))
         return plain
 
     def publish(self, out: Path, docs: Path | None = None, page: str = "", width: int = 120) -> None:
-        """Print every table, write the JSON and the pictures, and renew the figures of ``docs/page``.
-
-        Args:
-            width: of the tables in a log, which has no terminal's width, characters.
-        """
+        """Print every table, ``width`` characters wide in a log; write JSON and pictures, renew ``docs/page``."""
         console = output(width)
         for table in self.tables:
             printed = Printed(*table.headers, title=table.title)
@@ -168,14 +149,6 @@ class Results:
                 save(path)
 
 
-def _without_infinity(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(name): _without_infinity(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_infinity(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _markdown(table: Table) -> str:
     lines = [f"### {table.title}", "", "| " + " | ".join(table.headers) + " |", "|---" * len(table.headers) + "|"]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table.rows)]) + "\n"
@@ -187,11 +160,7 @@ def mark(benchmark: str) -> str:
 
 
 def fill_page(page: Path, figures: str, benchmark: str) -> None:
-    """Renew a page's figures; its words are written by hand. One that does not exist is made of the figures alone.
-
-    Raises:
-        RaucaError: the page has lost its marks.
-    """
+    """Renew a page's figures; its words are written by hand. One that does not exist is made of the figures alone."""
     if not page.is_file():
         write_bytes(page, f"{mark(benchmark)}\n{END}\n".encode())
     fill_between(page, mark(benchmark), END, figures)
@@ -215,11 +184,9 @@ class Clock:
         self.restart()
 
     def restart(self) -> None:
-        """What was done since the last lap does not count."""
         self._started = self._now()
 
     def lap(self) -> None:
-        """One more lap, since the last one or the restart."""
         self.laps.append(1e3 * (self._now() - self._started))
         self._started = self._now()
 
@@ -229,10 +196,7 @@ def race(
 ) -> dict[str, NDArray[np.float64]]:
     """Laps (rounds, laps) in milliseconds of each contender; they take turns: a busy moment hits all alike.
 
-    Args:
-        contenders: each takes its laps on the clock that it is given; one that takes none is timed as a whole.
-        rounds: after one that compiles and fills caches and is not counted.
-        moved: called after each contender's turn.
+    A contender that takes no laps on its clock is timed as a whole. One more round, the first, is not counted.
     """
     laps: dict[str, list[list[float]]] = {name: [] for name in contenders}
     for number in range(-1, rounds):

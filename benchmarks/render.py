@@ -1,4 +1,4 @@
-"""The neural renderer's speed against its error, beside other renderers, Embree and Cycles: ``rauca bench render``."""
+"""``rauca bench render``: speed against error, beside other renderers, Embree and Cycles."""
 
 from __future__ import annotations
 
@@ -32,14 +32,7 @@ from .render_contenders import (
     timed_step,
     touched_texels,
 )  # fmt: skip
-from .render_reference import (
-    RINGS,
-    TEXTURES,
-    box_of,
-    ray_directions,
-    render_reference,
-    ring,
-)
+from .render_reference import RINGS, TEXTURES, box_of, ray_directions, render_reference, ring
 from .render_report import save_pictures, save_plot, summarize
 
 FULL = Settings(
@@ -79,11 +72,7 @@ def bench(
     paint_material: str | None = None,
     blender: bool = True,
 ) -> Results:
-    """Measure the default sedan and, if given, another vehicle.
-
-    Args:
-        vehicle: name, vehicle folder, or an .obj, .glb or .blend file; targets are judged on it, else on the sedan.
-        blender: compare with Cycles too.
+    """Measure the sedan and, if given, another vehicle, see :func:`open_vehicle`, on which targets are judged then.
 
     Raises:
         RaucaError: a vehicle that cannot be opened; Embree or Blender is missing.
@@ -106,7 +95,6 @@ def bench(
 
 
 def measure_car(results: Results, name: str, vehicle: Vehicle, docs: Path | None) -> None:
-    """Everything but Blender; on the main vehicle also what is told of it alone."""
     settings, everyone = results.settings, renderers(results.settings.samples)
     is_main, largest = name == results.figures["main_vehicle"], max(settings.sizes)
     car = Car.of(name, vehicle, settings.uv_size)
@@ -145,9 +133,8 @@ def measure_rivals(results: Results, name: str, vehicle: Vehicle) -> None:
 def measure_scene(results: Results, scene: Scene, everyone: Sequence[Renderer], moved: Callable[[], None]) -> None:
     """A row per renderer and texture.
 
-    ``psnr_db`` is over the pixels that show paint, ``forward_ms`` and ``backward_ms`` are per image, taps in memory,
-    the ring as one batch, one core; ``build_ms`` makes one view's taps; ``reached`` is the share of the ring's visible
-    paintable texels that receive gradient.
+    ``forward_ms`` and ``backward_ms`` are per image, the ring as one batch; ``build_ms`` makes one view's taps;
+    ``reached`` is the share of the visible paintable texels that receive gradient.
     """
     car, taps, build_ms = scene.car, dict[str, list[Taps]](), dict[str, float]()
     for renderer in everyone:
@@ -157,8 +144,7 @@ def measure_scene(results: Results, scene: Scene, everyone: Sequence[Renderer], 
             clock.lap()
         taps[renderer.name], build_ms[renderer.name] = views, float(np.median(clock.laps))
         moved()
-    # As in the optimizer, one call serves the batch, and its gradient is added to one buffer of all texels. Building
-    # the mip levels, and handing that gradient down to the UV map, is paid once per step: see `measure_speedup`.
+    # As in the optimizer, one call serves the batch. Mip levels are paid once per step: see `measure_speedup`.
     texture = car.texture()
     steps = race(
         {name: lambda clock, v=views: timed_step(v, texture, clock) for name, views in taps.items()},  # type: ignore[misc]
@@ -185,8 +171,7 @@ def measure_scene(results: Results, scene: Scene, everyone: Sequence[Renderer], 
 def measure_reach(results: Results, car: Car) -> None:
     """Share of the texels that a ring of many views shows, at the largest size, to which each gradient comes.
 
-    The paper claims all of them for its sampler; texels that a few views show at the rim only are the ones that get
-    lost, and what is not reached keeps its random start and is printed so.
+    The paper claims all of them for its sampler; what is not reached keeps its random start and is printed so.
     """
     settings = results.settings
     everyone = [renderer for renderer in renderers(settings.samples) if renderer.samples <= 8]
@@ -210,9 +195,9 @@ def measure_reach(results: Results, car: Car) -> None:
 def time_raster(results: Results, scene: Scene, moved: Callable[[], None]) -> None:
     """Our rasterizer against Embree, one sample per pixel: medians over a ring's views.
 
-    ``ours_ms`` includes the vertex transform; ``embree_ms`` is the query alone, of rays made beforehand through the
-    pixels of the car's box, tree built beforehand; ``trimesh_ms`` the same through trimesh's ``intersects_first``,
-    which copies and normalizes the rays; ``same_face`` the share of the box's pixels for which both name one face.
+    ``ours_ms`` includes the vertex transform; ``embree_ms`` is the query alone, rays and tree made beforehand;
+    ``trimesh_ms`` the same through trimesh, which copies and normalizes the rays; ``same_face`` is the share of the
+    box's pixels for which both name one face.
     """
     vehicle, caster, found = scene.car.vehicle, scene.car.caster, []
     for camera in scene.cameras:
@@ -238,9 +223,8 @@ def time_raster(results: Results, scene: Scene, moved: Callable[[], None]) -> No
 def measure_speedup(results: Results, scene: Scene) -> None:
     """A step from the UV map to one view's pixels, and the gradient back: Algorithm 2 as published, and our 2x2.
 
-    On the scene's median view by paint shown. ``levels_*_ms`` is UV map to mip levels, and back, which clears the
-    gradient's buffer for the next step: once per step for any batch. ``operator`` is what each image of a large batch
-    gains, ``whole_step`` what a step of a single image does.
+    On the scene's median view by paint shown. ``levels_*_ms`` is UV map to mip levels and back, once per step for any
+    batch. ``operator`` is what each image of a large batch gains, ``whole_step`` what a step of a single image does.
     """
     shown = [int((reference.coverage > 0).sum()) for reference in scene.references]
     camera = scene.cameras[sorted(range(len(shown)), key=shown.__getitem__)[len(shown) // 2]]
@@ -277,10 +261,7 @@ def measure_speedup(results: Results, scene: Scene) -> None:
 
 
 def measure_streaming(results: Results, scene: Scene) -> None:
-    """Read a view's taps from the cache on disk, apply them and their transpose: milliseconds per image.
-
-    Nothing is held in memory but the system's own page cache: a step that meets each view once in a long run.
-    """
+    """Read a view's taps from the cache on disk, apply them and their transpose: milliseconds per image."""
     texture, rounds = scene.car.texture(), min(results.settings.repeats, 5)
     settings = TapSettings(scene.car.pyramid.size, 2, "box")
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:

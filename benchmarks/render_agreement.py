@@ -56,11 +56,7 @@ def render_jobs(
     jobs: Sequence[Job],
     progress: Callable[[Progress], None] = lambda news: None,
 ) -> list[Image]:
-    """Render ``jobs``, an image (H, W, 3) linear each; see `render_in_blender.py` for what they show.
-
-    Args:
-        cameras: square images, all of one size.
-        uv_map_linear: (size, size, 3).
+    """Render ``jobs`` in `render_in_blender.py`: an image (H, W, 3) linear each, of a linear map (size, size, 3).
 
     Raises:
         RaucaError: Blender is missing, or died.
@@ -83,14 +79,9 @@ def compare_with_blender(name: str, vehicle: Vehicle, settings: Settings, progre
     """Render all cameras in one Blender process and compare.
 
     Returns:
-        ``iou_mean`` and ``iou_worst``, by subsamples per axis, of the masks at half coverage, over views;
-        ``iou_cycles``, mean of Cycles against itself at a quarter of the samples: what its noise alone costs;
-        ``uv_median`` and ``uv_p99``, distance of UVs at pixel centers, texels; ``inside_db`` and ``edge_db``, PSNR of
-        the premultiplied albedo, linear, at 4x4; ``floor_*_db``, Cycles against another draw of its own, at twice the
-        samples.
-
-    Raises:
-        RaucaError: Blender is missing, or died.
+        ``iou_mean`` and ``iou_worst``, by subsamples per axis, of the masks at half coverage; ``iou_cycles``, of Cycles
+        against itself at a quarter of the samples; ``uv_*``, distance of UVs at pixel centers, texels; ``*_db``, PSNR
+        of the premultiplied linear albedo at 4x4; ``floor_*_db``, Cycles against itself at twice the samples.
     """
     pyramid = Pyramid.of(vehicle, UV_SIZE)
     cameras = random_cameras(vehicle, settings.cameras, settings.camera_size)

@@ -31,12 +31,11 @@ class Renderer:
     samples: int
 
     def taps(self, vehicle: Vehicle, camera: Camera, pyramid: Pyramid) -> Taps:
-        """Its taps with the box filter, which is the reference's."""
+        # With the box filter, which is the reference's.
         return build_taps(vehicle, camera, pyramid.size, self.samples, "box", pyramid=pyramid, sampler=self.sampler)
 
 
 def ours(samples: int) -> Renderer:
-    """Our renderer with that many subsamples per axis."""
     return Renderer(f"ours {samples}x{samples}", Sampler.AREA, samples)
 
 
@@ -69,7 +68,6 @@ class Car:
         return Car(name, vehicle, pyramid, caster, maps, texels)
 
     def texture(self) -> MipmappedTexture:
-        """The first texture, that asks for gradients."""
         return MipmappedTexture(self.pyramid, self.texels[0][: len(self.pyramid.texels)].clone().requires_grad_())
 
 
@@ -85,7 +83,6 @@ class Scene:
 
     @staticmethod
     def of(car: Car, ring_name: str, size: int, settings: Settings, moved: Callable[[], None]) -> Scene:
-        """Render the references; ``moved`` is called after each view."""
         cameras, references = ring(car.vehicle, ring_name, settings.views[ring_name], size), []
         for camera in cameras:
             references.append(render_reference(car.vehicle, car.caster, camera, car.maps, settings.reference_samples))

@@ -26,11 +26,7 @@ Map = NDArray[np.float32]
 
 
 def ring(vehicle: Vehicle, name: str, number: int, size: int) -> list[Camera]:
-    """``number`` cameras around the vehicle, square, ``size`` pixels.
-
-    Azimuths go around once; elevations and distances run through their ranges in golden steps, so that a few views
-    cover them all.
-    """
+    """``number`` cameras around the vehicle, square, ``size`` pixels; elevations and distances go in golden steps."""
     fov, near, far = RINGS[name]
     low, high = ELEVATIONS_DEG
     cameras = []
@@ -66,10 +62,7 @@ def _orbit(
 
 
 def uv_map(kind: str, pyramid: Pyramid, seed: int = 0) -> Map:
-    """A UV map (size, size, 3), linear, as a camouflage is exported: gutters are filled from the paint beside them.
-
-    ``noise`` is independent uniform texels in [0, 1]: the hardest texture there is for a sampler.
-    """
+    """A UV map (size, size, 3), linear, gutters filled; ``noise`` is uniform texels, the hardest for a sampler."""
     rng, size = np.random.default_rng(seed), pyramid.size
     drawn = rng.random((size, size, 3), dtype=np.float32) if kind == "noise" else _photograph(size, rng)
     texels = pyramid.from_map(torch.from_numpy(drawn.transpose(2, 0, 1).copy()))
@@ -77,10 +70,7 @@ def uv_map(kind: str, pyramid: Pyramid, seed: int = 0) -> Map:
 
 
 def _photograph(size: int, rng: np.random.Generator) -> Map:
-    """Discs of all sizes over one another (dead leaves), each with a 1/f texture: the statistics of natural images.
-
-    The project holds no photograph; edges at every scale and a 1/f spectrum are what matters to a sampler.
-    """
+    """Discs of all sizes over one another (dead leaves), and 1/f noise: the statistics of natural images."""
     image = np.full((size, size, 3), 0.5, np.float32)
     smallest, largest, number = size / 512, size / 6, 20_000  # enough to cover the map several times
     # Radii of density r^-3 make the pattern look the same at every scale.
@@ -102,11 +92,7 @@ def _pink(size: int, rng: np.random.Generator) -> Map:
 
 
 class RayCaster:
-    """A vehicle's mesh in Embree.
-
-    Raises:
-        RaucaError: trimesh or embreex is missing.
-    """
+    """A vehicle's mesh in Embree; raises :class:`RaucaError` where trimesh or embreex is missing."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         try:
@@ -142,17 +128,11 @@ def box_of(vehicle: Vehicle, camera: Camera, margin: int = 0) -> tuple[int, int,
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """One view.
+    """One view, by the box filter; colors are premultiplied and linear, with each of K textures."""
 
-    Attributes:
-        coverage: (H, W) share of the paint in each pixel, box filter.
-        colors: (K, H, W, 3) premultiplied linear paint color with each of K textures.
-        touched: (size, size) bool, the texels that any subsample's lookup weighs.
-    """
-
-    coverage: NDArray[np.float64]
-    colors: NDArray[np.float64]
-    touched: NDArray[np.bool_]
+    coverage: NDArray[np.float64]  # (H, W)
+    colors: NDArray[np.float64]  # (K, H, W, 3)
+    touched: NDArray[np.bool_]  # (size, size), the texels that any subsample's lookup weighs
 
 
 def render_reference(vehicle: Vehicle, caster: RayCaster, camera: Camera, maps: Map, samples: int) -> Reference:

@@ -1,7 +1,4 @@
-"""Do detectors take the plain vehicle for a car, from every side? Car scores around a ring.
-
-``rauca bench vehicle`` runs it.
-"""
+"""``rauca bench vehicle``: do detectors take the plain vehicle for a car, from every side?"""
 
 from __future__ import annotations
 
@@ -42,12 +39,7 @@ def car_score(detector: Detector, images: Tensor, boxes: Tensor) -> Tensor:
 
 
 def bench(out: Path, vehicle: Sequence[str], detectors: Sequence[str]) -> Results:
-    """Render the vehicle in grey at 416 x 416 from eight sides; the best car score of each detector in each view.
-
-    Args:
-        out: JSON to write.
-        vehicle: arguments of ``rauca dataset make`` that choose it.
-    """
+    """The best car score of each detector in each view; ``vehicle`` is its options of ``rauca dataset make``."""
     loaded = {name: load_detector(name) for name in detectors}  # a wrong name is told before anything is rendered
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "ring"
