@@ -1,4 +1,4 @@
-"""What a frame costs and how far it is from the converged one: ``rauca bench dataset``.
+"""``rauca bench dataset``: what a frame costs and how far it is from the converged one.
 
 `dataset_in_blender.py` measures in a process of its own; here is what is made of its figures.
 """
@@ -72,8 +72,7 @@ class Halves(NamedTuple):
 def squared_errors(found: Image, reference: Halves, painted: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Mean square errors of display values, of linear light up to display white, of display values on the paint.
 
-    Unbiased by the reference's noise: the error against one half times the error against the other. The noise of the
-    halves is independent, so it averages out of the product; squaring the error against their mean would count it.
+    The error against one half times the error against the other: their noise is independent and averages out.
     """
     display = _product(linear_to_srgb(found), *(linear_to_srgb(half) for half in reference))
     linear = _product(np.clip(found, 0, 1), *(np.clip(half, 0, 1) for half in reference))
@@ -91,13 +90,9 @@ def psnr_db(squared: Sequence[float]) -> float:
 
 
 def naive_samples(entries: Sequence[Row]) -> int:
-    """Samples of one denoised render whose PSNR equals that of the default light maps, in one kind of weather.
+    """Samples of one denoised render whose PSNR equals that of the default light maps, the first of ``entries``.
 
     Between measured counts the PSNR goes with the logarithm of the samples; rounded down, in the rival's favor.
-    Outside of them the nearest count is taken.
-
-    Args:
-        entries: of one kind of weather; the first of light maps is the default.
     """
     ours = next(entry for entry in entries if entry["what"] == MAPS)
     rival = sorted((e["samples"], e["psnr_db"]) for e in entries if e["what"] == SINGLE and e["axis"] == "samples")
@@ -120,7 +115,6 @@ def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
 
 
 def summarize(results: Results) -> None:
-    """Headlines, targets and tables from the rows."""
     presets = results.distinct("sets", "preset")
     main = results.where("sets", preset=MAIN_SET if MAIN_SET in presets else presets[0])
     frames = sum(row["frames"] for row in main)
@@ -164,7 +158,6 @@ def _speedup(sets: Sequence[Row]) -> float:
 
 
 def _sweep_table(results: Results) -> None:
-    """A row per variant, with four columns for each kind of weather."""
     figures = {
         "dB": "psnr_db:.1f", "linear": "linear_psnr_db:.1f", "paint": "paint_psnr_db:.1f", "CPU s": "cpu_seconds:.2f",
     }  # fmt: skip
@@ -195,7 +188,6 @@ def _name(entry: Row) -> str:
 
 
 def save_pareto(results: Results, path: Path) -> None:
-    """A panel per kind of weather: CPU seconds per frame in one color against display PSNR."""
     series = (
         ("one render a color, denoised", SINGLE, "samples", {"color": "C0"}, 1),
         ("one render a color, raw", SINGLE, "raw", {"color": "C7", "linestyle": ":"}, 1),
@@ -216,13 +208,11 @@ def save_pareto(results: Results, path: Path) -> None:
         star = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
         lines.append(Line("default", [(default["cpu_seconds"] / COLORS, default["psnr_db"], "")], star))
         panels.append(Panel(kind, lines, PSNR_DB[kind]))
-    save_figure(
-        path, panels, "CPU seconds per frame in one color", "PSNR against a converged render, display values, dB"
-    )
+    x, y = "CPU seconds per frame in one color", "PSNR against a converged render, display values, dB"
+    save_figure(path, panels, x, y)
 
 
 def save_fog_curve(results: Results, path: Path) -> None:
-    """A panel per light: display PSNR against the fog's extinction, by method."""
     panels = []
     for light in results.distinct("fog_curve", "light"):
         rows = results.where("fog_curve", light=light)

@@ -57,7 +57,6 @@ class Studio:
         self._references: dict[tuple[Any, ...], Image] = {}
 
     def errors(self, view: int, frame: Image, halves: Halves) -> tuple[float, float, float]:
-        """:func:`squared_errors` of a frame of a view."""
         return squared_errors(frame, halves, self.sights[view].paint > 0)
 
     def use(self, quality: Quality, weathers: tuple[Weather, ...] = ()) -> None:
@@ -84,13 +83,10 @@ class Studio:
         return render_linear(self.session.scene, self.session.plan.quality, seed)[..., :3]
 
     def maps(self, view: int, weather: Weather) -> tuple[Image, Image]:
-        """A and B as the data set stores them, save for their rounding to half precision."""
         self.session.set_weather(weather)
         grey = srgb_to_linear(np.array(self.session.plan.reference_srgb, np.float32) / 255)
-        A, B, _ = light_maps(
-            self.session, LOCATION, view, weather, self.sights[view].paint > 0, grey, self.sights[view]
-        )
-        return A, B
+        sight = self.sights[view]
+        return light_maps(self.session, LOCATION, view, weather, sight.paint > 0, grey, sight)[:2]
 
     def reference(self, view: int, weather: Weather, color: Color, samples: int) -> Halves:
         """Two draws of a converged frame: long paths, every pixel all samples, no denoiser. Rendered once."""
@@ -124,7 +120,6 @@ def variants_of(settings: Settings, default: Quality) -> Iterator[tuple[str, str
 
 
 def measure(studio: Studio, settings: Settings, kind: str, what: str, axis: str, quality: Quality) -> Row:
-    """Measure one variant over the settings' views and both colors."""
     weather, errors, cpu_s = WEATHERS[kind], [], 0.0
     for view in settings.views:
         halves = [studio.reference(view, weather, color, settings.reference_samples) for color in COLORS]
@@ -157,11 +152,7 @@ def _one_by_one(studio: Studio, view: int, weather: Weather, quality: Quality) -
 
 
 def measure_fog(studio: Studio, settings: Settings, light: str, density: float) -> Row:
-    """Display PSNR, dB, of the grey vehicle in one fog by each method, on the first view, at the default's quality.
-
-    ``real_db`` is the real volume, ``composed_db`` what data sets use by day, ``everywhere_db`` composes over the
-    vehicle too, ``formula_db`` is what is possible without neighborhoods.
-    """
+    """Display PSNR, dB, of the grey vehicle in one fog by each of ``METHODS``, on the first view."""
     view, weather = settings.views[0], replace(LIGHTS[light], fog_density=density)
     clear, grey = replace(weather, name="under", fog_density=0.0), COLORS[0]
     halves = studio.reference(view, weather, grey, settings.fog_samples)
@@ -205,10 +196,7 @@ def ours_of_a_set(studio: Studio, view: int, weathers: Sequence[Weather]) -> flo
 
 
 def naive_of_a_set(studio: Studio, view: int, weathers: Sequence[Weather], samples: dict[str, int]) -> float:
-    """The same, one render at a time and without coverage, though it needs that as much.
-
-    The colors of a weather differ in nothing but the paint, so two of nine are rendered.
-    """
+    """The same, one render at a time and without coverage; two of nine colors stand for all."""
     total = 0.0
     for weather in weathers:
         # Which kind's error stands for the weather's; a foggy night counts as fog.
@@ -223,7 +211,6 @@ def naive_of_a_set(studio: Studio, view: int, weathers: Sequence[Weather], sampl
 
 
 def main(settings: dict[str, Any], out: str) -> None:
-    """Measure; write sweeps, fog curve and whole sets as JSON."""
     chosen = Settings(**settings)
     studio = Studio(chosen.size, {*chosen.views, *(view for _, views in chosen.sets for view in views)})
     variants = [(kind, *variant) for kind in KINDS for variant in variants_of(chosen, studio.default)]
@@ -247,9 +234,5 @@ def main(settings: dict[str, Any], out: str) -> None:
         ours, naive = ours_of_a_set(studio, view, weathers), naive_of_a_set(studio, view, weathers, samples)
         row = {"preset": preset, "view": view, "frames": len(weathers) * len(TRAIN), "naive_samples": samples}
         add("sets", row | {"ours_s": ours, "naive_s": naive, "speedup": naive / ours}, f"{preset}, view {view}")
-    figures = {
-        "blender": bpy.app.version_string,
-        "default": studio.default.to_json(),
-        "coverage_cpu_seconds": studio.coverage_s,
-    }
-    write_json(Path(out), {"figures": figures, "rows": rows})
+    figures = {"blender": bpy.app.version_string, "default": studio.default.to_json()}
+    write_json(Path(out), {"figures": figures | {"coverage_cpu_seconds": studio.coverage_s}, "rows": rows})

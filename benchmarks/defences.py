@@ -1,4 +1,4 @@
-"""What defences cost, what they do to clean pictures, and what they save: ``rauca bench defences``."""
+"""``rauca bench defences``: what they cost, do to clean pictures, and save."""
 
 from __future__ import annotations
 
@@ -43,7 +43,6 @@ class Views(NamedTuple):
     paints: dict[str, Tensor]
 
     def part(self, chosen: slice) -> Views:
-        """Some of the frames."""
         return Views(self.boxes[chosen], {name: images[chosen] for name, images in self.paints.items()})
 
 
@@ -55,22 +54,15 @@ def bench(
     detectors: Sequence[str | Detector],
     patch: float = 0.25,
 ) -> Results:
-    """Every defence on a run's held-out views: normal, in camouflage, and normal with an optimized patch.
+    """Every defence on a run's held-out views: normal, in camouflage, and normal with a patch over a share of the box.
 
     The patch is optimized on every other view against the first detector, and measured on the rest.
-
-    Args:
-        run: folder laid out as the demo's.
-        detectors: names from ``rauca weights list``, or detectors.
-        patch: share of the vehicle's box that it covers.
 
     Raises:
         RaucaError: the run has no views, the patch is larger than the box, a detector's weights are missing.
     """
     if not 0 < patch <= 1:
-        raise RaucaError(
-            f"--patch {patch}: the share of the vehicle's box under the patch; give more than 0, 1 at most"
-        )
+        raise RaucaError(f"--patch {patch}: a share of the vehicle's box; give more than 0, 1 at most")
     loaded = [load_detector(d) if isinstance(d, str) else d for d in detectors]
     defences = [make_defence(name) for name in defence_names()]
     views = read_views(run)
@@ -196,7 +188,6 @@ def _mean_in_boxes(values: Tensor, boxes: Tensor) -> float:
 
 
 def _tables(results: Results, size: str, judged_on: str) -> None:
-    """Cost and alteration by defence; AP and car score by paint, defence and detector."""
     paints, rows = results.distinct("outcomes", "paint"), []
     for defence in results.distinct("outcomes", "defence"):
         found = {row["paint"]: row for row in results.where("outcomes", defence=defence)}
@@ -211,9 +202,7 @@ def _tables(results: Results, size: str, judged_on: str) -> None:
 
 
 def largest_view(views: Views, defences: Sequence[Defence]) -> dict[str, dict[str, NDArray[np.float32]]]:
-    """Pictures of the largest view of the vehicle, by paint and defence."""
-    sides = views.boxes[:, 2:] - views.boxes[:, :2]
-    index = int(sides.prod(1).argmax())
+    index = int((views.boxes[:, 2:] - views.boxes[:, :2]).prod(1).argmax())
     return {
         paint: {d.name: d(images[index : index + 1])[0].permute(1, 2, 0).clamp(0, 1).numpy() for d in defences}
         for paint, images in views.paints.items()

@@ -43,11 +43,7 @@ Maker = Callable[[], AbstractContextManager[Contender]]
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path | None = None) -> Results:
-    """Measure every standard detector that is ready, and the frameworks' with random weights.
-
-    Args:
-        dataset: whose frames are detected in; the demo's held-out ones, or drawn pictures, by default.
-    """
+    """Measure every standard detector that is ready, and the frameworks' with random weights."""
     # The other cores may be busy, and a race of thread pools says little about networks.
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
@@ -72,7 +68,6 @@ def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path
 
 
 def _contenders(settings: Settings) -> Iterator[tuple[str, Maker, int]]:
-    """Name, maker, and on how many images."""
     for entry in listing():
         if entry.ready and entry.source.standard:
             of_family = runtimes.OF_FAMILY[entry.source.family]
@@ -113,7 +108,6 @@ def measure(results: Results, contender: Contender, images: list[Tensor], timed:
 
 
 def report(results: Results) -> None:
-    """Fill the tables."""
     columns = {
         "adapter": "{name}", "reference": "{reference}", "compared": "{compared}", "images": "{images}",
         "largest difference": "{max_abs_difference:.1e}", "ours, ms": "{forward_ms:.1f}",

@@ -38,18 +38,11 @@ RANDOM = "random weights"
 
 @dataclass(frozen=True)
 class Contender:
-    """One adapter.
+    """One adapter beside its reference, which takes what ``prepare`` makes of an image (1, 3, size, size).
 
-    Attributes:
-        reference: the other runtime, with its version.
-        size: images are stretched to this square before either sees them.
-        prepare: an image (1, 3, size, size) to what the reference takes; not timed.
-        run: the reference's part of the race.
-        rows: what it found: (N, 4 + C) boxes as fractions of the image and scores per class, in our order; or, with
-            ``thresholds``, (M, 6) boxes, score, label, in any order.
-        thresholds: of score and overlap, where final detections are compared, since the reference does not show what
-            it had before suppression.
-        run_openly: in place of ``run`` where the difference is taken, for a reference that keeps low scores to itself.
+    ``rows`` are what it found: (N, 4 + C) boxes as fractions of the image and scores per class, in our order; or, with
+    ``thresholds`` of score and overlap, where it only shows what is left after suppression, (M, 6) boxes, score, label.
+    ``run_openly`` runs where the difference is taken, for a reference that keeps low scores to itself.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Every way to light a vehicle against Cycles; training times; what pre-training saves: ``rauca bench environment``."""
+"""``rauca bench environment``: every way to light a vehicle against Cycles; what training costs."""
 
 from __future__ import annotations
 
@@ -97,15 +97,10 @@ Method = Callable[[int, LightFrame], Render]
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, weights: Path | None = None) -> Results:
-    """Measure every way to light a vehicle.
-
-    Data sets and Cycles' renders are kept in a folder beside ``out`` and read again by the next run.
-
-    Args:
-        weights: pre-trained ones; the shipped by default.
+    """Measure; what Blender renders is kept in a folder beside ``out``.
 
     Raises:
-        RaucaError: Blender or the weights are missing.
+        RaucaError: Blender or the pre-trained ``weights``, the shipped by default, are missing.
     """
     keep_large_blocks()
     results = Results("environment", settings)
@@ -150,12 +145,7 @@ def _measure(results: Results, folder: Path, weights: Path | None) -> None:
 
 
 def data_sets(settings: Settings) -> dict[str, Wanted]:
-    """What is rendered, by name.
-
-    ``train`` is the sedan in seen weathers; ``test`` too, elsewhere and in all; ``default`` is it nearby at the default
-    budget, what exact maps are judged on. Of other vehicles one set is to fine-tune on in seen weathers, the other,
-    ``<name>-unseen``, to test on in unseen ones.
-    """
+    """What is rendered, by name; exact maps are judged on ``default``, other vehicles on ``<name>-unseen``."""
     near, everywhere = settings.distances_m[0], ",".join(f"{d:g}" for d in settings.distances_m)
     seen, unseen, small = settings.seen, settings.unseen, settings.size
     sets = [
@@ -178,7 +168,6 @@ def data_sets(settings: Settings) -> dict[str, Wanted]:
 
 
 def methods_of(frames: LightFrames, ours: LightSplitter, published: PublishedEfe) -> dict[str, Method]:
-    """What is compared, by name; plain shading is rasterized anew, as in an attack's first step on a view."""
     return {
         "none": lambda i, frame: plain_render(frame, frames.render_plain(i)),
         "transfer": lambda i, frame: transfer_render(frame),
@@ -219,10 +208,7 @@ def weigh(
 def measure_curve(
     results: Results, frames: LightFrames, truths: Sequence[Truth], camouflages: Mapping[str, Path], folder: Path
 ) -> None:
-    """What exact maps cost: render the truth's frames at every budget, as maps and textured, and compare.
-
-    ``maps_s`` and ``render_s`` are CPU seconds per frame; of the maps, once for all textures.
-    """
+    """Render the truth's frames at every budget, as maps, once for all textures, and textured: dB and CPU seconds."""
     chosen = [truth for truth in truths if truth.texture == SATURATED]
     ids = {truth.index: frames.places[truth.index].frame.id for truth in chosen}
 

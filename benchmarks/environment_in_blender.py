@@ -22,14 +22,10 @@ MARGIN_PX = 2
 
 
 def main(dataset: str, camouflages: dict[str, str], out: str, jobs: list[dict[str, Any]]) -> None:
-    """Render every job into ``out/<name>.npz``: ``image``, or ``A`` and ``B``, and ``seconds`` of CPU.
+    """Render ``jobs``, an `environment_truth.Budget` with a ``name`` each, into ``out/<name>.npz``.
 
-    Pictures are (H, W, 3) linear float32 in the frame's exposure and behind its rain. In camouflage only the part of
-    the frame that shows paint is rendered, unless it is wanted whole; the rest is 0.
-
-    Args:
-        camouflages: name -> JSON path.
-        jobs: the fields of an `environment_truth.Budget` each, and ``name``.
+    That holds ``image``, or ``A`` and ``B``, (H, W, 3) linear float32 in the frame's exposure and behind its rain, and
+    ``seconds`` of CPU. An image is 0 where no paint is, unless it is wanted whole.
     """
     data = contract.Dataset(Path(dataset))
     session = Session(data.plan, contract.load_vehicle(data.vehicle_folder, read_image_blender))

@@ -34,7 +34,7 @@ NEAR = 1.05  # times the least error from scratch
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A network with the weights of its best epoch, and what they cost, tests included."""
+    """A network with the weights of its best epoch."""
 
     net: Any
     outcome: Outcome
@@ -52,7 +52,6 @@ class Trained:
 
 
 def drawn(seed: int = 0) -> LightSplitter:
-    """Our network before any training."""
     torch.manual_seed(named_seed(seed, "weights"))
     return LightSplitter()
 
@@ -60,7 +59,6 @@ def drawn(seed: int = 0) -> LightSplitter:
 def train_ours(
     frames: LightFrames, train_on: Sequence[int], test_on: Sequence[int], net: LightSplitter, title: str, **chosen: Any
 ) -> Trained:
-    """Train our extractor; ``chosen`` are settings that differ from the benchmark's."""
     settings = ExtractorSettings.make(**(OURS | chosen))
     return _train(SplitterLearner(net, frames, settings), frames, train_on, test_on, settings, title)
 
@@ -128,7 +126,6 @@ def time_epochs(frames: LightFrames, train_on: Sequence[int], settings: Settings
 def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
     optimizer = torch.optim.AdamW(learner.net.parameters(), lr=1e-4)
     items = learner.items(frames)
-    batch = 4
 
     def step(part: Any) -> None:
         optimizer.zero_grad()
@@ -138,19 +135,17 @@ def _time_epoch(learner: Learner, frames: Sequence[int]) -> float:
     learner.net.train()
     step(items[:1])
     started = time.process_time()
-    for first in range(0, len(items), batch):
-        step(items[first : first + batch])
+    for first in range(0, len(items), 4):
+        step(items[first : first + 4])
     return time.process_time() - started
 
 
 def adapt(vehicle: str, frames: LightFrames, unseen: LightFrames, settings: Settings, weights: Path | None) -> Row:
     """Train twice on one unseen vehicle by the same settings, from scratch and from pre-trained weights.
 
-    Returns ``epochs_*`` to the paper's criterion, the most that were tried if it was not met (ours starts so near the
-    truth that its 0.003 is soon met, from scratch as well: the others say more); ``near_*`` to an error within 5 % of
-    the least from scratch, and ``epochs_matched``, from scratch until the error that pre-trained weights had when they
-    converged, both None if never; ``mae_*``, least mean absolute test errors; ``before_db`` and ``after_db`` on unseen
-    weather, by the pre-trained weights as they are and fine-tuned.
+    Returns ``epochs_*`` to the paper's criterion, the most that were tried if it was not met; ``near_*`` to an error
+    within 5 % of the least from scratch, ``epochs_matched`` from scratch to the pre-trained's error at convergence,
+    None if never; ``mae_*``, least test errors; ``*_db`` on unseen weather, before and after fine-tuning.
     """
     train_on, test_on = frames.split("location", 1 / settings.vehicle_locations)
     pretrained, _ = load_extractor(weights)

@@ -1,8 +1,6 @@
-"""The truth: converged Cycles renders of the textured car, with their own noise taken out of the figures.
+"""The truth: two converged Cycles renders of the textured car, of different seeds.
 
-A render of a few hundred raw samples is still 40 dB from the truth, where exact maps are. So there are two of them, of
-different seeds: the product of the errors against each has, on average, no noise of either in it. Renders are kept on
-disk by what they show: remove the folder to render them anew.
+The product of the errors against each has, on average, no noise of either. Renders are kept on disk by what they show.
 """
 
 from __future__ import annotations
@@ -58,7 +56,6 @@ def texture(kind: str, pyramid: Pyramid) -> NDArray[np.uint8]:
 
 
 def save_textures(vehicle: Vehicle, size: int, folder: Path) -> dict[str, Path]:
-    """Write all as camouflages of a vehicle; returns their JSON files."""
     pyramid, paths = Pyramid.of(vehicle, size), {}
     for kind in TEXTURES:
         paths[kind] = folder / kind / "camouflage.json"
@@ -81,11 +78,7 @@ class Budget(NamedTuple):
 def render_anew(
     dataset: Dataset, camouflages: Mapping[str, Path], wanted: Sequence[Budget], folder: Path
 ) -> dict[Budget, dict[str, Any]]:
-    """Arrays of every render, see `environment_in_blender`; those already in ``folder`` are read.
-
-    Raises:
-        RaucaError: Blender is missing, or died.
-    """
+    """Arrays of every render, see `environment_in_blender`; those already in ``folder`` are read."""
     paths = {render: folder / f"{_name(dataset, camouflages, render)}.npz" for render in wanted}
     weather_of = {frame.id: (frame.location, frame.weather.name) for frame in dataset.frames()}
     missing = sorted((r for r in paths if not paths[r].is_file()), key=lambda r: (weather_of[r.frame], r.paint, r))
@@ -116,25 +109,16 @@ def _name(dataset: Dataset, camouflages: Mapping[str, Path], render: Budget) -> 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """One frame in one texture.
+    """One frame in one texture, rendered twice (3, H, W) in sRGB."""
 
-    Attributes:
-        index: of the frame in the test set.
-        albedo: (1, 3, H, W) linear, the texture at each pixel, normalized by coverage, from our renderer's taps.
-        first, second: (3, H, W) sRGB, two renders of the same.
-    """
-
-    index: int
+    index: int  # of the frame in the test set
     texture: str
-    albedo: Tensor
+    albedo: Tensor  # (1, 3, H, W) linear, the texture at each pixel, normalized by coverage, from our renderer's taps
     first: Tensor
     second: Tensor
 
     def error(self, seen: Tensor, where: Tensor) -> Error:
-        """Of an image (3, H, W) sRGB, on the pixels ``where`` (1, H, W) is True.
-
-        The squared error is free of the renders' noise; the others are against their mean.
-        """
+        """Of an image (3, H, W) sRGB where ``where`` (1, H, W) is True; the squared one is free of renders' noise."""
         inside = where[0]
         mean = (self.first + self.second) / 2
         found = Error.between(seen[None], mean[None], where)
@@ -151,7 +135,6 @@ def near_frames(frames: LightFrames) -> list[int]:
 
 
 def find_truths(frames: LightFrames, camouflages: Mapping[str, Path], settings: Settings, folder: Path) -> list[Truth]:
-    """Render the near frames of the test set in every texture."""
     dataset, chosen = frames.datasets[0], near_frames(frames)
     ids = {i: frames.places[i].frame.id for i in chosen}
     pairs = {

@@ -1,7 +1,4 @@
-"""What a data set's jobs promise: memory stays flat, and being killed changes no byte.
-
-``rauca bench jobs`` runs it.
-"""
+"""``rauca bench jobs``: memory of a data set's jobs stays flat, and being killed changes no byte."""
 
 from __future__ import annotations
 
@@ -47,13 +44,7 @@ QUICK = FULL.but(frames=100, kills=5)
 
 
 def bench(out: Path, settings: Settings) -> Results:
-    """Measure memory over many frames, the price of a chunk, and SIGKILLs while a set of 60 frames is made.
-
-    Args:
-        out: JSON to write. ``memory``: resident size, MiB, by frame, and the growth from frame 50 to the last;
-            ``chunk``: CPU seconds of a worker's start, of a camera's coverage and of a frame; ``kills``: what was
-            killed and whether the finished set is byte-identical.
-    """
+    """Measure ``memory``, MiB by frame and its growth from frame 50, CPU seconds of a ``chunk``, and ``kills``."""
     results = Results("jobs", settings)
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         kills = measure_kills(Path(temporary), settings.kills, settings.killed_views)

@@ -1,4 +1,4 @@
-"""Where the milliseconds of an optimizer's step go, and with Algorithm 2 in place of taps: ``rauca bench optimize``."""
+"""``rauca bench optimize``: where the milliseconds of a step go, and with Algorithm 2 in place of taps."""
 
 from __future__ import annotations
 
@@ -39,9 +39,7 @@ QUICK = FULL.but(views=2, weathers=("sun90-fog0",), warm_up=2, rounds=2, steps=4
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
-    """Time the steps of an optimization by stage, on one thread.
-
-    The loop runs with our taps, with Algorithm 2 worked out once as taps, and with Algorithm 2 as published, by turns.
+    """Time the steps of an optimization by stage, on one thread: three renderers by turns.
 
     Raises:
         RaucaError: Blender or the detector's weights are missing.
