@@ -1,9 +1,7 @@
-"""The paper's Algorithm 2 as published: the facet texture tensor is filled from the UV map anew at every step.
+"""The paper's Algorithm 2 as published: the facet texture tensor T_fc is filled from the UV map anew at every step.
 
-`rauca_core/render/facets.py` turns it into an operator once, since it depends on geometry only; these kernels
-measure what that saves, and compute the same numbers (tested). What the published renderer also does at every step,
-finding the face of every texel and of every pixel by testing all faces, is left out: both are looked up, which is far
-kinder than the original. All loops are serial, so that sums repeat to the bit. ``uvs`` is (nf, 3, 2) float64.
+`rauca_core/render/facets.py` turns it into an operator once; these kernels measure what that saves. Finding the face of
+every texel and pixel anew, by testing all faces, is left out. Loops are serial. ``uvs`` is (nf, 3, 2) float64.
 """
 
 from __future__ import annotations
@@ -36,7 +34,6 @@ class Facets(NamedTuple):
 
     @staticmethod
     def of(vehicle: Vehicle, size: int) -> Facets:
-        """Of the painted faces, on a map of ``size`` texels."""
         uvs = vehicle.uvs[vehicle.paint_faces()].astype(np.float64)
         return Facets(uvs, texel_faces(uvs, size))
 

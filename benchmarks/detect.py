@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 
@@ -39,7 +38,7 @@ QUICK = FULL.but(timed=7, framework_images=3, torchvision=FULL.torchvision[:2], 
 LARGEST_DIFFERENCE = 1e-3
 WARM_UPS = 2
 USUAL = Path("runs") / "demo" / "held-out"  # the demo's frames, when it has been run here
-Maker = Callable[[], AbstractContextManager[Contender]]
+Maker = Callable[[], Contender]
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path | None = None) -> Results:
@@ -54,8 +53,7 @@ def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path
     with counted("detectors", len(contenders)) as moved:
         for name, make, count in contenders:
             try:
-                with make() as contender:
-                    measure(results, contender, images[:count], min(settings.timed, count))
+                measure(results, make(), images[:count], min(settings.timed, count))
             except RaucaError as error:
                 results.add("missing", name=name, why=str(error))
             moved(name)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -105,8 +104,7 @@ def unordered_difference(ours: Rows, theirs: Rows, threshold: float = 0.0) -> fl
     return float(max(apart.min(0)[theirs_sure].max(), apart.min(1)[sure].max()))
 
 
-@contextmanager
-def darknet(source: Source) -> Iterator[Contender]:
+def darknet(source: Source) -> Contender:
     """A darknet network; for the difference OpenCV's threshold is lowered, as it puts zeros below."""
     detector = load_detector(source.name)
     assert isinstance(detector, DarknetDetector)
@@ -120,7 +118,7 @@ def darknet(source: Source) -> Iterator[Contender]:
         lowered.write_text(text)
         published, open_net = (cv2.dnn.readNetFromDarknet(str(cfg), str(weights)) for cfg in (source.cfg, lowered))
     outputs = list(published.getUnconnectedOutLayersNames())
-    yield Contender(
+    return Contender(
         source.name,
         OPENCV,
         detector.size,
@@ -143,24 +141,22 @@ def _darknet_rows(outputs: list[Rows], anchors: list[int]) -> Rows:
     return np.concatenate(ordered)
 
 
-@contextmanager
-def tensorflow(source: Source) -> Iterator[Contender]:
+def tensorflow(source: Source) -> Contender:
     """An SSD of TensorFlow, up to its heads: OpenCV's detections are few and rounded off by its thresholds."""
     graph, description = stored_paths(source)
     net = cv2.dnn.readNetFromTensorflow(str(graph), str(description))
     parts = ["BoxEncodingPredictor/concat", "ClassPredictor/concat/sigmoid", "PriorBox/concat"]
     # MobileNetV2's graph brings pixels of 0..255 to [-1, 1] itself, V3's has that cut off.
     scale, shift = (255.0, 0.0) if "v2" in source.name else (2.0, -1.0)
-    yield _ssd(source, net, parts, lambda image: np.ascontiguousarray(image.numpy() * scale + shift))
+    return _ssd(source, net, parts, lambda image: np.ascontiguousarray(image.numpy() * scale + shift))
 
 
-@contextmanager
-def caffe(source: Source) -> Iterator[Contender]:
+def caffe(source: Source) -> Contender:
     """A caffe SSD, up to its heads."""
     weights, prototxt = stored_paths(source)
     net = cv2.dnn.readNetFromCaffe(str(prototxt), str(weights))
     parts = ["mbox_loc", "mbox_conf_flatten", "mbox_priorbox"]
-    yield _ssd(
+    return _ssd(
         source, net, parts, lambda image: np.ascontiguousarray((image.numpy()[:, ::-1] * 255 - 127.5) * 0.007843)
     )
 
@@ -190,8 +186,7 @@ def _runner(net: Any, parts: list[str]) -> Callable[[Rows], list[Rows]]:
     return run
 
 
-@contextmanager
-def yolox(source: Source) -> Iterator[Contender]:
+def yolox(source: Source) -> Contender:
     """A YOLOX export; its decoding is written out in NumPy."""
     onnxruntime = extra("onnxruntime")
     path = stored_paths(source)[0]
@@ -200,7 +195,7 @@ def yolox(source: Source) -> Iterator[Contender]:
     session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     detector = load_detector(source.name)
     assert isinstance(detector, OnnxDetector)
-    yield Contender(
+    return Contender(
         source.name,
         f"onnxruntime {onnxruntime.__version__}",
         detector.size,
@@ -222,8 +217,7 @@ def _decoded(output: NDArray[np.float32], size: int) -> Rows:
 OF_FAMILY = {"darknet": darknet, "tf-ssd": tensorflow, "caffe-ssd": caffe, "onnx": yolox}
 
 
-@contextmanager
-def torchvision(architecture: str) -> Iterator[Contender]:
+def torchvision(architecture: str) -> Contender:
     """Faster R-CNN or SSDlite: softmax over few categories, so random weights make detections too."""
     package = import_torchvision()
     torch.manual_seed(0)
@@ -236,7 +230,7 @@ def torchvision(architecture: str) -> Iterator[Contender]:
     reference: Any = copy.deepcopy(detector.network)
     limits = getattr(reference, "roi_heads", reference)
     limits.score_thresh, limits.nms_thresh = THRESHOLDS
-    yield Contender(
+    return Contender(
         f"{architecture} ({RANDOM})",
         f"torchvision {package.__version__}",
         SIZE,
@@ -248,8 +242,7 @@ def torchvision(architecture: str) -> Iterator[Contender]:
     )
 
 
-@contextmanager
-def transformers(prefix: str) -> Iterator[Contender]:
+def transformers(prefix: str) -> Contender:
     """DETR, Deformable DETR or RT-DETR of its usual size."""
     package = import_transformers()
     torch.manual_seed(0)
@@ -273,7 +266,7 @@ def transformers(prefix: str) -> Iterator[Contender]:
         sizes = [(SIZE, SIZE)] * len(images)
         return processor.post_process_object_detection(outputs, threshold=threshold, target_sizes=sizes)
 
-    yield Contender(
+    return Contender(
         f"{prefix} ({RANDOM})",
         f"transformers {package.__version__}",
         SIZE,

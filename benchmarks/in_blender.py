@@ -33,15 +33,10 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def run_child(function: str, request: Mapping[str, Any], move: Callable[[Progress], None], instead: str = "") -> None:
-    """Call a function of the benchmarks that needs bpy in a process of its own, and pass its progress on.
-
-    Args:
-        function: its name with its module's, ``environment_in_blender.main``.
-        request: its keyword arguments, as JSON has them; files are how it answers.
-        instead: what would do where Blender is missing.
+    """Call a function of the benchmarks, ``module.name``, in a process of its own with bpy; it answers by files.
 
     Raises:
-        RaucaError: Blender is missing, the function raised one, or its process died.
+        RaucaError: Blender is missing, and ``instead`` would do; the function raised one, or its process died.
     """
     require_bpy(instead)
     code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from benchmarks.in_blender import child; child()"
@@ -110,9 +105,8 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
     with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
         folder = Path(temporary) / "vehicle"
         source = {"path": name_or_path, "mask": str(paint_mask or ""), "material": paint_material}
-        run_child(
-            "in_blender.import_vehicle", {**source, "out": str(folder)}, lambda progress: None, "give a vehicle folder"
-        )
+        request = {**source, "out": str(folder)}
+        run_child("in_blender.import_vehicle", request, lambda progress: None, "give a vehicle folder")
         return load_vehicle(folder, read_image)
 
 

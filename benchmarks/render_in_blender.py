@@ -1,6 +1,6 @@
 """In a process of its own, with Blender: a vehicle's paint in Cycles as pure emission, seen by many cameras.
 
-No light, no bounces: what is seen is the texture, visibility and anti-aliasing alone. A job renders one of
+A job renders one of
 
 - ``coverage``: the paint mask, with Cycles' default pixel filter;
 - ``premultiplied``: mask times map, linear, with the same filter;

@@ -20,11 +20,7 @@ UNUSED = ("detectors", "environment", "ablations", "paper")  # assets of the roo
 
 
 def build_extension(out: Path) -> Path:
-    """Write ``rauca-<version>.zip`` into ``out``; returns its path.
-
-    Raises:
-        RaucaError: Blender's tool refused the add-on; the message is the tool's.
-    """
+    """Write ``rauca-<version>.zip`` into ``out``; raises :class:`RaucaError` where Blender's tool refuses it."""
     import bpy
 
     from rauca_core.contract import RaucaError
@@ -45,7 +41,6 @@ def build_extension(out: Path) -> Path:
 
 
 def gather(source: Path) -> None:
-    """Lay out the extension's folder: the add-on, the contract and geometry rooms, the assets."""
     skip = shutil.ignore_patterns("__pycache__", "*.pyc", *UNUSED)
     shutil.copytree(ROOT / "blender_addon", source, ignore=skip)
     shutil.copytree(ROOT / "assets", source / "assets", ignore=skip)

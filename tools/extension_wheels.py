@@ -39,7 +39,6 @@ def extension_wheels() -> list[Path]:
 
 
 def _kept() -> dict[str, Path]:
-    """Wheels at hand, by their SHA-256."""
     return {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in KEPT.glob("*.whl")}
 
 
@@ -56,8 +55,8 @@ def _fetch(python: str, platform: str) -> None:
 def write_other_pythons_wheel(folder: Path) -> Path:
     """Write an empty wheel for the Pythons that xatlas has no wheel for into ``folder``; returns its path.
 
-    Blender installs an extension only when its own Python is among those that the carried wheels name. The add-on needs
-    none of them: without xatlas it unwraps by Blender's own means, and says so. Distributions build Blender with these.
+    Blender installs an extension only when its own Python is among those that the carried wheels name. Without xatlas
+    the add-on unwraps by Blender's own means, and says so.
     """
     inside = f"{OTHERS}-{OTHERS_VERSION}.dist-info"
     files = {

@@ -45,7 +45,7 @@ SPELLINGS = (
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """What ``pyproject.toml`` asks for, by extra; rauca's own needs are under ``""``."""
+    """What ``pyproject.toml`` asks for, by extra; always under ``""``."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     groups = {"": project["dependencies"], **project["optional-dependencies"]}
     # A package that different Pythons ask for in different versions is one.
@@ -67,7 +67,6 @@ def brought_along(asked: Sequence[Requirement]) -> list[str]:
 
 
 def _needs(package: Requirement) -> Iterator[Requirement]:
-    """What an installed package requires here, its chosen extras included."""
     for text in installed.requires(package.name) or ():
         needed = Requirement(text)
         wanted = needed.marker is None or any(needed.marker.evaluate({"extra": e}) for e in ("", *package.extras))
@@ -117,7 +116,6 @@ def _licence_files(package: str) -> Iterator[str]:
 
 
 def page_tables() -> str:
-    """The page's tables: dependencies, what they bring along, detectors, shipped weights."""
     groups = declared()
     asked = [
         (f"`{package.name}`", licence_of(package.name), f"extra `{extra}`" if extra else "always")
@@ -142,7 +140,6 @@ def _by_licence(groups: Mapping[str, Sequence[Requirement]]) -> list[tuple[str, 
 
 
 def _origin(source: Source) -> str:
-    """Where the weights come from, without what is done to them afterwards."""
     if source.files:
         return "; ".join(dict.fromkeys(file.origin for file in source.files))
     return "shipped" if source.family == "synth" else f"`{source.how.split(', ')[0]}`"

@@ -33,11 +33,7 @@ QUALITY = Quality(samples=12, composed_fog=False)
 
 
 def shipped_weathers() -> list[Weather]:
-    """Every weather of the shipped lists once.
-
-    Raises:
-        RaucaError: two lists mean different weathers by one name.
-    """
+    """Every weather of the shipped lists once; raises :class:`RaucaError` where two mean different ones by a name."""
     known: dict[str, Weather] = {}
     for path in sorted((assets_folder() / "weathers").glob("*.json")):
         for weather in find_preset(path.stem):
@@ -47,7 +43,6 @@ def shipped_weathers() -> list[Weather]:
 
 
 def main() -> None:
-    """Render what is asked for and write ``assets/weathers/pictures/<weather>.jpg``."""
     pictures = assets_folder() / "weathers" / "pictures"
     pictures.mkdir(exist_ok=True)
     weathers = tuple(shipped_weathers())

@@ -48,17 +48,11 @@ def as_drawn(A: Maps, B: Maps) -> tuple[Maps, Maps]:
 
 @dataclass(frozen=True)
 class Look:
-    """How the frames of a data set are made.
+    """How the frames of a data set are made."""
 
-    Attributes:
-        camera: from an azimuth in degrees and the image's side in pixels.
-        light: changes the light maps A and B (H, W, 3), linear.
-        box: the vehicle's, in shares of the image's side; what is drawn, if left out.
-    """
-
-    camera: Callable[[float, int], Camera] = around
-    light: Callable[[Maps, Maps], tuple[Maps, Maps]] = as_drawn
-    box: Box | None = None
+    camera: Callable[[float, int], Camera] = around  # from an azimuth in degrees and the image's side in pixels
+    light: Callable[[Maps, Maps], tuple[Maps, Maps]] = as_drawn  # changes A and B (H, W, 3), linear
+    box: Box | None = None  # the vehicle's, in shares of the image's side; what is drawn, if left out
 
 
 AS_IT_IS = Look()

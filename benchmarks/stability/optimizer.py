@@ -122,12 +122,9 @@ class Endured:
 
 
 def endure(case: HardCase, vehicle: Vehicle, folder: Path, steps: int, double: bool = False, **chosen: Any) -> Endured:
-    """Optimize on a case by the real loop: files, taps, light, augmentation, detector, Adam.
+    """Optimize on a case by the real loop, on the data set in ``folder``, which is made where it is not there.
 
-    Args:
-        folder: for its data set; made where it is not there.
-        double: begin with a texture of float64, whose precision all that follows takes on.
-        chosen: settings of the optimizer, before those of the case.
+    ``double`` begins with a texture of float64, whose precision all that follows takes on.
     """
     settings = make_settings(**{**SMALL, **chosen, **case.settings, "steps": steps})
     made = (folder / "dataset.json").is_file()
@@ -171,11 +168,7 @@ def _watch(run: Run, steps: int) -> Endured:
 
 
 def judge(case: HardCase, found: Endured) -> str:
-    """What became of a run, in words.
-
-    Raises:
-        UnexpectedError: something was not finite, or paint moved otherwise than by its gradient.
-    """
+    """What became of a run, in words; raises UnexpectedError where paint moved otherwise than by its gradient."""
     expect(found.finite, f"not finite within {found.steps} steps")
     expect(found.in_range, "texels outside [0, 1]")
     expect(found.stray == 0, f"{found.stray} texels moved without a gradient")
