@@ -43,7 +43,6 @@ Maker = Callable[[], Contender]
 
 def bench(out: Path, settings: Settings, docs: Path | None = None, dataset: Path | None = None) -> Results:
     """Measure every standard detector that is ready, and the frameworks' with random weights."""
-    # The other cores may be busy, and a race of thread pools says little about networks.
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     source, images = choose_images(dataset, settings.images)
@@ -76,7 +75,7 @@ def _contenders(settings: Settings) -> Iterator[tuple[str, Maker, int]]:
 
 
 def measure(results: Results, contender: Contender, images: list[Tensor], timed: int) -> None:
-    """Compare on all images; race on the first ``timed``, in CPU time: on one core the wall time of an idle machine."""
+    """Compare on all images; race on the first ``timed``, in CPU time."""
     fitted = [squared(image, contender.size) for image in images]
     clock = Clock(time.process_time)
     for index in range(WARM_UPS + timed):
@@ -127,11 +126,7 @@ def report(results: Results) -> None:
 
 
 def choose_images(dataset: Path | None, count: int) -> tuple[str, list[Tensor]]:
-    """``count`` images (1, 3, H, W) sRGB and where they come from: evenly spread frames, or drawn ones.
-
-    Raises:
-        RaucaError: a data set was asked for that cannot be read or has no frames.
-    """
+    """``count`` images (1, 3, H, W) sRGB, frames or drawn, and whence; raises RaucaError where a set has no frames."""
     folder = dataset or (USUAL if (USUAL / "dataset.json").is_file() else None)
     if folder is None:
         return "drawn", [_tensor(draw_street(seed)) for seed in range(count)]

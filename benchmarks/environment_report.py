@@ -1,4 +1,4 @@
-"""What `rauca bench environment` says: tables, targets, error against seconds, and the maps as pictures."""
+"""What `rauca bench environment` says: tables, targets, a plot and pictures."""
 
 from __future__ import annotations
 
@@ -158,7 +158,6 @@ def _gap(curve: Sequence[Row]) -> float:
 
 
 def save_curve(results: Results, path: Path) -> None:
-    """Error against CPU seconds per texture, one panel per weather."""
     panels = []
     for weather in results.settings.shown:
         rows = sorted(results.where("curve", weather=weather), key=lambda row: float(row["samples"]))

@@ -16,19 +16,7 @@ from typing import Any
 from blender_addon.jobs.supervisor import Crew, Listener, Supervisor
 from blender_addon.jobs.workers import News, Worker
 from pipelines.console import progress_bar
-from rauca_core.contract import (
-    Plan,
-    Quality,
-    RenderFrames,
-    Ring,
-    Shard,
-    chunks,
-    claim_folder,
-    find_preset,
-    load_vehicle,
-    planned_frames,
-    save_job,
-)
+from rauca_core import contract
 from rauca_core.contract.assets import assets_folder
 from rauca_core.runtime.blender import blender_command
 from rauca_core.runtime.images import read_image
@@ -127,24 +115,24 @@ class _Watch:
 def measure_worker(place: Path, frames: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """One worker renders all frames, four locations in three weathers, with the sedan in the town."""
     views = -(-frames // 12)
-    vehicle = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
-    plan = Plan(
+    vehicle = contract.load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
+    plan = contract.Plan(
         name="jobs", vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=SIZE,
-        quality=Quality(1, denoise=False), light=True,
-        weathers=tuple(find_preset("demo")),
-        ring=Ring(tuple(i * 360 / views for i in range(views)), (15.0,), (6.0,)), locations=4,
+        quality=contract.Quality(1, denoise=False), light=True,
+        weathers=tuple(contract.find_preset("demo")),
+        ring=contract.Ring(tuple(i * 360 / views for i in range(views)), (15.0,), (6.0,)), locations=4,
         reference_srgb=(140, 140, 140), min_visible=0.0, seed=0, blender="",
     )  # fmt: skip
     folder = place / "long"
-    claim_folder(folder, plan)
+    contract.claim_folder(folder, plan)
     vehicle.save(folder / "vehicle")
-    save_job(place / "worker.json", RenderFrames(folder, folder))
+    contract.save_job(place / "worker.json", contract.RenderFrames(folder, folder))
     crew = Crew(blender_command(place / "worker.json"), recycle=10 * frames)
-    watch, wanted = _Watch(), planned_frames(plan)[:frames]
-    pieces = [[frame.id for frame in chunk] for chunk in chunks(plan, wanted, frames)]
+    watch, wanted = _Watch(), contract.planned_frames(plan)[:frames]
+    pieces = [[frame.id for frame in chunk] for chunk in contract.chunks(plan, wanted, frames)]
     with progress_bar("rendering for memory", resumes=False) as move:
         listener = Listener(move, print, watch.hear)
-        Supervisor(folder, Shard(), crew, listener, lambda: None).run(pieces, 0)
+        Supervisor(folder, contract.Shard(), crew, listener, lambda: None).run(pieces, 0)
     at, last = watch.resident_mib[49], watch.resident_mib[-1]
     memory = {
         "frames": len(wanted), "resident_mib_at_50": at, "resident_mib_at_end": last, "growth": last / at - 1,

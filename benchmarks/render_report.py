@@ -1,4 +1,4 @@
-"""What `rauca bench render` says: tables and targets, speed against error, and what each error looks like."""
+"""What `rauca bench render` says: tables, targets, a plot, and what each error looks like."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ PSNR_DB = {2: 28.0, 4: 35.0, 8: 41.0}  # hoped for, by subsamples per axis
 
 
 def summarize(results: Results, vehicles: Sequence[str]) -> None:
-    """Headlines, tables and targets; the page has the main vehicle at the largest size."""
     settings, figures = results.settings, results.figures
     main, rival, largest = figures["main_vehicle"], figures["rival_vehicle"], max(settings.sizes)
     speedup = results.one("speedups", vehicle=rival)
@@ -63,7 +62,6 @@ def summarize(results: Results, vehicles: Sequence[str]) -> None:
 
 
 def _targets(results: Results) -> None:
-    """All targets, on the main vehicle's paper ring at the largest size; Blender's on every vehicle."""
     settings, figures = results.settings, results.figures
     main, rival = figures["main_vehicle"], figures["rival_vehicle"]
 
@@ -96,7 +94,6 @@ def _targets(results: Results) -> None:
 
 
 def save_plot(results: Results, path: Path) -> None:
-    """Speed against error on the main vehicle at the largest size: a panel per ring, a color per texture."""
     main, size, panels = results.figures["main_vehicle"], max(results.settings.sizes), []
     for ring_name in RINGS:
         lines = []
@@ -144,7 +141,6 @@ def _busiest(coverage: NDArray[np.float64]) -> tuple[slice, slice]:
 
 
 def _save(linear: NDArray[np.floating], difference: NDArray[np.floating] | None, path: Path) -> None:
-    """Colors are encoded by a square root, near enough to sRGB to look at; differences stay linear."""
     parts = [np.sqrt(np.clip(linear, 0, 1))]
     if difference is not None:
         parts.append(np.clip(difference * ERROR_GAIN, 0, 1))

@@ -10,35 +10,23 @@ from pathlib import Path
 
 from PIL import Image
 
-from rauca_core.contract import (
-    MIN_VISIBLE,
-    REFERENCE_SRGB,
-    Dataset,
-    MakeDataset,
-    Plan,
-    Quality,
-    RaucaError,
-    Ring,
-    Weather,
-    find_preset,
-    frame_folder,
-)
+from rauca_core import contract
 from rauca_core.contract.assets import assets_folder
 from rauca_core.runtime.blender import run_blender
 
 SIZE, JPEG_QUALITY = 112, 82
 # One view that shows the sky, the street with its kerb, facades, and the vehicle with its shadow.
-RING = Ring((28.0,), (5.0,), (6.5,), fov_deg=52.0)
-QUALITY = Quality(samples=12, composed_fog=False)
+RING = contract.Ring((28.0,), (5.0,), (6.5,), fov_deg=52.0)
+QUALITY = contract.Quality(samples=12, composed_fog=False)
 
 
-def shipped_weathers() -> list[Weather]:
+def shipped_weathers() -> list[contract.Weather]:
     """Every weather of the shipped lists once; raises :class:`RaucaError` where two mean different ones by a name."""
-    known: dict[str, Weather] = {}
+    known: dict[str, contract.Weather] = {}
     for path in sorted((assets_folder() / "weathers").glob("*.json")):
-        for weather in find_preset(path.stem):
+        for weather in contract.find_preset(path.stem):
             if known.setdefault(weather.name, weather) != weather:
-                raise RaucaError(f"{path}: {weather.name} is another weather in another list; rename one")
+                raise contract.RaucaError(f"{path}: {weather.name} is another weather in another list; rename one")
     return list(known.values())
 
 
@@ -46,12 +34,14 @@ def main() -> None:
     pictures = assets_folder() / "weathers" / "pictures"
     pictures.mkdir(exist_ok=True)
     weathers = tuple(shipped_weathers())
-    plan = Plan("small", "", "", SIZE, QUALITY, False, weathers, RING, 1, REFERENCE_SRGB, MIN_VISIBLE, 0, "")
+    plan = contract.Plan(
+        "small", "", "", SIZE, QUALITY, False, weathers, RING, 1, contract.REFERENCE_SRGB, contract.MIN_VISIBLE, 0, ""
+    )
     with tempfile.TemporaryDirectory(prefix="rauca-thumbnails-") as temporary:
         folder = Path(temporary)
-        run_blender(MakeDataset(folder / "set", plan), lambda progress: print(progress.done, progress.last))
-        for frame in Dataset(folder / "set").frames():
-            picture = Image.open(frame_folder(folder / "set", frame.id) / "image.png").convert("RGB")
+        run_blender(contract.MakeDataset(folder / "set", plan), lambda progress: print(progress.done, progress.last))
+        for frame in contract.Dataset(folder / "set").frames():
+            picture = Image.open(contract.frame_folder(folder / "set", frame.id) / "image.png").convert("RGB")
             picture.save(pictures / f"{frame.weather.name}.jpg", quality=JPEG_QUALITY, optimize=True)
 
 

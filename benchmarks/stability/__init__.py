@@ -82,7 +82,6 @@ def expect(holds: object, otherwise: str) -> None:
 
 
 def name_of(dtype: torch.dtype) -> str:
-    """As in tables: ``float32``."""
     return str(dtype).removeprefix("torch.")
 
 

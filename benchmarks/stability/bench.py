@@ -1,4 +1,4 @@
-"""``rauca bench stability``: every hard case in three precisions, what must come of it and what does."""
+"""``rauca bench stability``: every hard case in three precisions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def catalogue(steps: int) -> tuple[Check, ...]:
 
 
 def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
-    """Try every hard case in every precision and write ``out`` (JSON); a case that fails is a missed target."""
+    """Try all; a case that fails is a missed target."""
     checks, found = catalogue(settings.steps), list[Found]()
     with threads(1), counted("hard cases", len(checks)) as moved:
         for check in checks:

@@ -65,12 +65,10 @@ class Answering(SmallDetector):
 
 
 def as_found(found: DensePredictions) -> DensePredictions:
-    """The predictions as they are."""
     return found
 
 
 def nothing(found: DensePredictions) -> DensePredictions:
-    """No box at all."""
     return DensePredictions(found.boxes[:, :0], found.objectness[:, :0], found.classes[:, :0])
 
 
@@ -80,17 +78,14 @@ def unseen(found: DensePredictions) -> DensePredictions:
 
 
 def elsewhere(found: DensePredictions) -> DensePredictions:
-    """Boxes that miss the picture by far."""
     return replace(found, boxes=found.boxes + 1e4)
 
 
 def inside_out(found: DensePredictions) -> DensePredictions:
-    """Right edges left of left ones."""
     return replace(found, boxes=found.boxes.roll(2, -1))
 
 
 def points(found: DensePredictions) -> DensePredictions:
-    """Boxes without area."""
     return replace(found, boxes=found.boxes[..., :2].repeat(1, 1, 2))
 
 

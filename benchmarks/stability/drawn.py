@@ -42,7 +42,6 @@ def around(azimuth_deg: float, size: int) -> Camera:
 
 
 def as_drawn(A: Maps, B: Maps) -> tuple[Maps, Maps]:
-    """The light as it is."""
     return A, B
 
 
@@ -77,7 +76,7 @@ def draw_frame(
 def make_dataset(
     folder: Path, vehicle: Vehicle, size: int, azimuths: tuple[float, ...], light: bool = True, look: Look = AS_IT_IS
 ) -> Dataset:
-    """A data set of a vehicle from some sides, by day and at dusk; ``light`` is what its plan says of light maps."""
+    """From some sides, by day and at dusk; ``light`` is what its plan says of light maps."""
     ring = Ring(azimuths, (ELEVATION,), (DISTANCE_M,))
     plan = Plan(
         "test", vehicle.name, vehicle.atlas_id, size, Quality(1), light, WEATHERS, ring, 1, (GREY,) * 3, 0.5, 0, "none"
@@ -128,10 +127,7 @@ def painted_box() -> Vehicle:
             uvs.append(chart[list(order)] if i < 4 else np.zeros((3, 2)))
             corner_normals.append([normal] * 3)
             material.append(0 if i < 4 else 1)
-    mask = np.zeros((64, 64), np.uint8)
-    for row in (0, 32):
-        for column in (0, 32):
-            mask[row + 2 : row + 30, column + 2 : column + 30] = 255
+    mask = np.tile(np.pad(np.full((28, 28), 255, np.uint8), 2), (2, 2))
     return Vehicle(
         name="box",
         positions=corners,

@@ -32,21 +32,14 @@ CHECKS = Checks("environment")
 
 def frames(kind: str) -> tuple[Tensor, Tensor]:
     """Two frames (2, 3, H, W) and masks (2, 1, H, W) of a kind that happens."""
-    generator = torch.Generator().manual_seed(0)
-    image = torch.rand(2, 3, SIZE, SIZE, generator=generator)
+    image = torch.rand(2, 3, SIZE, SIZE, generator=torch.Generator().manual_seed(0))
+    if kind in ("black", "white"):
+        image = torch.full_like(image, float(kind == "white"))
     mask = torch.zeros(2, 1, SIZE, SIZE)
-    mask[:, :, 8:30, 5:33] = 1.0
-    if kind == "black":
-        image = torch.zeros_like(image)
-    if kind == "white":
-        image = torch.ones_like(image)
     if kind == "one pixel":
-        mask = torch.zeros_like(mask)
         mask[:, :, 20, 20] = 1.0
-    if kind == "no vehicle":
-        mask = torch.zeros_like(mask)
-    if kind == "faint edge":
-        mask = mask * 1e-3
+    elif kind != "no vehicle":
+        mask[:, :, 8:30, 5:33] = 1e-3 if kind == "faint edge" else 1.0
     return image, mask
 
 

@@ -34,7 +34,7 @@ def at_depth_one(points: Any, kind: Any = np.float64) -> Points:
 
 
 def owners(points: Points, faces: Any, size: int, samples: int = 1) -> NDArray[np.integer]:
-    """How many of the faces (F, 3) own each sample, when every face is drawn alone."""
+    """How many of the faces (F, 3), each drawn alone, own a sample."""
     return np.sum([rasterize(points, np.array([f]), flat(size), samples).whole(size, size) >= 0 for f in faces], 0)
 
 
