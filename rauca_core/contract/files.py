@@ -116,15 +116,13 @@ def atomic_folder(target: Path) -> Iterator[Path]:
             raise
 
 
-def sweep_partials(folder: Path) -> int:
-    """Remove what a killed job left under a temporary name directly inside ``folder``; returns how many."""
-    leftovers = list(Path(folder).glob(TEMPORARY_PREFIX + "*"))
-    for entry in leftovers:
+def sweep_partials(folder: Path) -> None:
+    """Remove what a killed job left under a temporary name directly inside ``folder``."""
+    for entry in list(Path(folder).glob(TEMPORARY_PREFIX + "*")):
         if entry.is_dir():
             shutil.rmtree(entry, ignore_errors=True)
         else:
             entry.unlink(missing_ok=True)
-    return len(leftovers)
 
 
 def open_to_append(path: Path) -> int:
