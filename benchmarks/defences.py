@@ -154,7 +154,7 @@ def optimize_patch(
 def _measure(
     results: Results, defence: Defence, paint: str, images: Tensor, boxes: Tensor, detectors: Sequence[Detector]
 ) -> None:
-    """One defence on one paint: CPU ms an image, share of the pixels that it moves, what detectors see behind it."""
+    """One defence on one paint: CPU ms an image, share of the pixels that it moves, what detectors see."""
     started = time.process_time()
     defended = defence(images)
     cpu_ms = 1000 * (time.process_time() - started) / len(images)

@@ -168,7 +168,7 @@ def _ssd(source: Source, net: Any, parts: list[str], prepare: Callable[[Tensor],
 
 
 def _ssd_rows(encodings: Rows, scores: Rows, priors: Rows) -> Rows:
-    """Boxes from the encodings as OpenCV would decode them: offsets of center and log size, times the variances."""
+    """Boxes as OpenCV decodes them: offsets of center and log size, times the variances."""
     anchors, variances = priors.reshape(2, -1, 4)
     code = encodings.reshape(-1, 4) * variances
     center, size = (anchors[:, :2] + anchors[:, 2:]) / 2, anchors[:, 2:] - anchors[:, :2]

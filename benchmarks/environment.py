@@ -197,7 +197,7 @@ def compare(
 def weigh(
     results: Results, frames: LightFrames, test_on: Sequence[int], nets: tuple[LightSplitter, LightSplitter]
 ) -> None:
-    """What W of Eq. 5 is good for: the same training with and without it, near and far; the cut lies halfway."""
+    """The same training with and without W of Eq. 5, near and far; the cut lies halfway."""
     cut = sum(results.settings.distances_m) / 2
     for distance, far in zip(results.settings.distances_m, (False, True), strict=True):
         part = [i for i in test_on if (frames.places[i].frame.distance_m > cut) == far]
@@ -208,7 +208,7 @@ def weigh(
 def measure_curve(
     results: Results, frames: LightFrames, truths: Sequence[Truth], camouflages: Mapping[str, Path], folder: Path
 ) -> None:
-    """Render the truth's frames at every budget, as maps, once for all textures, and textured: dB and CPU seconds."""
+    """The truth's frames at every budget, as maps, once for all textures, and textured: dB and CPU seconds."""
     chosen = [truth for truth in truths if truth.texture == SATURATED]
     ids = {truth.index: frames.places[truth.index].frame.id for truth in chosen}
 

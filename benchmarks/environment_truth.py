@@ -65,7 +65,7 @@ def save_textures(vehicle: Vehicle, size: int, folder: Path) -> dict[str, Path]:
 
 
 class Budget(NamedTuple):
-    """A frame, in a camouflage or as light maps, with a budget and a seed; the whole of it, or where it shows paint."""
+    """A frame, in a camouflage or as light maps; the whole of it, or where it shows paint."""
 
     frame: str
     paint: str

@@ -160,7 +160,7 @@ def mark(benchmark: str) -> str:
 
 
 def fill_page(page: Path, figures: str, benchmark: str) -> None:
-    """Renew a page's figures; its words are written by hand. One that does not exist is made of the figures alone."""
+    """Renew a page's figures; one that does not exist is made of them alone."""
     if not page.is_file():
         write_bytes(page, f"{mark(benchmark)}\n{END}\n".encode())
     fill_between(page, mark(benchmark), END, figures)
@@ -213,7 +213,7 @@ def race(
 
 @contextmanager
 def counted(title: str, total: int) -> Iterator[Callable[..., None]]:
-    """A progress bar; yields a function to call after each of ``total`` steps, with the step's name if it has one."""
+    """A progress bar; yields a function to call after each of ``total`` steps."""
     with progress_bar(title, resumes=False) as move:
         done = 0
 

@@ -92,7 +92,7 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
 
 
 def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_material: str | None = None) -> Vehicle:
-    """A shipped vehicle, a vehicle folder, or an .obj, .glb or .blend that Blender imports in a process of its own.
+    """A shipped vehicle, a vehicle folder, or an .obj, .glb or .blend, imported in a process of its own.
 
     Raises:
         RaucaError: no such vehicle, nothing paintable, paint chosen for one that brings its own, or Blender is missing.

@@ -1,4 +1,4 @@
-"""How far our taps are from what Cycles sees: coverage masks, UVs, and a colorful texture's anti-aliased albedo."""
+"""How far our taps are from what Cycles sees: coverage masks, UVs, anti-aliased albedo."""
 
 from __future__ import annotations
 

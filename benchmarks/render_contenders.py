@@ -24,7 +24,7 @@ BILINEAR = "1 bilinear sample"
 
 @dataclass(frozen=True)
 class Renderer:
-    """How texels are looked up, and how many subsamples a pixel has along each axis. All run through one operator."""
+    """How texels are looked up, and how many subsamples a pixel has along each axis."""
 
     name: str
     sampler: Sampler
@@ -44,7 +44,7 @@ SIMPLE = (Renderer(BILINEAR, Sampler.BILINEAR, 1), Renderer("1 trilinear sample"
 
 
 def renderers(samples: Sequence[int]) -> list[Renderer]:
-    """Samplers of the literature, the published algorithms at their published 2x2, ours at each of ``samples``."""
+    """Of the literature, as published at 2x2, and ours at each of ``samples``."""
     return [*SIMPLE, *PUBLISHED, *(ours(n) for n in samples)]
 
 
@@ -90,7 +90,7 @@ class Scene:
         return Scene(car, ring_name, size, cameras, references)
 
     def psnr_db(self, views: Sequence[Taps], texture: int) -> float:
-        """PSNR over all pixels of all views that show paint: near views, which show more of it, count for more."""
+        """PSNR over all pixels of all views that show paint."""
         errors = []
         for view, reference in zip(views, self.references, strict=True):
             image = premultiplied(view, self.car.texels[texture])

@@ -39,7 +39,7 @@ def ring(vehicle: Vehicle, name: str, number: int, size: int) -> list[Camera]:
 
 
 def random_cameras(vehicle: Vehicle, number: int, size: int, seed: int = 0) -> list[Camera]:
-    """Cameras that all see the car: any azimuth, 0 to 70 degrees up, 4 to 15 m, 40 to 90 degrees wide, rolled."""
+    """Cameras that all see the car, from anywhere above the ground, rolled."""
     rng = np.random.default_rng(seed)
     cameras = []
     for _ in range(number):

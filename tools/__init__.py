@@ -1,1 +1,1 @@
-"""Programs that make the checkout's own files and the Blender extension; no part of an installed rauca."""
+"""Programs that make the checkout's own files and the Blender extension."""

@@ -1,4 +1,4 @@
-"""A differentiable detector that takes milliseconds, and others that answer in the ways losses are afraid of."""
+"""A differentiable detector that takes milliseconds, and answers that losses are afraid of."""
 
 from __future__ import annotations
 

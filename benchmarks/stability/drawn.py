@@ -1,4 +1,4 @@
-"""The smallest painted vehicle, and data sets drawn by numpy in place of Blender: real files, ready in milliseconds."""
+"""The smallest painted vehicle, and data sets drawn by numpy in place of Blender, in milliseconds."""
 
 from __future__ import annotations
 

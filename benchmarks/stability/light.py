@@ -1,4 +1,4 @@
-"""Frames whose light is hard to split, with each way to split it: the precision is that of network and pictures."""
+"""Frames whose light is hard to split; the precision is that of network and pictures."""
 
 from __future__ import annotations
 

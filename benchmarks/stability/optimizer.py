@@ -44,7 +44,7 @@ class HardCase:
 
 
 def _from_afar(azimuth_deg: float, size: int) -> Camera:
-    """So far away that the vehicle is about a pixel, and aimed half a pixel aside: onto one, not between four."""
+    """The vehicle is about a pixel, and aimed half a pixel aside: onto one, not between four."""
     azimuth, distance_m = np.radians(azimuth_deg), 260.0
     eye = distance_m * np.array([np.cos(azimuth), np.sin(azimuth), 0.1])
     half = distance_m / around(0.0, size).K[0, 0] / 2
