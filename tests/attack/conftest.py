@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import torch
 
-from benchmarks.stability.detectors import SmallDetector
+from benchmarks.stability.detectors import Answering, as_found
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Dataset, Vehicle
 
 torch.set_num_threads(1)
-
-
-@pytest.fixture
-def dataset_factory() -> Callable[..., Dataset]:
-    return make_dataset
 
 
 @pytest.fixture
@@ -26,5 +20,5 @@ def dataset(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
 
 
 @pytest.fixture
-def small_detector() -> SmallDetector:
-    return SmallDetector()
+def small_detector() -> Answering:
+    return Answering(as_found)

@@ -63,14 +63,6 @@ def test_ours_mirrors_half_of_the_pictures() -> None:
     assert torch.equal(roa.brightness, as_published.brightness)  # drawn after the rest, whose stream stays as it was
 
 
-def test_same_name_same_draw() -> None:
-    images, boxes = torch.rand(3, 3, 32, 32), torch.tensor([[4.0, 4.0, 20.0, 20.0]]).repeat(3, 1)
-    one, two = (Augmentation.draw(named_rng(7, "roa", 2), 3)(images, boxes) for _ in range(2))
-    assert torch.equal(one[0], two[0])
-    assert torch.equal(one[1], two[1])
-    assert not torch.equal(one[0], Augmentation.draw(named_rng(7, "roa", 3), 3)(images, boxes)[0])
-
-
 @pytest.mark.parametrize(("width", "height"), [(64, 64), (50, 34)])
 def test_one_pass_is_grid_sample_mean_and_clamp(width: int, height: int) -> None:
     roa = Augmentation.draw(named_rng("one pass", width), 8)

@@ -41,7 +41,6 @@ def run(dataset: Dataset, detector: Any, out: Path, processes: Processes, **chos
 def test_a_run_on_a_device_ends_where_one_on_the_cpu_does(
     dataset: Dataset, small_detector: Any, tmp_path: Path, case: str
 ) -> None:
-    small_detector.attention_layer = small_detector.first
     here = run(dataset, small_detector, tmp_path / "here", SINGLE_PROCESS, **CHOSEN[case])
     with PretendDevice():
         there = run(dataset, small_detector, tmp_path / "there", AFAR, **CHOSEN[case])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import torch
 
@@ -47,19 +45,3 @@ def test_weathers_share_taps_and_memory_is_bounded(dataset: Dataset) -> None:
     store.ready(1)
     assert store.ready(0) is not first
     assert torch.equal(store.ready(0).A, first.A)
-
-
-def test_taps_are_built_ahead_in_the_background(dataset: Dataset) -> None:
-    store = FrameStore(dataset, SETTINGS)
-    views, finished = [], threading.Event()
-
-    def on_view(done: int, total: int) -> None:
-        views.append((done, total))
-        if done == total:
-            finished.set()
-
-    with store.warming(range(len(store)), on_view):
-        assert finished.wait(60)
-    cameras = len({frame.view for frame in store.frames})
-    assert views == [(k + 1, cameras) for k in range(cameras)]
-    assert len(list((dataset.folder / "taps").glob("*.safetensors"))) == cameras

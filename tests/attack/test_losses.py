@@ -58,18 +58,6 @@ def test_gradient_by_finite_differences(name: Any) -> None:
     assert torch.autograd.gradcheck(lambda *given: OBJECTIVES[name](predicted(*given)), parts)
 
 
-NO_BOXES = (torch.zeros(2, 0, 4), torch.zeros(2, 0), torch.zeros(2, 0, 2))
-
-
-def test_ensemble_without_any_box_has_no_gradient(small_detector: Any) -> None:
-    small_detector.dense = lambda images: DensePredictions(*(t[:1] for t in NO_BOXES))
-    for name in BY_BOXES:
-        found = DetectorEnsemble([small_detector], "car", objective=name).attack(
-            torch.rand(1, 3, 64, 64), TRUTH[:1].float()
-        )
-        assert (found.losses.tolist(), float(found.gradient.abs().sum())) == ([0.0], 0.0)
-
-
 def linear_evidence(features: Tensor) -> Tensor:
     """A score whose log-odds are linear: Grad-CAM's weights are then the slopes, whatever the features."""
     slopes = torch.tensor([0.05, -0.025], dtype=features.dtype)[:, None, None].expand(2, 4, 5)
@@ -96,17 +84,6 @@ def test_attention_gradient_by_finite_differences() -> None:
     generator = torch.Generator().manual_seed(1)
     features = torch.randn(2, 2, 4, 5, dtype=torch.float64, generator=generator).mul_(0.2).requires_grad_()
     assert torch.autograd.gradcheck(lambda f: dispersed_attention(linear_evidence(f), f), features)
-
-
-@pytest.mark.parametrize("score", [0.0, 1.0])
-def test_attention_to_nothing_and_to_everything_is_finite(score: float) -> None:
-    features = torch.rand(2, 3, 4, 4, requires_grad=True)
-    scores = score + 0.0 * features.sum((1, 2, 3))
-    for given in (scores, torch.full((2,), score)):
-        loss = dispersed_attention(given, features)
-        assert loss.tolist() == [0.0, 0.0]
-        (gradient,) = torch.autograd.grad(loss.sum(), features)
-        assert torch.isfinite(gradient).all()
 
 
 def test_attention_of_a_network_in_half_precision_is_that_of_the_whole_one() -> None:
@@ -140,16 +117,27 @@ def pictures(*shape: int) -> Tensor:
     return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
 
 
-def test_smoothness_of_a_picture_counts_pairs_of_paint() -> None:
-    images, paint = pictures(2, 3, 5, 6), pictures(2, 5, 6) > 0.4
-    total = 0.0
-    for y in range(5):
-        for x in range(6):
+def squares_of_neighbors(image: Tensor, mask: Tensor) -> float:
+    """Of (H, W, C) over all pairs beside or below each other inside a mask (H, W)."""
+    height, width, total = *mask.shape, 0.0
+    for y in range(height):
+        for x in range(width):
             for ny, nx in ((y + 1, x), (y, x + 1)):
-                if ny < 5 and nx < 6 and paint[1, y, x] and paint[1, ny, nx]:
-                    total += float((images[1, :, y, x] - images[1, :, ny, nx]).square().sum())
+                if ny < height and nx < width and mask[y, x] and mask[ny, nx]:
+                    total += float((image[y, x] - image[ny, nx]).square().sum())
+    return total
+
+
+def test_smoothness_of_pictures_and_maps_counts_pairs_of_paint() -> None:
+    images, paint = pictures(2, 3, 5, 6), pictures(2, 5, 6) > 0.4
+    total = squares_of_neighbors(images[1].permute(1, 2, 0), paint[1])
     assert float(smooth_picture(images, paint)[1]) == pytest.approx(total / 30)
     assert torch.autograd.gradcheck(lambda i: smooth_picture(i, paint), images.requires_grad_())
+    uv_map, mask = pictures(12, 12, 3), pictures(12, 12) < 0.6
+    smooth, values = SmoothLoss(np.flatnonzero(mask), 12), uv_map[mask].requires_grad_()
+    assert float(smooth(values).detach()) == pytest.approx(squares_of_neighbors(uv_map, mask) / 144)
+    assert torch.autograd.gradcheck(smooth, values)
+    assert float(smooth(torch.full_like(values, 0.3))) == 0.0
 
 
 def test_priors_by_hand_and_by_finite_differences() -> None:
@@ -208,18 +196,12 @@ def test_seed_picture_smiles() -> None:
     assert lines[10:16, :20].any()
 
 
-def predictions(boxes: torch.Tensor, objectness: float | torch.Tensor = 1.0, car: float = 1.0) -> DensePredictions:
-    shape = boxes.shape[:2]
-    classes = torch.stack([torch.zeros(shape), torch.full(shape, car)], -1)
-    return DensePredictions(boxes, torch.as_tensor(objectness).expand(shape), classes)
-
-
 def test_score_is_the_best_product_of_overlap_class_and_objectness() -> None:
     truth = torch.tensor([[0.0, 0.0, 10.0, 10.0]])
     boxes = torch.tensor([[[0.0, 0, 10, 5], [0, 0, 10, 10], [50, 50, 60, 60]]])
-    objectness = torch.tensor([[0.9, 0.4, 1.0]])
-    assert detection_score(predictions(boxes, objectness, 0.8), truth, 1).tolist() == pytest.approx([0.5 * 0.8 * 0.9])
-    assert detection_score(predictions(boxes, objectness, 0.8), truth, 0).tolist() == [0.0]
+    found = DensePredictions(boxes, torch.tensor([[0.9, 0.4, 1.0]]), torch.tensor([0.0, 0.8]).expand(1, 3, 2))
+    assert detection_score(found, truth, 1).tolist() == pytest.approx([0.5 * 0.8 * 0.9])
+    assert detection_score(found, truth, 0).tolist() == [0.0]
     assert float(attack_loss(torch.tensor(0.36))) == pytest.approx(-math.log(1 - 0.36), rel=1e-4)
 
 
@@ -235,22 +217,3 @@ def test_overlap_against_counting_pixels() -> None:
         wanted = (grids[0] & grids[1]).sum() / union if union else 0.0
         found = box_overlap(torch.tensor(first[None, None]).float(), torch.tensor(second[None]).float())
         assert float(found) == pytest.approx(wanted, abs=1e-6)
-
-
-def test_smooth_loss_counts_pairs_inside_the_mask_only() -> None:
-    size = 12
-    rng = np.random.default_rng(0)
-    mask = rng.random((size, size)) < 0.6
-    uv_map = torch.from_numpy(rng.random((size, size, 3)))
-    total = 0.0
-    for y in range(size):
-        for x in range(size):
-            for ny, nx in ((y + 1, x), (y, x + 1)):
-                if ny < size and nx < size and mask[y, x] and mask[ny, nx]:
-                    total += float((uv_map[y, x] - uv_map[ny, nx]).square().sum())
-    texels = np.flatnonzero(mask)
-    smooth = SmoothLoss(texels, size)
-    values = uv_map.reshape(-1, 3)[torch.from_numpy(texels)].requires_grad_()
-    assert float(smooth(values).detach()) == pytest.approx(total / size**2)
-    assert torch.autograd.gradcheck(smooth, values)
-    assert float(smooth(torch.full((len(texels), 3), 0.3))) == 0.0

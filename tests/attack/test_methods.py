@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,35 +10,18 @@ import pytest
 import torch
 
 from benchmarks.stability.detectors import SmallDetector
+from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import OptimizerSettings, make_settings, read_history, run_optimization
 from rauca_core.attack import losses as objectives
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.frames import FrameStore, render_batch
 from rauca_core.attack.methods import METHODS, method_named, settings_of
 from rauca_core.attack.run import Run
-from rauca_core.contract import (
-    Dataset,
-    RaucaError,
-    Vehicle,
-    load_camouflage,
-)
+from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
 from rauca_core.render import MipmappedTexture, srgb_to_linear
 from rauca_core.runtime.images import read_image
 
 SMALL = {"steps": 6, "batch": 2, "map_size": 64, "samples": 2, "checkpoint_every": 3, "lr": 0.03, "memory_mb": 256}
-
-
-class AttentiveDetector(SmallDetector):
-    """The small detector, which says where its attention is read from."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.attention_layer = self.first
-
-
-@pytest.fixture
-def detector() -> AttentiveDetector:
-    return AttentiveDetector()
 
 
 def settings(method: str, **chosen: Any) -> OptimizerSettings:
@@ -48,12 +30,12 @@ def settings(method: str, **chosen: Any) -> OptimizerSettings:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_lowers_its_own_loss(
-    dataset: Dataset, detector: Any, tmp_path: Path, method: str, monkeypatch: pytest.MonkeyPatch
+    dataset: Dataset, small_detector: Any, tmp_path: Path, method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(objectives, "CLOSE", 0.02)  # the small detector's boxes are small too
     seen = []
     chosen = settings(method, steps=30, batch=6, roa=False, shift=0.0)
-    path = run_optimization(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    path = run_optimization(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[-1].loss < seen[0].loss
     if method != "das":  # its seed picture is a strong pull; what it is worth is measured below
         assert seen[-1].attack < seen[0].attack
@@ -66,23 +48,23 @@ def test_every_method_lowers_its_own_loss(
     assert read_history(tmp_path / "out")[0]["prior"] == seen[0].prior
 
 
-def test_attention_falls_when_nothing_else_counts(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
+def test_attention_falls_when_nothing_else_counts(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     seen = []
     chosen = settings("das", steps=25, batch=6, beta=0.0, gamma=0.0, lr=0.1)
-    run_optimization(dataset, [detector], chosen, tmp_path / "out", on_step=seen.append)
+    run_optimization(dataset, [small_detector], chosen, tmp_path / "out", on_step=seen.append)
     assert seen[0].attack > 0
     assert seen[-1].attack < 0.9 * seen[0].attack
 
 
 @pytest.mark.parametrize("method", ["active", "dta", "fca", "das"])
 def test_uv_map_shows_what_was_optimized(
-    dataset_factory: Callable[..., Dataset], box_vehicle: Vehicle, detector: Any, tmp_path: Path, method: str
+    box_vehicle: Vehicle, small_detector: Any, tmp_path: Path, method: str
 ) -> None:
     """Views of the layout and of the UV map that it ends as, in the same light, differ by texel filtering only."""
-    data = dataset_factory(tmp_path / "fine", box_vehicle, 128, (40.0, 250.0))
+    data = make_dataset(tmp_path / "fine", box_vehicle, 128, (40.0, 250.0))
     fine = {"map_size": 512, "samples": 4, "pixel_filter": "blackman-harris", "light": "exact", "texture_size": 4}
     chosen = settings(method, tile_m=1.6, pattern_side=16, start="seed" if method == "das" else "random", **fine)
-    run = Run(data, DetectorEnsemble([detector], "car"), chosen)
+    run = Run(data, DetectorEnsemble([small_detector], "car"), chosen)
     store, on_map = run.store, FrameStore(data, make_settings(map_size=512, samples=4))
     indices = range(len(store))
     with torch.no_grad():
@@ -102,8 +84,8 @@ def test_uv_map_shows_what_was_optimized(
     assert np.quantile(difference, 0.99) < spread
 
 
-def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, detector: Any) -> None:
-    run = Run(dataset, DetectorEnsemble([detector], "car"), settings("active", pattern_side=8, shift=0.5))
+def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, small_detector: Any) -> None:
+    run = Run(dataset, DetectorEnsemble([small_detector], "car"), settings("active", pattern_side=8, shift=0.5))
     at_rest = run.texture.colors().detach().reshape(8, 8, 3)
     moves = set()
     for step in range(12):
@@ -115,8 +97,8 @@ def test_shifted_pattern_reads_neighboring_texels(dataset: Dataset, detector: An
     assert len(moves) > 6
 
 
-def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, detector: Any) -> None:
-    run = Run(dataset, DetectorEnsemble([detector], "car"), settings("das"))
+def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, small_detector: Any) -> None:
+    run = Run(dataset, DetectorEnsemble([small_detector], "car"), settings("das"))
     with torch.no_grad():
         run.texture.parameter.add_(3.0)
         colors = run.texture.colors().reshape(8, -1, 3)
@@ -126,15 +108,15 @@ def test_partial_cover_leaves_the_rest_in_reference_paint(dataset: Dataset, dete
     assert kept.tolist() == [False, False, True, True] * 2  # the box's long sides are its doors
 
 
-def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, detector: Any, tmp_path: Path) -> None:
+def test_unknown_methods_and_settings_that_do_not_fit(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
     with pytest.raises(RaucaError, match=r"no 'fcb'; choose one of das, fca, dta, active, rauca-base, rauca-final"):
         method_named("fcb")
     with pytest.raises(RaucaError, match="panels are painted on facets"):
-        run_optimization(dataset, [detector], settings("das", paint="texels"), tmp_path / "a")
+        run_optimization(dataset, [small_detector], settings("das", paint="texels"), tmp_path / "a")
     with pytest.raises(RaucaError, match="smooth: pattern needs paint: pattern"):
-        run_optimization(dataset, [detector], settings("fca", smooth="pattern"), tmp_path / "b")
+        run_optimization(dataset, [small_detector], settings("fca", smooth="pattern"), tmp_path / "b")
     with pytest.raises(RaucaError, match="prior: seed needs cover: panels"):
-        run_optimization(dataset, [detector], settings("fca", prior="seed"), tmp_path / "c")
+        run_optimization(dataset, [small_detector], settings("fca", prior="seed"), tmp_path / "c")
     with pytest.raises(RaucaError, match="attention cannot be read"):
         run_optimization(dataset, [SmallDetector()], settings("das"), tmp_path / "d")
     assert settings("fca", lr=0.5, name="mine").name == "mine"

@@ -157,13 +157,6 @@ def test_a_plan_that_cannot_be_rendered_is_refused(change, message):
         replace(PLAN, **change).check("options")
 
 
-def test_unfinished_frames_do_not_appear(tmp_path):
-    claim_folder(tmp_path, PLAN)
-    frame = a_frame()
-    save_frame(tmp_path / "frames" / frame.id, frame, some_passes())
-    assert [f.id for f in Dataset(tmp_path).frames()] == [frame.id]
-
-
 def test_camouflage_round_trip_and_fit(tmp_path):
     camouflage = Camouflage("c", "box", "abc", 8, "random", {"seed": 1})
     save_camouflage(tmp_path / "c.json", camouflage, png_bytes(np.zeros((8, 8, 3), np.uint8)))

@@ -1,9 +1,13 @@
+"""JSON and files of JSON lines: complaints name file and field, whole lines are read whatever lies between them."""
+
 import json
 
 import pytest
 
-from rauca_core.contract import RaucaError
-from rauca_core.contract.schema import Fields, read_json
+from rauca_core.contract import LedgerEntry, RaucaError, append_entry, read_ledger
+from rauca_core.contract.files import append_line
+from rauca_core.contract.schema import Fields, read_json, whole_lines
+from rauca_core.dataset_tools.check import check_ledgers
 
 
 @pytest.mark.parametrize(
@@ -55,3 +59,51 @@ def test_newer_version_asks_for_an_update(tmp_path):
         read_json(path).format("rauca-dataset", 1)
     with pytest.raises(RaucaError, match="this is a rauca-dataset file, a rauca-frame file was expected"):
         read_json(path).format("rauca-frame", 1)
+
+
+DAMAGED = (
+    '{"step": 2',
+    "[" * 100_000,
+    "3",
+    "",
+    "null",
+    '{"step": "two"}',
+    '{"step": NaN}',
+    '{"steps": 2}',
+    "1" * 10_000,
+    "\x00",
+    "é",
+)
+
+
+@pytest.mark.parametrize("damaged", DAMAGED)
+def test_a_damaged_line_spoils_no_other(tmp_path, damaged):
+    path = tmp_path / "rounds.jsonl"
+    path.write_bytes(b'{"step": 1}\n' + damaged.encode("latin-1"))
+    append_line(path, '{"step": 3}')
+    written = path.read_bytes()
+    assert whole_lines(path, 2**20, "a ledger", _step) == [1, 3]
+    assert path.read_bytes() == written
+    assert whole_lines(path, 2**20, "a ledger", _step, mend=True) == [1, 3]
+    assert path.read_text() == '{"step": 1}\n{"step": 3}\n'
+
+
+def test_a_file_that_cannot_be_read_is_told(tmp_path):
+    (tmp_path / "large.jsonl").write_bytes(b"{}\n" * 100)
+    for name, told in (("none", "not found"), ("large", "larger than")):
+        with pytest.raises(RaucaError, match=told):
+            whole_lines(tmp_path / f"{name}.jsonl", 64, "a ledger", lambda line: line)
+
+
+def test_a_ledger_has_only_entries_of_their_own_kind(tmp_path):
+    append_entry(tmp_path, LedgerEntry("a", "done", seconds=2.0))
+    good = {"frame": "b", "state": "failed", "reason": "boom"}
+    for wrong in ({"seconds": "fast"}, {"visible": []}, {"reason": 3}, {"state": "lost"}, {"frame": None}):
+        append_line(tmp_path / "ledger.jsonl", json.dumps({**good, **wrong}))
+    assert read_ledger(tmp_path) == {"a": LedgerEntry("a", "done", seconds=2.0)}
+    told = [finding.what for finding in check_ledgers(tmp_path, {"a", "b"}, {"a"})]
+    assert [what.partition(" (")[0] for what in told] == [f"line {n} is damaged" for n in range(2, 7)]
+
+
+def _step(line: Fields) -> int:
+    return line.integer("step")

@@ -1,4 +1,4 @@
-"""The procedural cars: each has its class's proportions, lamps at the right ends, round tyres and two like sides."""
+"""The procedural cars: lamps at the right ends, round tyres and two like sides."""
 
 from __future__ import annotations
 
@@ -6,14 +6,6 @@ import numpy as np
 import pytest
 
 from rauca_core.geometry.car import CARS, read_profile
-
-# Length, width with mirrors and height that cars of the class have, metres: low, high.
-SIZES = {
-    "sedan": ((4.4, 4.9), (1.9, 2.3), (1.35, 1.55)),
-    "hatchback": ((3.8, 4.4), (1.9, 2.3), (1.35, 1.55)),
-    "suv": ((4.3, 4.9), (2.0, 2.4), (1.60, 1.80)),
-    "van": ((4.6, 5.4), (2.0, 2.5), (1.85, 2.10)),
-}
 
 
 @pytest.fixture(params=CARS)
@@ -25,11 +17,6 @@ def faces_of(car, name: str) -> np.ndarray:
     """(F, 3, 3) corners of a material's faces."""
     index = [m.name for m in car.materials].index(name)
     return car.positions[car.triangles[car.material == index]].astype(np.float64)
-
-
-def test_size_is_that_of_its_class(car):
-    for extent, (low, high) in zip(car.size(), SIZES[car.name], strict=True):
-        assert low < extent < high
 
 
 def test_lamps_are_at_their_ends_and_dark_by_day(car):

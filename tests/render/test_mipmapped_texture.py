@@ -38,10 +38,11 @@ def test_sees_and_learns_what_levels_and_operators_do(pyramid: Pyramid, views: l
     assert torch.equal(texels.grad, others.grad)
 
 
-def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: list[Taps]) -> None:
+@pytest.mark.parametrize("textures", [1, 2])
+def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: list[Taps], textures: int) -> None:
     texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    together = MipmappedTexture(pyramid, texels)
-    one, two = (together.sample([view.rows]) for view in views)
+    in_work = [MipmappedTexture(pyramid, texels) for _ in range(textures)]
+    one, two = in_work[0].sample([views[0].rows]), in_work[-1].sample([views[1].rows])
     (both,) = torch.autograd.grad(one.square().sum() + two.sum(), texels, retain_graph=True)
     kept = both.clone()
     assert not next(iter(pyramid.spare.values())).any()
@@ -49,15 +50,6 @@ def test_views_share_one_gradient_and_leave_it_clear(pyramid: Pyramid, views: li
     (second,) = torch.autograd.grad(two.sum(), texels)
     assert torch.allclose(first + second, both, atol=1e-5)
     assert torch.equal(both, kept)  # what was handed out stays the caller's
-
-
-def test_two_textures_may_be_in_work(pyramid: Pyramid, views: list[Taps]) -> None:
-    texels = torch.rand(len(pyramid.texels), 3, requires_grad=True)
-    left, right = (MipmappedTexture(pyramid, texels).sample([view.rows]).square().sum() for view in views)
-    apart = [torch.autograd.grad(x, texels, retain_graph=True)[0] for x in (left, right)]
-    (joint,) = torch.autograd.grad(left + right, texels)
-    assert torch.allclose(joint, apart[0] + apart[1], atol=1e-5)
-    assert not next(iter(pyramid.spare.values())).any()
 
 
 def test_an_unused_texture_has_no_gradient(pyramid: Pyramid) -> None:

@@ -5,19 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rauca_core.contract import Camera, RaucaError
+from benchmarks.stability.rasterizer import at_depth_one, flat
+from rauca_core.contract import RaucaError
 from rauca_core.render import rasterize
 from rauca_core.render.raster.pattern import pattern
 from rauca_core.render.surface import find_surface
-
-
-def flat(size: int) -> Camera:
-    """Image coordinates are world coordinates at depth 1."""
-    return Camera(np.eye(3), np.eye(3), np.zeros(3), size, size)
-
-
-def at_depth_one(points: list[tuple[float, float]]) -> np.ndarray:
-    return np.array([(x, y, 1.0) for x, y in points])
 
 
 def inside(points: np.ndarray, x: float, y: float) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.stability.rasterizer import at_depth_one, owners, triangulated
 from rauca_core.contract import Camera
 from rauca_core.render import rasterize
 from rauca_core.render.raster.pattern import Pattern, pattern
@@ -133,41 +134,16 @@ def test_brute_force_sees_the_same_faces(mesh: Any, camera: Camera, samples: int
     assert np.isfinite(find_surface(raster, np.ones(len(raster.triangles), bool)).barycentrics).all()
 
 
-def triangulated(inner: list[tuple[int, int]], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """A square from -size to size cut into triangles at integer points inside it."""
-    points = [(-size, -size), (size, -size), (size, size), (-size, size), *dict.fromkeys(inner)]
-    faces = [(0, 1, 2), (0, 2, 3)]
-    for n in range(4, len(points)):
-        for face in list(faces):
-            edges = [(face[k], face[(k + 1) % 3]) for k in range(3)]
-            sides = [_side(points[a], points[b], points[n]) for a, b in edges]
-            if min(sides) >= 0:
-                faces.remove(face)
-                faces += [(a, b, n) for (a, b), side in zip(edges, sides, strict=True) if side > 0]
-    return np.array(points, float), np.array(faces)
-
-
-def _side(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> int:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-
-
-def owners(points: np.ndarray, faces: np.ndarray, camera: Camera, samples: int) -> np.ndarray:
-    """How many of the faces own each sample, when every face is drawn alone."""
-    alone = [rasterize(points, f[None], camera, samples).whole(camera.width, camera.height) >= 0 for f in faces]
-    return np.sum(alone, 0)
-
-
-CELLS = st.integers(-31, 31)
+CELLS = st.integers(1, 63)
 
 
 @settings(max_examples=60)
 @given(st.lists(st.tuples(CELLS, CELLS), max_size=25), st.integers(1, 4))
-@example([(0, 0), (1, 1), (3, 3)], 1)
+@example([(32, 32), (33, 33), (35, 35)], 1)
 def test_a_partition_owns_each_sample_once(inner: list[tuple[int, int]], samples: int) -> None:
-    points, faces = triangulated(inner, 32)
-    flat = np.pad(points / 4 + 8, ((0, 0), (0, 1)), constant_values=1.0)  # vertices on centers, edges and quarters
-    camera = Camera(np.eye(3), np.eye(3), np.zeros(3), 16, 16)
-    assert (owners(flat, faces, camera, samples) == 1).all()
+    points, faces = triangulated(np.array(inner).reshape(-1, 2), 64)
+    corners = at_depth_one(points / 4)  # vertices on centers, edges and quarters
+    assert (owners(corners, faces, 16, samples) == 1).all()
 
 
 @settings(max_examples=40)
@@ -180,7 +156,8 @@ def test_a_partition_owns_each_sample_once(inner: list[tuple[int, int]], samples
 def test_the_ground_under_a_camera_is_owned_once(
     inner: list[tuple[int, int]], eye: tuple[float, float, float], lean: float, roll: float
 ) -> None:
-    points, faces = triangulated(inner, 32)  # some vertices lie behind the camera
-    ground = np.pad(2 * points, ((0, 0), (0, 1)))  # far enough: from 3 m up the flattest ray meets it after 42 m
+    points, faces = triangulated(np.array(inner).reshape(-1, 2), 64)  # some vertices lie behind the camera
+    ground = np.pad(2 * points - 64.0, ((0, 0), (0, 1)))  # far enough: from 3 m up the flattest ray meets it after 42 m
     camera = Camera.look_at(np.array(eye), np.array([eye[0] + lean, eye[1], eye[2] - 1]), 100, 16, 16, roll)
-    assert (owners(ground, faces, camera, 2) == 1).all()
+    owned = np.sum([rasterize(ground, face[None], camera, 2).whole(16, 16) >= 0 for face in faces], 0)
+    assert (owned == 1).all()

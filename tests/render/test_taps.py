@@ -105,17 +105,6 @@ def test_fringe_weighs_neighbors_by_coverage_over_distance() -> None:
     assert np.allclose(matrix, [wanted[row] for row in range(6)])
 
 
-def test_taps_survive_the_disk(box_vehicle: Vehicle, camera: Camera, tmp_path: Path) -> None:
-    taps = build_taps(box_vehicle, camera, MAP)
-    taps.save(tmp_path / "taps.safetensors")
-    again = Taps.load(tmp_path / "taps.safetensors")
-    for name in ("pixels", "alpha"):
-        assert (getattr(taps, name) == getattr(again, name)).all()
-    for name in ("indptr", "columns", "weights"):
-        assert (getattr(taps.rows, name) == getattr(again.rows, name)).all()
-    assert (again.width, again.height, again.rows.shape) == (72, 64, taps.rows.shape)
-
-
 @pytest.mark.parametrize(
     ("name", "place", "value"),
     [

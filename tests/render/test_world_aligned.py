@@ -9,11 +9,10 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, RaucaError, Vehicle
-from rauca_core.render import Pyramid, SparseOperator, build_taps, rasterize
+from rauca_core.render import Pyramid, SparseOperator, rasterize
 from rauca_core.render.sparse import from_triplets
 from rauca_core.render.surface import find_surface
 from rauca_core.render.world_aligned import (
-    PatternSettings,
     blend_weights,
     find_world_aligned,
     pattern_pyramid,
@@ -123,25 +122,6 @@ def test_baked_atlas_approaches_the_view(slanted: Vehicle) -> None:
     errors = [error(size) for size in (128, 256, 512)]  # of the nearest texel: as large as half a texel
     assert errors[0] > 1.7 * errors[1] > 2.9 * errors[2]
     assert errors[2] < 0.01
-
-
-def test_taps_of_a_view_filter_the_pattern(slanted: Vehicle) -> None:
-    tiles = pattern_pyramid(SIDE)
-    taps = PatternSettings(SIDE, 4.0, samples=4).build(slanted, camera(), tiles)
-    whole = build_taps(slanted, camera(), 128, samples=4)
-    assert np.abs(taps.coverage() - whole.coverage()).max() < 0.02  # paint is paint, whatever it reads
-    assert np.allclose(np.add.reduceat(taps.rows.weights, taps.rows.indptr[:-1]), 1, atol=1e-5)
-    levels = tiles(torch.rand(SIDE * SIDE, 3, generator=torch.Generator().manual_seed(0)))
-    raster = rasterize(slanted.positions, slanted.triangles, camera())
-    found = find_world_aligned(slanted, raster, tiles, 4.0)
-    center = np.einsum("nk,nkc->nc", found.weights, levels.numpy()[found.texels])
-    image = np.zeros((32, 40, 3))
-    rows, columns = np.nonzero(found.index >= 0)
-    image[rows + raster.y0, columns + raster.x0] = center[found.index[rows, columns]]
-    filtered = taps.to_image(taps.rows(levels), torch.zeros(3, 32, 40)).permute(1, 2, 0).numpy()
-    inner = taps.coverage() > 0.999
-    assert inner.sum() > 50
-    assert np.corrcoef(image[inner].ravel(), filtered[inner].ravel())[0, 1] > 0.9
 
 
 def test_blend_is_normalized_for_any_normal_and_power() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -16,10 +16,7 @@ from rauca_core.contract import (
     Camera,
     Camouflage,
     Dataset,
-    Frame,
     FramePasses,
-    Plan,
-    Quality,
     Ring,
     Vehicle,
     Weather,
@@ -30,6 +27,7 @@ from rauca_core.contract import (
 from rauca_core.contract.color import linear_to_srgb, to_bytes
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.detect import Detector, load_detector
+from tests.contract.samples import PLAN, a_frame
 from tests.published import published_weights
 
 torch.set_num_threads(1)  # small images: more threads only get in each other's way
@@ -58,20 +56,15 @@ def detectors() -> list[Detector]:
 @pytest.fixture
 def scene(tmp_path: Path, box_vehicle: Vehicle) -> Scene:
     folder = tmp_path / "dataset"
-    plan = Plan(
-        "drawn",
-        "box",
-        box_vehicle.atlas_id,
-        SIZE,
-        Quality(1),
-        False,
-        WEATHERS,
-        RING,
-        1,
-        (140, 145, 150),
-        0.2,
-        3,
-        "none",
+    plan = replace(
+        PLAN,
+        name="drawn",
+        atlas_id=box_vehicle.atlas_id,
+        size=SIZE,
+        light=False,
+        weathers=WEATHERS,
+        ring=RING,
+        locations=1,
     )
     claim_folder(folder, plan)
     box_vehicle.save(folder / "vehicle")
@@ -92,25 +85,18 @@ def _draw_frame(dataset: Dataset, frame_id: str, view: int, weather: Weather, nu
     image, coverage, box = draw_car(**where, paint=GREY, haze=haze)
     camouflaged, _, _ = draw_car(**where, paint=NOISE, haze=haze)
     hidden = number == 5  # as if something stood before the vehicle
-    frame = Frame(
+    frame = a_frame(
         id=frame_id,
-        location=0,
         view=view,
         camera=Camera.look_at(np.array([distance, 0, 1.0]), np.zeros(3), 60, SIZE, SIZE),
-        vehicle_to_world=np.eye(4),
         weather=weather,
         azimuth_deg=azimuth + 0.5,
         elevation_deg=elevation - 0.5,
         distance_m=distance + 0.1,
         box_xyxy=None if hidden else box,
-        visible=1.0,
-        seed=number,
     )
-    save_frame(
-        dataset.frame_folder(frame_id),
-        frame,
-        FramePasses(image, coverage, coverage, np.full((SIZE, SIZE), distance, np.float32)),
-    )
+    passes = FramePasses(image, coverage, coverage, np.full((SIZE, SIZE), distance, np.float32))
+    save_frame(dataset.frame_folder(frame_id), frame, passes)
     write_bytes(noise / f"{frame_id}.png", png_bytes(to_bytes(linear_to_srgb(camouflaged))))
 
 

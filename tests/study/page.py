@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import base64
 import io
+import os
 import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -88,3 +93,14 @@ def whole_page(path: Path) -> Page:
     for link in set(page.links):
         assert link[1:] in page.ids if link.startswith("#") else (path.parent / link).is_file(), link
     return page
+
+
+def written_elsewhere(folder: Path, code: str, files: Sequence[Path]) -> None:
+    """Another process, in a copy of the folder, writes the same bytes: no date, no path, no order of a set gets in."""
+    moved = folder / "elsewhere"
+    shutil.copytree(folder, moved, ignore=shutil.ignore_patterns("elsewhere", *(file.name for file in files)))
+    other = {"PYTHONHASHSEED": "3", "TZ": "Asia/Tokyo", "PYTHONPATH": str(Path(__file__).parents[2])}
+    place = moved / files[0].parent.relative_to(folder)
+    subprocess.run([sys.executable, "-c", code], cwd=place, env={**os.environ, **other}, check=True, timeout=300)
+    for file in files:
+        assert (place / file.name).read_bytes() == file.read_bytes(), file.name

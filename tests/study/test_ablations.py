@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +13,6 @@ import pytest
 
 from benchmarks.stability.detectors import SmallDetector
 from rauca_core.attack import METHODS, make_settings, settings_of
-from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
 from rauca_core.report import write_ablation
 from rauca_core.report.published import paper_tables
@@ -32,7 +27,7 @@ from rauca_core.study.results import AXES, MEAN, Estimate, FrameRow, ImageRow, R
 from rauca_core.study.scores import score_table
 from rauca_core.study.study import Entry, Study, save_study
 from tests.study.measured import measure
-from tests.study.page import whole_page
+from tests.study.page import whole_page, written_elsewhere
 
 DEFAULT = Sizes()
 # The ablation of the study in this folder, by a process of its own.
@@ -59,8 +54,16 @@ def asked() -> Ablation:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_variant_is_an_optimization_of_its_own(asked: Ablation, name: str) -> None:
+def test_experiments_hold_together(asked: Ablation, name: str) -> None:
+    """Every variant is an optimization of its own; claims are about variants; rows beside the paper's are its rows."""
     experiment = experiment_named(name)
+    keys = [variant.key for variant in experiment.variants]
+    assert len(set(keys)) == len(keys)
+    assert {key for claim in experiment.claims for key in (*claim.better, *claim.worse)} <= {*keys, "normal", "random"}
+    printed = {paper.beside: {row.name for row in paper.table.blocks[0].rows} for paper in paper_tables()}
+    if experiment.paper:
+        assert {variant.paper_row for variant in experiment.variants} - {None} <= printed[experiment.paper]
+        assert any(variant.paper_row for variant in experiment.variants)
     own = [asked.own_settings(variant) for variant in experiment.variants]
     assert all(own[i] != own[j] for i in range(len(own)) for j in range(i))
     assert sum(variant.quick for variant in experiment.variants) >= 2
@@ -94,27 +97,6 @@ def test_what_two_ablations_call_otherwise_is_one(asked: Ablation) -> None:
     one, two = experiment_named("augmentation").variant("with-roa"), experiment_named("renderer").variant("e2e-taps")
     assert asked.paint(one, 0, "a", white_box).digest == asked.paint(two, 0, "b", white_box).digest
     assert asked.paint(one, 1, "a", white_box).digest != asked.paint(two, 0, "b", white_box).digest
-
-
-def test_rows_beside_the_papers_are_rows_of_the_paper() -> None:
-    printed = {paper.beside: {row.name for row in paper.table.blocks[0].rows} for paper in paper_tables()}
-    compared = 0
-    for experiment in EXPERIMENTS.values():
-        for variant in experiment.variants if experiment.paper else ():
-            assert variant.paper_row is None or variant.paper_row in printed[experiment.paper]
-            compared += variant.paper_row is not None
-    assert compared == 6 + 3 + 3 + 7 + 2
-
-
-def test_experiments_claim_what_they_vary() -> None:
-    for experiment in EXPERIMENTS.values():
-        keys = [variant.key for variant in experiment.variants]
-        assert len(set(keys)) == len(keys)
-        assert {key for claim in experiment.claims for key in (*claim.better, *claim.worse)} <= {*keys, "normal"} | {
-            "random"
-        }
-    with pytest.raises(RaucaError, match="choose one of baselines"):
-        experiment_named("no")
 
 
 def test_training_sets_are_balanced_and_smaller_ones_are_part_of_larger_ones() -> None:
@@ -245,9 +227,4 @@ def test_the_page_holds_the_table_the_papers_and_every_picture(
     assert list(ours) == ["Normal", "Random", "With ROA"]
 
     save_study(out / "study.json", found.study.command, [entry])
-    moved = tmp_path / "elsewhere"
-    shutil.copytree(tmp_path, moved, ignore=shutil.ignore_patterns("elsewhere", "ablation.*"))
-    environment = {**os.environ, "PYTHONHASHSEED": "3", "PYTHONPATH": str(Path(__file__).parents[2])}
-    subprocess.run([sys.executable, "-c", WRITE_AGAIN], cwd=moved / "out", env=environment, check=True, timeout=300)
-    for path in (page, lines, numbers, latex):
-        assert (moved / "out" / path.name).read_bytes() == path.read_bytes(), path.name
+    written_elsewhere(tmp_path, WRITE_AGAIN, [page, lines, numbers, latex])

@@ -1,4 +1,4 @@
-"""AP@0.5 against pycocotools on random sets made to be awkward."""
+"""AP@0.5 by hand, and against pycocotools on random sets made to be awkward."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rauca_core.contract import RaucaError
 from rauca_core.study.average_precision import Sample, average_precision
 from rauca_core.study.bootstrap import Ranking
 
@@ -86,3 +87,17 @@ def test_agrees_with_pycocotools(seed: int, frames: int, kind: str, levels: int)
     once, together = np.ones((1, 1), np.int64), np.zeros(len(samples), np.int64)
     (by_ranking,) = Ranking.of(samples).average_precision(once, together)
     assert by_ranking == pytest.approx(expected, abs=1e-9)
+
+
+def test_values_by_hand() -> None:
+    truth, elsewhere = np.array([10.0, 10.0, 50.0, 50.0]), np.array([100.0, 100.0, 140.0, 140.0])
+
+    def found(*detections: tuple[np.ndarray, float]) -> Sample:
+        boxes = np.array([box for box, _ in detections]).reshape(-1, 4)
+        return Sample(truth, boxes, np.array([score for _, score in detections]))
+
+    assert average_precision([found((truth, 0.9), (elsewhere, 0.5))]) == pytest.approx(1.0)  # false below every hit
+    assert average_precision([found((truth, 0.5), (elsewhere, 0.9))]) == pytest.approx(0.5)
+    assert average_precision([found((truth, 0.9)), found()]) == pytest.approx(51 / 101)  # recalls 0, 0.01 .. 0.5
+    with pytest.raises(RaucaError, match="no frames"):
+        average_precision([])

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from rauca_core.contract import RaucaError
 from rauca_core.study.defences import defence_names, make_defence
-from rauca_core.study.defences.pad import Pad
 from rauca_core.study.defences.reference import BitDepth, Jpeg, Median
 
 NAMES = [
@@ -50,20 +49,15 @@ def test_images_of_any_size_stay_finite_and_in_range(name: str, shape: tuple[int
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_batch_is_its_images_one_by_one_every_time(name: str) -> None:
+def test_noise_is_changed_and_a_batch_is_its_images_one_by_one_every_time(name: str) -> None:
     defence = make_defence(name)
-    images = torch.cat([half_noise(64, 80, seed) for seed in range(3)])
+    images = torch.cat([half_noise(96, 96, seed) for seed in range(3)])
     before = images.clone()
     together = defence(images)
     assert torch.equal(images, before)
+    assert name == "none" or float((together - images).abs().mean()) > 1e-3
     assert torch.equal(together, torch.cat([defence(image[None]) for image in images]))
     assert torch.equal(together, make_defence(name)(images))
-
-
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "none"])
-def test_every_defence_changes_noise(name: str) -> None:
-    images = half_noise(96, 96)
-    assert float((make_defence(name)(images) - images).abs().mean()) > 1e-3
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -95,28 +89,17 @@ def test_the_fingerprint_changes_with_the_implementation(kind: type, monkeypatch
     [
         ("lsg", "there are none, lgs, pad, jpeg, bits, median"),
         ("", "there are none"),
-        (
-            "jpeg:qualty=50",
-            "qualty: extra inputs are not permitted, not '50'; choose another",
-        ),
         ("jpeg:qualty=50", "jpeg has quality=75"),
         ("none:x=1", "none has no parameters"),
-        ("jpeg:quality=high", "quality: input should be a valid integer"),
-        ("jpeg:quality=7.5", "quality: input should be a valid integer"),
         ("jpeg:quality", "quality: input should be a valid integer"),
         ("jpeg:quality=5,quality=6", "given twice"),
-        ("lgs:threshold=x", "threshold: input should be a valid number"),
         ("lgs:threshold=nan", "threshold: input should be a finite number"),
-        ("lgs:smoothing=inf", "smoothing: input should be a finite number"),
         ("jpeg:quality=0", "greater than or equal to 1"),
         ("jpeg:quality=101", "less than or equal to 100"),
         ("bits:depth=9", "less than or equal to 8"),
         ("median:size=4", "size: value error, must be odd"),
-        ("lgs:block=0", "greater than or equal to 1"),
         ("lgs:block=5", "overlap: value error, must be less than block, not 5"),
-        ("pad:weight=2", "less than or equal to 1"),
         ("pad:percentile=101", "less than or equal to 100"),
-        ("pad:kernel=0", "greater than or equal to 1"),
         ("pad:covered=1", "less than 1"),
     ],
 )
@@ -174,19 +157,3 @@ def test_a_median_lets_the_gradient_through() -> None:
     Median()(images).sum().backward()
     assert images.grad is not None
     assert float(images.grad.sum()) == pytest.approx(3 * 12 * 12)
-
-
-def test_a_pad_with_the_user_s_segmenter_is_another_defence() -> None:
-    class Halves:
-        fingerprint = "halves/1"
-
-        def __call__(self, pixels: np.ndarray) -> list[np.ndarray]:
-            right = np.zeros(pixels.shape[:2], bool)
-            right[:, pixels.shape[1] // 2 :] = True
-            return [right, ~right]
-
-    pad = Pad(percentile=45, segmenter=Halves())
-    assert pad.fingerprint != Pad(percentile=45).fingerprint
-    defended = pad(half_noise(160, 160))
-    assert float(defended[..., 80:].max()) == 0
-    assert torch.equal(defended[..., :80], half_noise(160, 160)[..., :80])

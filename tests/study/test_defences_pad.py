@@ -103,11 +103,6 @@ def test_pad_finds_a_patch_in_a_rendered_view(views: list[NDArray[np.uint8]], bl
         assert (found & truth).sum() / (found | truth).sum() > 0.5
 
 
-def test_pad_covers_little_of_a_clean_view(views: list[NDArray[np.uint8]]) -> None:
-    """The percentile bounds it: no more than a fifth of an image is ever suspect before morphology."""
-    assert [Pad().mask(view).mean() < 0.2 for view in views] == [True] * len(views)
-
-
 def test_the_mask_is_whole_segments_of_suspect_heat(views: list[NDArray[np.uint8]]) -> None:
     pad, pixels = Pad(), views[0]
     suspect, labels, found = pad.suspect(pad.heat(pixels)), GraphSegments().labels(pixels), pad.mask(pixels)
@@ -133,7 +128,9 @@ def test_overlapping_segments_are_taken_in_their_order() -> None:
 
     pixels = np.full((96, 96, 3), 90, np.uint8)
     pixels[28:72, 28:72] = np.random.default_rng(0).integers(0, 256, (44, 44, 3))
-    mask = Pad(segmenter=Twice()).mask(pixels)
+    pad = Pad(segmenter=Twice())
+    assert pad.fingerprint != Pad().fingerprint  # the user's segmenter makes another defence
+    mask = pad.mask(pixels)
     assert mask.sum() == 400  # a quarter of the large one was masked by then: it is left out
 
 

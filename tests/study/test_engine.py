@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -285,13 +283,6 @@ def test_workers_of_a_cluster_make_the_same(kit: Kit, tmp_path: Path, tiny: Path
     (tmp_path / "gone.weights").unlink()
     with pytest.raises(RaucaError, match=r"detecting, gone-random-1: .*gone.weights: not found"):
         there.make(lost)
-
-
-def test_a_worker_tells_a_mistake_in_one_line(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rauca_core.study.executors", json.dumps(Machine().to_json()), tmp_path]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert done.stderr.startswith(f"error: {tmp_path / RECIPE}: not found")
 
 
 def test_the_cache_is_listed_and_pruned(kit: Kit, tmp_path: Path) -> None:

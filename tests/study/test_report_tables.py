@@ -110,10 +110,6 @@ def test_the_tables_of_a_study(tmp_path: Path) -> None:
     for part, entry in zip(main.blocks, study.entries, strict=False):
         for row in part.rows:
             found = entry.results.table[row.name]
-            for column, cell in zip(main.columns, row.cells, strict=True):
-                assert cell is not None
-                if column.name in found:
-                    assert (cell.value, cell.low, cell.high) == tuple(vars(found[column.name]).values())
             every, published = (cell.value for cell in row.cells[-2:] if cell)
             assert every == found[MEAN].ap
             others = [found[name].ap for name in DETECTORS if name != "frcnn-synth"]
@@ -160,7 +156,7 @@ def test_every_number_leads_to_its_place_in_a_file(tmp_path: Path) -> None:
             for key in cell.source.keys:
                 value = value[int(key)] if isinstance(value, list) else value[key]
             if "ap" in value:
-                assert value["ap"] == cell.value
+                assert (value["ap"], value["low"], value["high"]) == (cell.value, cell.low, cell.high)
             else:  # an average of these
                 numbers = [v["ap"] if isinstance(v, dict) else v for v in value.values()]
                 assert min(numbers) <= cell.value <= max(numbers)
@@ -180,10 +176,6 @@ def test_csv_and_json_hold_every_number_in_full(tmp_path: Path) -> None:
     for line, other in zip(lines, stored, strict=True):
         assert (line["block"], line["row"], line["column"]) == (other["block"], other["row"], other["column"])
         assert [float(line[end]) for end in ends] == [other[end] for end in ends]
-        if line["column"] not in ("all", "pre-trained"):
-            entry = study.entries[line["block"] == "Unseen weathers"]
-            estimate = entry.results.table[line["row"]][line["column"]]
-            assert [other[end] for end in ends] == [estimate.ap, estimate.low, estimate.high]
     best = [line for line in lines if line["column"] == "detr" and line["rank"] == "best"]
     assert [float(line["value"]) for line in best] == [
         min(e.results.table[p]["detr"].ap for p in e.results.paints[1:]) for e in study.entries

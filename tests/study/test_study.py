@@ -57,19 +57,31 @@ def test_damaged_studies_are_named(tmp_path: Path) -> None:
         path.write_text(json.dumps(written | change))
         with pytest.raises(RaucaError, match=complaint):
             load_study(path)
+    path.unlink()
+    with pytest.raises(RaucaError, match=r"study\.json: not found"):
+        load_study(path)
+
+
+def test_results_survive_the_disk(tmp_path: Path) -> None:
+    results = made_up(0, ("normal", "ours"), ("yolo",))
+    save_results(tmp_path / "results.json", results)
+    assert load_results(tmp_path / "results.json") == results
 
 
 @pytest.mark.parametrize(
     ("place", "bad", "complaint"),
     [
+        (("version",), 4, "reads 3; update rauca"),
+        (("table",), {}, "table and detectors do not fit"),
+        (("images",), {}, "images and frames do not fit"),
+        (("settings", "color"), 1, "settings: unknown field color"),
+        (("surplus",), 1, "unknown field surplus"),
         (("table", "normal", "yolo", "ap"), None, "table: normal: yolo: ap must be a finite number"),
         (("groups", "azimuth_deg", 0, "value"), "x", r"groups: azimuth_deg\[0\]: value must be a finite number"),
         (("images", "normal", 0, "sha256"), ["0" * 64], r"images: normal\[0\]: sha256 must be text"),
     ],
 )
-def test_results_of_other_types_are_refused(
-    tmp_path: Path, place: tuple[Any, ...], bad: object, complaint: str
-) -> None:
+def test_damaged_results_are_refused(tmp_path: Path, place: tuple[Any, ...], bad: object, complaint: str) -> None:
     path = tmp_path / "results.json"
     save_results(path, made_up(0, ("normal",), ("yolo",)))
     written = json.loads(path.read_text())

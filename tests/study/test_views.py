@@ -19,22 +19,9 @@ def the_plan(held_out: HeldOut | None = None) -> Plan:
 
 def factors(plan: Plan, ids: list[str]) -> np.ndarray:
     """(N, 5): location, weather, azimuth, elevation, distance of each frame, as indices."""
-    where = {frame_id: (location, view, weather) for frame_id, location, view, weather in plan.frames()}
-    rows = []
-    for frame_id in ids:
-        location, view, weather = where[frame_id]
-        azimuth, elevation, distance = plan.ring.nominal(view)
-        ring = plan.ring
-        rows.append(
-            (
-                location,
-                plan.weathers.index(weather),
-                ring.azimuths_deg.index(azimuth),
-                ring.elevations_deg.index(elevation),
-                ring.distances_m.index(distance),
-            )
-        )
-    return np.array(rows)
+    chosen = [frame for frame in plan.frames() if frame.id in ids]
+    values = [(frame.location, frame.weather.name, *plan.ring.nominal(frame.view)) for frame in chosen]
+    return np.stack([np.unique(axis, return_inverse=True)[1] for axis in zip(*values, strict=True)], 1)
 
 
 @pytest.mark.parametrize("count", [32, 128])
