@@ -154,10 +154,14 @@ ROUNDING = 1.0  # texel sides that a patch's edge may be off, where texels strad
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Attributes: ``of_texel`` (P,) int32 patch of each texel, counted from 0; ``count``: how many there are."""
+    """Attributes: ``of_texel`` (P,) int32 patch of each texel, counted from 0; ``seeds`` (M,) texel of each seed."""
 
     of_texel: NDArray[np.int32]
-    count: int
+    seeds: NDArray[np.int64]
+
+    @property
+    def count(self) -> int:
+        return len(self.seeds)
 
 
 def make_patches(points: TexelPoints, links: Links, feature_m: float, seed: int) -> Patches:
@@ -168,7 +172,8 @@ def make_patches(points: TexelPoints, links: Links, feature_m: float, seed: int)
     side = float(np.median(points.sides))
     spacing = feature_m * _detour(points) + ROUNDING * side if feature_m > side else 0.0
     order = named_rng(seed, "patches").permutation(len(points.sides))
-    return Patches(*_grow(links.indptr, links.neighbors, links.metres, order, spacing))
+    of_texel, seeds = _grow(links.indptr, links.neighbors, links.metres, order, spacing)
+    return Patches(of_texel, seeds)
 
 
 def _detour(points: TexelPoints) -> float:
@@ -186,10 +191,12 @@ def _grow(indptr: Any, neighbors: Any, metres: Any, order: Any, spacing: float) 
     count = indptr.shape[0] - 1
     owner, best = np.full(count, -1, np.int32), np.full(count, np.inf, np.float64)
     blocked = np.zeros(count, np.bool_)
+    seeds = np.empty(count, np.int64)
     number = 0
     for start in order:
         if blocked[start]:
             continue
+        seeds[number] = start
         heap, seen = [(0.0, start)], {start: 0.0}
         while len(heap) > 0:  # Dijkstra from the seed out to the spacing
             way, here = heapq.heappop(heap)
@@ -204,4 +211,4 @@ def _grow(indptr: Any, neighbors: Any, metres: Any, order: Any, spacing: float) 
                     seen[there] = longer
                     heapq.heappush(heap, (longer, there))
         number += 1
-    return owner, number
+    return owner, seeds[:number].copy()
