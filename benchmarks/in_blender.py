@@ -112,6 +112,8 @@ def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_materi
 
 def import_vehicle(path: str, mask: str, material: str | None, out: str) -> None:
     """In the child process: import a vehicle file and save it as a vehicle folder."""
+    import bpy  # noqa: F401  # Blender's own modules, addon_utils among them, are found once it is there
+
     from blender_addon.scene.vehicle_files import find_vehicle
 
     find_vehicle(VehicleSource(path, Path(mask) if mask else None, material)).save(Path(out))
