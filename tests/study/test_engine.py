@@ -30,7 +30,7 @@ from rauca_core.study.executors import LOCK, OnCluster
 from rauca_core.study.job import Machine
 from rauca_core.study.makers import KINDS
 from rauca_core.study.store import Store, kept_in, prune, store_around
-from tests.detect.conftest import write_random_weights
+from tests.detect.conftest import cfg_of, write_random_weights
 from tests.faults.conftest import TINY
 from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
@@ -193,7 +193,7 @@ def test_another_process_is_waited_for(kit: Kit, tmp_path: Path) -> None:
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Weights of a detector of two layers."""
     cfg = tmp_path_factory.mktemp("tiny") / "tiny.cfg"
-    cfg.write_text(TINY)
+    cfg.write_text(cfg_of(TINY))
     cfg.with_suffix(".names").write_text("boat\ncar\n")
     return write_random_weights(cfg.with_suffix(".weights"), cfg)
 
