@@ -65,6 +65,7 @@ def test_nothing_picked_says_what_to_do(vehicle):
 
 def test_every_shipped_vehicle_can_be_added_comes_out_as_itself_and_can_be_undone(vehicle):
     bpy.context.scene.cursor.location = (5.0, -3.0, 0.5)
+    bpy.ops.ed.undo_push(message="start")
     for name in ("sedan", "van", "cube"):
         assert undoable(bpy.ops.rauca.add_vehicle, vehicle=name) == {"FINISHED"}
         shipped = load_shipped(name)
