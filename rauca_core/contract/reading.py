@@ -75,9 +75,9 @@ def require_inside(path: Path, named: str) -> Path:
     try:
         found = (folder / named).resolve()
     except (OSError, ValueError, RuntimeError) as error:  # no path at all, or links in a circle
-        raise RaucaError(f"{path}: refers to {named[:80]!r}, which is no path") from error
+        raise RaucaError(f"{path}: refers to {named[:200]!r}, which is no path") from error
     if not found.is_relative_to(folder):
-        raise RaucaError(f"{path}: refers to {named[:80]!r} outside its folder; bring the files together")
+        raise RaucaError(f"{path}: refers to {named[:200]!r} outside its folder; bring the files together")
     return found
 
 

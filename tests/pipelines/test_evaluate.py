@@ -75,7 +75,6 @@ def test_a_study_from_views_to_numbers(tmp_path: Path) -> None:
         (["--vehicle", "sedan", "--defences", "none,armour"], "defence 'armour': unknown; there are none, lgs"),
         (["--vehicle", "sedan", "--weathers", "seen,hail"], "weather preset 'hail' is unknown"),
         (["--vehicle", "sedan", "--weathers", "seen,seen.json"], r"--weathers seen\.json: has the name of seen;"),
-        (["--vehicle", "sedan", "--scale", "huge"], "--scale huge: unknown; choose quick"),
         (["--vehicle", "sedan", "--elevations", "high"], "--elevations high: not a comma separated list"),
         (["--vehicle", "sedan", "--device", "warp"], "device warp: torch cannot use it here"),
         (["--vehicle", "tank"], "--vehicle tank: no vehicle folder"),
