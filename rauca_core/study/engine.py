@@ -9,7 +9,7 @@ from typing import TypedDict, Unpack
 
 from ..contract import RaucaError
 from .artifact import Artifact, seconds_spent
-from .executors import Executor, Here, Task
+from .executors import Executor, Here, Task, sweep_finished
 from .job import Machine, OnProgress, quiet
 from .makers import KINDS
 from .store import Store, store_around, user_cache
@@ -101,6 +101,8 @@ class Engine:
         key = f"{artifact.kind}/{artifact.digest}/{artifact.options}"
         if key not in self._finished and (found := self.store.find(artifact)) is not None:
             self._finished[key] = found
+            if artifact.place is None and found.parent.parent == self.store.folder:
+                sweep_finished(found)
             self._count_seconds(artifact, found)
         return self._finished.get(key)
 

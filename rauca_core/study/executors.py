@@ -19,7 +19,7 @@ from types import FrameType
 from typing import NoReturn, Protocol
 
 from ..contract import Progress, RaucaError
-from ..contract.files import sweep_partials
+from ..contract.files import TEMPORARY_PREFIX, sweep_partials
 from ..runtime.cluster import Cluster
 from ..runtime.folder_lock import alone_in
 from .artifact import Artifact, read_recipe, seconds_spent
@@ -119,6 +119,13 @@ def do_task(task: Task, machine: Machine, report: Callable[[Progress], None]) ->
         finally:
             more = (time.perf_counter() - began) / len(left)
             task.write_recipes([s + more * (i in left) for i, s in enumerate(spent)])
+
+
+def sweep_finished(folder: Path) -> None:
+    """Remove what a maker left that was killed when its artifact was whole, as it noted how long that took."""
+    if any(folder.glob(TEMPORARY_PREFIX + "*")):
+        with alone_in(folder, LOCK, lambda who: None):
+            sweep_partials(folder)
 
 
 def main(machine: str, *folders: str) -> int:

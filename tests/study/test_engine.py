@@ -113,6 +113,15 @@ def test_what_is_there_is_not_made_and_what_grows_goes_on(kit: Kit, tmp_path: Pa
     assert before.items() <= stamps(tmp_path / "store").items()
 
 
+def test_what_a_kill_left_in_a_finished_artifact_is_swept(kit: Kit) -> None:
+    (folder,) = kit.engine().make(kit.views())
+    (folder / ".partial-recipe").write_text("{")  # killed as it noted how long the making took
+    again = kit.engine()
+    assert again.make(kit.views()) == (folder,)
+    assert not again.made
+    assert not list(folder.glob(".partial-*"))
+
+
 def test_a_finished_artifact_needs_none_of_its_inputs(kit: Kit, tmp_path: Path) -> None:
     first = kit.engine("one")
     renders = kit.painted(first)
