@@ -11,7 +11,6 @@ from typing import TypeVar
 import torch
 import torch.distributed as dist
 from torch import nn
-from torch.nn.parallel import DistributedDataParallel
 
 from .devices import find_device
 
@@ -40,12 +39,19 @@ class Processes:
         """This process's part of a batch."""
         return list(items[self.rank :: self.size])
 
-    def wrap(self, net: nn.Module) -> nn.Module:
-        """The network as the processes train it: their gradients are averaged at every backward."""
-        if self.size == 1:
-            return net
-        # Buffers are the running statistics of batch normalization: each process keeps its own, process 0's are saved.
-        return DistributedDataParallel(net, broadcast_buffers=False)
+    def average_gradients(self, net: nn.Module) -> None:
+        """Average the gradients of ``net`` over the processes, in place; every process must ask.
+
+        Buffers (running statistics of batch normalization) stay each process's own. torch's
+        DistributedDataParallel does the same, but keeps gloo's threads alive after the group is left: one that still
+        frees a tensor while Python ends aborts the process.
+        """
+        gradients = [p.grad for p in net.parameters() if p.grad is not None]
+        if self.size == 1 or not gradients:
+            return
+        mean = self.sum(torch.cat([g.flatten() for g in gradients])) / self.size
+        for gradient, part in zip(gradients, mean.split([g.numel() for g in gradients]), strict=True):
+            gradient.copy_(part.view_as(gradient))
 
     def any(self, flag: bool) -> bool:
         """Whether any process says so; every process must ask."""

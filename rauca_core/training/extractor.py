@@ -182,7 +182,6 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
     def __init__(self, job: Job, processes: Processes, resume: bool) -> None:
         self.job, self.processes, settings = job, processes, job.settings
         self.network = job.learner.net.to(processes.device)
-        self._wrapped = processes.wrap(self.network)
         # Without weight decay AdamW is Adam.
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay
@@ -208,7 +207,7 @@ class _ExtractorTask(Task[_Shown, EpochReport]):
         device, wanted = self.processes.device, self.job.settings.precision
         ready = device.type == "cuda" and torch.cuda.is_bf16_supported()
         with torch.autocast(device.type, torch.bfloat16, wanted == "bfloat16" or (wanted == "auto" and ready)):
-            loss = self.job.learner.loss(self._wrapped, batch.items, lambda item: self._draw(batch.epoch, item))
+            loss = self.job.learner.loss(self.network, batch.items, lambda item: self._draw(batch.epoch, item))
         return loss * batch.weight
 
     def _draw(self, epoch: int, item: Item) -> np.random.Generator:

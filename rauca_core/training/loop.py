@@ -283,6 +283,7 @@ class _Loop(Generic[Batch, Tested]):
         loss = task.loss(batch, step)
         task.optimizer.zero_grad()
         loss.backward()
+        self.processes.average_gradients(task.network)
         norm = clip_grad_norm_(task.network.parameters(), run.clip)
         if self.processes.any(not bool(torch.isfinite(loss.detach() + norm))):
             raise RaucaError(
