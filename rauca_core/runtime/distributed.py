@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -43,8 +44,7 @@ class Processes:
         """Average the gradients of ``net`` over the processes, in place; every process must ask.
 
         Buffers (running statistics of batch normalization) stay each process's own. torch's
-        DistributedDataParallel does the same, but keeps gloo's threads alive after the group is left: one that still
-        frees a tensor while Python ends aborts the process.
+        DistributedDataParallel does the same, but would keep the group alive after it is left (joined_processes).
         """
         gradients = [p.grad for p in net.parameters() if p.grad is not None]
         if self.size == 1 or not gradients:
@@ -96,6 +96,9 @@ def joined_processes(device: torch.device | str | None = None) -> Iterator[Proce
         return
     if chosen.type == "cuda":
         torch.cuda.set_device(chosen)
+    # A group that is still referred to after it is left keeps gloo's threads, and one of them may abort Python at its
+    # end. These functions, which optimizers import, refer to the group that there is when they are imported.
+    importlib.import_module("torch.distributed.nn.functional")
     dist.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
         yield Processes(dist.get_rank(), size, chosen)
