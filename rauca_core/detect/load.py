@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..contract import RaucaError
+from ..contract.schema import is_plain_name
 from ..runtime.devices import find_device
+from .callable_detector import CallableDetector
 from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
 from .families import FAMILIES, Resolved
 from .interface import Detector
+from .renamed import renamed
 from .weights import shipped_path, stored_paths, verify
 
 _FAMILY_OF = {family.suffix: name for name, family in FAMILIES.items() if family.suffix}
 
 
-def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved:
+def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
     """Find the files behind a detector's name.
 
     Args:
@@ -30,17 +34,19 @@ def resolve(name_or_path: str, classes: Sequence[str] | None = None) -> Resolved
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
             or, of a detector of our own, ``.safetensors`` (with its card). Class names come from a ``.names`` beside
             it; without one, from the file (ONNX, our own) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
-        classes: names in the network's order instead of those.
+        names: of the classes in the network's order, instead of those.
 
     Raises:
         RaucaError: unknown name, missing or damaged file.
     """
-    found = _find(name_or_path, named=classes is not None)
-    if classes is None:
+    found = _find(name_or_path, named=names is not None)
+    if names is None:
         return found
     if FAMILIES[found.family].named:
-        raise RaucaError(f"{found.name}: a {found.family} detector's files name its classes; leave classes out")
-    return replace(found, class_names=tuple(classes))
+        raise RaucaError(
+            f"{found.name}: a {found.family} detector's files name its classes; leave names out, or rename by classes"
+        )
+    return replace(found, class_names=tuple(names))
 
 
 def _find(name_or_path: str, named: bool) -> Resolved:
@@ -94,40 +100,70 @@ def _existing(path: Path) -> Path:
 
 
 def load_detector(
-    detector: str | Path | nn.Module,
+    detector: str | Path | nn.Module | Callable[[Tensor], Any],
     size: int | None = None,
     device: torch.device | str = "cpu",
-    classes: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    classes: Mapping[str, str] | None = None,
+    name: str = "",
+    fingerprint: str = "",
 ) -> Detector:
     """Load a detector, ready to be attacked, hardened and evaluated.
 
     Args:
         detector: a name or path, see :func:`resolve`; or a model in memory, which is copied: torchvision's
-            ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, transformers' DETR, Deformable DETR or RT-DETR.
+            ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, transformers' DETR, Deformable DETR or RT-DETR; or any
+            function from images to detections, see :class:`rauca_core.detect.callable_detector.CallableDetector`.
         size: the network's square input, pixels; None for the family's own. Graphs of a fixed size refuse others.
         device: that the network lies on, such as ``cuda:1``; images must lie there too.
-        classes: names in the network's order, without the background; None for those of its files or its list. A
-            model of torchvision holds none: they must be given.
+        names: of the network's classes in its order, without the background; None for those of its files or its list.
+            A model of torchvision and a function hold none: they must be given.
+        classes: from the detector's own class names to those of data sets (COCO's), such as ``{"vehicle.car": "car",
+            "vehicle.taxi": "car"}``; see :class:`rauca_core.detect.renamed.RenamedDetector`.
+        name: as in tables, instead of the usual one.
+        fingerprint: any text that stands for what a function computes; without one no result is kept for later.
 
     Raises:
         RaucaError: unknown name, missing, damaged or mismatched files, a size the network cannot take, a family whose
-            package is not installed, class names of another number, a device that this machine does not have.
+            package is not installed, class names of another number, a class that the detector does not have, a device
+            that this machine does not have.
     """
     place = find_device(device)
+    if name and not is_plain_name(name):
+        raise RaucaError(
+            f"detector name {name!r}: files bear it; write printable characters without / \\ : or leading dot"
+        )
+    in_memory = not isinstance(detector, str | Path)
+    if fingerprint and (not in_memory or isinstance(detector, nn.Module)):
+        raise RaucaError("fingerprint: a network has one by its weights; leave it out for all but functions")
     if isinstance(detector, nn.Module):
-        return _of_module(detector, size, classes).to(place)
-    found = resolve(str(detector), classes)
-    return FAMILIES[found.family].load(found, size).to(place)
+        loaded = _of_module(detector, size, names)
+    elif callable(detector):
+        loaded = _of_function(detector, size, names, fingerprint)
+    else:
+        found = resolve(str(detector), names)
+        loaded = FAMILIES[found.family].load(found, size)
+    loaded.name = name or loaded.name
+    return renamed(loaded.to(place), classes)
 
 
-def _of_module(model: nn.Module, size: int | None, classes: Sequence[str] | None) -> Detector:
+def _of_module(model: nn.Module, size: int | None, names: Sequence[str] | None) -> Detector:
     """Of a copy: training the model further changes neither the detector nor what its fingerprint stands for."""
     from .frameworks.torchvision_detector import TorchvisionDetector
     from .frameworks.transformers_detector import TransformersDetector
 
-    name, names = type(model).__name__, None if classes is None else tuple(classes)
+    name, given = type(model).__name__, None if names is None else tuple(names)
     if hasattr(model, "config"):
-        return TransformersDetector(name, copy.deepcopy(model), names, size)
-    if names is None or size is not None:
-        raise RaucaError(f"{name}: a model in memory knows its size but no class names; give classes, leave size out")
-    return TorchvisionDetector(name, copy.deepcopy(model), names)
+        return TransformersDetector(name, copy.deepcopy(model), given, size)
+    if given is None or size is not None:
+        raise RaucaError(f"{name}: a model in memory knows its size but no class names; give names, leave size out")
+    return TorchvisionDetector(name, copy.deepcopy(model), given)
+
+
+def _of_function(
+    function: Callable[[Tensor], Any], size: int | None, names: Sequence[str] | None, fingerprint: str
+) -> Detector:
+    made = CallableDetector(function, tuple(names or ()), fingerprint=fingerprint)
+    if not made.class_names or size is not None:
+        raise RaucaError(f"{made.name}: a callable knows its size but no class names; give names, leave size out")
+    return made

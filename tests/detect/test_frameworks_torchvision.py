@@ -196,16 +196,16 @@ def loaded(small_file: Path) -> TorchvisionDetector:
 
 def test_the_fingerprint_follows_weights_and_size_only(loaded: TorchvisionDetector, small_file: Path) -> None:
     loaded.detect(photographs())
-    assert load_detector(loaded.network, classes=NAMES).fingerprint == loaded.fingerprint
+    assert load_detector(loaded.network, names=NAMES).fingerprint == loaded.fingerprint
     other = copy.deepcopy(loaded.network)
     other.roi_heads.box_predictor.cls_score.bias += 1
     larger = read(small_file, size=SIZE + 32)
-    assert len({one.fingerprint for one in (loaded, load_detector(other, classes=NAMES), larger)}) == 3
+    assert len({one.fingerprint for one in (loaded, load_detector(other, names=NAMES), larger)}) == 3
 
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = copy.deepcopy(detectors[SMALL].network).requires_grad_().train()
-    detector = load_detector(model, classes=NAMES)
+    detector = load_detector(model, names=NAMES)
     assert (detector.name, detector.class_names) == ("FasterRCNN", NAMES)
     before = detector.detect(photographs(1))[0]
     assert model.training
@@ -213,11 +213,11 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     nn.init.zeros_(model.roi_heads.box_predictor.cls_score.weight)
     assert torch.equal(before.scores, detector.detect(photographs(1))[0].scores)
     with pytest.raises(RaucaError, match="predicts 3 classes, 2 names"):
-        load_detector(model, classes=NAMES[:2])
+        load_detector(model, names=NAMES[:2])
     with pytest.raises(RaucaError, match="FasterRCNN: a model in memory knows its size but no class names"):
         load_detector(model)
     with pytest.raises(RaucaError, match="Linear is none of"):
-        load_detector(nn.Linear(1, 1), classes=NAMES)
+        load_detector(nn.Linear(1, 1), names=NAMES)
 
 
 def test_weights_that_do_not_fit_are_refused_by_the_first_wrong_tensor(tmp_path: Path, small_file: Path) -> None:

@@ -160,7 +160,7 @@ def test_images_without_a_pixel_left_are_refused(detectors: Made) -> None:
 
 def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     model = small_model("detr").train()
-    detector = load_detector(model, SIZE, classes=("n/a", "car", "motorcycle"))
+    detector = load_detector(model, SIZE, names=("n/a", "car", "motorcycle"))
     assert load_detector(model, SIZE).class_names == detector.class_names  # in COCO's words
     assert detector.fingerprint == load_detector(model, SIZE).fingerprint == detectors["detr"].fingerprint
     assert model.training
@@ -170,7 +170,7 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     others = (load_detector(model, size).fingerprint for size in (SIZE, SIZE + 32))
     assert len({detector.fingerprint, *others}) == 3
     with pytest.raises(RaucaError, match="predicts 3 classes, 2 names"):
-        load_detector(model, classes=("car", "bus"))
+        load_detector(model, names=("car", "bus"))
     with pytest.raises(RaucaError, match="model type None is not supported"):
         TransformersDetector("line", nn.Linear(1, 1), ("car",))
 

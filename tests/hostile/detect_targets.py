@@ -45,7 +45,7 @@ def _darknet(folder: Path) -> None:
 
 
 def _read_darknet(folder: Path) -> None:
-    detector = load_detector(folder / "net.weights", 32, classes=("boat", "car"))
+    detector = load_detector(folder / "net.weights", 32, names=("boat", "car"))
     detector.detect(torch.zeros(1, 3, 32, 32))
 
 
@@ -58,7 +58,7 @@ def _tf_lite(folder: Path) -> None:
 
 
 def _read_tf(folder: Path) -> None:
-    load_detector(folder / "graph.pb", classes=("car",))
+    load_detector(folder / "graph.pb", names=("car",))
 
 
 def _caffe(folder: Path) -> None:
@@ -67,7 +67,7 @@ def _caffe(folder: Path) -> None:
 
 
 def _read_caffe(folder: Path) -> None:
-    load_detector(folder / "net.caffemodel", classes=caffe.NAMES)
+    load_detector(folder / "net.caffemodel", names=caffe.NAMES)
 
 
 def _onnx(folder: Path) -> None:

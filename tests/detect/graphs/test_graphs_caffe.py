@@ -127,7 +127,7 @@ def test_every_layer_agrees_with_opencv(files: tuple[Path, Path], rng: np.random
     image = rng.random((1, 3, SIZE, SIZE)).astype(np.float32)
     net, _ = opencv(files, image)
     loc, conf, prior = net.forward(["loc", "flat", "prior"])
-    detector = load_detector(files[1], classes=NAMES)
+    detector = load_detector(files[1], names=NAMES)
     found = detector.dense(torch.from_numpy(image))
     corners = prior.reshape(2, -1, 4)[0]
     anchors = np.concatenate([(corners[:, :2] + corners[:, 2:]) / 2, corners[:, 2:] - corners[:, :2]], 1)
@@ -143,7 +143,7 @@ def test_detections_agree_with_opencv(files: tuple[Path, Path], rng: np.random.G
     image = rng.random((1, 3, SIZE, SIZE)).astype(np.float32)
     _, theirs = opencv(files, image)
     theirs = theirs[0, 0][theirs[0, 0, :, 1] > 0]
-    ours = load_detector(files[1], classes=NAMES).detect(torch.from_numpy(image), 0.9, 0.45)[0]
+    ours = load_detector(files[1], names=NAMES).detect(torch.from_numpy(image), 0.9, 0.45)[0]
     assert len(ours.scores) == len(theirs) > 5
     rows = torch.cat([ours.labels[:, None] + 1, ours.scores[:, None], ours.boxes / SIZE], 1).numpy()
     theirs[:, 3:] = theirs[:, 3:].clip(0, 1)
@@ -152,7 +152,7 @@ def test_detections_agree_with_opencv(files: tuple[Path, Path], rng: np.random.G
 
 
 def test_gradient_matches_finite_differences(files: tuple[Path, Path]) -> None:
-    checked_gradient(load_detector(files[1], classes=NAMES), torch.rand(2, 3, 50, 90))
+    checked_gradient(load_detector(files[1], names=NAMES), torch.rand(2, 3, 50, 90))
 
 
 def test_an_input_layer_says_the_same(files: tuple[Path, Path]) -> None:
@@ -224,7 +224,7 @@ def test_a_wrong_description_is_refused(files: tuple[Path, Path], before: str, a
     assert before in text
     files[0].write_text(text.replace(before, after, 1))
     with pytest.raises(RaucaError, match=complaint) as refusal:
-        load_detector(files[1], classes=NAMES)
+        load_detector(files[1], names=NAMES)
     assert "\n" not in str(refusal.value)
 
 
@@ -232,7 +232,7 @@ def test_a_wrong_description_is_refused(files: tuple[Path, Path], before: str, a
 def test_something_else_than_a_description_is_refused(files: tuple[Path, Path], content: bytes) -> None:
     files[0].write_bytes(content)
     with pytest.raises(RaucaError, match=r"every\.prototxt"):
-        load_detector(files[1], classes=NAMES)
+        load_detector(files[1], names=NAMES)
 
 
 @pytest.mark.parametrize(("cut", "step"), [(0, 83), (1, 211)])
@@ -241,7 +241,7 @@ def test_a_file_cut_off_anywhere_is_refused(files: tuple[Path, Path], cut: int, 
     for length in range(0, len(data) - 1, step):
         files[cut].write_bytes(data[:length])
         with pytest.raises(RaucaError, match=rf"every\{files[cut].suffix}"):
-            load_detector(files[1], classes=NAMES)
+            load_detector(files[1], names=NAMES)
 
 
 def test_weights_that_are_wrong_are_named(files: tuple[Path, Path]) -> None:
@@ -249,24 +249,24 @@ def test_weights_that_are_wrong_are_named(files: tuple[Path, Path]) -> None:
     weights["pw"][0][3, 2] = np.inf
     save(files[1], weights)
     with pytest.raises(RaucaError, match=r"every\.caffemodel: layer pw holds values that are not finite"):
-        load_detector(files[1], classes=NAMES)
+        load_detector(files[1], names=NAMES)
     liar = write("BlobProto", data=[1.0, 2.0], shape=write("BlobShape", dim=[2**40, 2**40]))
     layer = write("LayerParameter", name="pw", blobs=[liar])
     for field, complaint in (("layer", r"layer pw holds 2 values for a shape of \["), ("layers", "of before 2014")):
         files[1].write_bytes(write("NetParameter", **{field: [layer]}))
         with pytest.raises(RaucaError, match=complaint):
-            load_detector(files[1], classes=NAMES)
+            load_detector(files[1], names=NAMES)
 
 
 def test_class_lists_are_checked_and_files_make_the_fingerprint(files: tuple[Path, Path]) -> None:
     with pytest.raises(RaucaError, match=r"every\.prototxt: the network predicts 3 classes; 4 class names were given"):
-        load_detector(files[1], classes=(*NAMES, "kite"))
-    first = load_detector(files[1], classes=NAMES).fingerprint
-    assert load_detector(files[1], classes=NAMES).fingerprint == first
+        load_detector(files[1], names=(*NAMES, "kite"))
+    first = load_detector(files[1], names=NAMES).fingerprint
+    assert load_detector(files[1], names=NAMES).fingerprint == first
     weights: dict[str, Any] = random_weights()
     weights["pw"][0][0, 0] += 1e-3
     save(files[1], weights)
-    assert load_detector(files[1], classes=NAMES).fingerprint != first
+    assert load_detector(files[1], names=NAMES).fingerprint != first
 
 
 def test_options_that_are_not_given_are_caffes(tmp_path: Path) -> None:

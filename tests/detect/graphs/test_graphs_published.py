@@ -55,7 +55,7 @@ def in_cache(name: str) -> Path:
 
 def tensorflow(name: str, scale: float, shift: float) -> Published:
     graph, description = in_cache(f"{name}.pb"), in_cache(f"{name}.pbtxt")
-    detector = load_detector(graph, classes=class_list("coco-91"))
+    detector = load_detector(graph, names=class_list("coco-91"))
     parts = ("BoxEncodingPredictor/concat", "ClassPredictor/concat/sigmoid", "PriorBox/concat")
     net = cv2.dnn.readNetFromTensorflow(str(graph), str(description))
     return Published(detector, net, parts, scale, shift, 0.3, 0.6, True, False)
@@ -161,8 +161,8 @@ def test_a_batch_is_its_images(published: Published, frames: Tensor) -> None:
 
 def test_eighty_names_pick_the_same_columns_as_ninety(frames: Tensor) -> None:
     graph = in_cache("ssd-mobilenet-v3.pb")
-    ninety = load_detector(graph, classes=class_list("coco-91"))
-    eighty = load_detector(graph, classes=class_list("coco-80"))
+    ninety = load_detector(graph, names=class_list("coco-91"))
+    eighty = load_detector(graph, names=class_list("coco-80"))
     with torch.no_grad():
         every, picked = (detector.dense(frames[:1]).classes[0] for detector in (ninety, eighty))
     kept = [column for column, name in enumerate(ninety.class_names) if name != GAP]
@@ -170,12 +170,12 @@ def test_eighty_names_pick_the_same_columns_as_ninety(frames: Tensor) -> None:
     assert [ninety.class_names[k] for k in kept] == list(eighty.class_names)
     assert len({detector.fingerprint for detector in (ninety, eighty)}) == 2
     with pytest.raises(RaucaError, match=r"predicts 90 classes, or the 80 of COCO; 20 class names were given"):
-        load_detector(graph, classes=class_list("voc-20"))
+        load_detector(graph, names=class_list("voc-20"))
 
 
 def test_anchors_are_those_of_the_documented_generator() -> None:
     """ssd_anchor_generator: scales from 0.2 to 0.95 over six maps, ratios 1 to 3, fewer on the first."""
-    detector = load_detector(in_cache("ssd-mobilenet-v2.pb"), classes=class_list("coco-91"))
+    detector = load_detector(in_cache("ssd-mobilenet-v2.pb"), names=class_list("coco-91"))
     scales = [*np.linspace(0.2, 0.95, 6), 1.0]
     expected = []
     for number, cells in enumerate((19, 10, 5, 3, 2, 1)):

@@ -130,7 +130,7 @@ def naive(graph: Any, images: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any],
 
 
 def test_every_operator_agrees_with_the_naive_interpreter(graph: Any, tmp_path: Path, rng: np.random.Generator) -> None:
-    detector = load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+    detector = load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     images = rng.random((2, 3, 33, 33)).astype(np.float32)
     boxes, scores, code = (np.concatenate(part) for part in zip(*(naive(graph, x[None]) for x in images), strict=True))
     found = detector.dense(torch.from_numpy(images))
@@ -142,7 +142,7 @@ def test_every_operator_agrees_with_the_naive_interpreter(graph: Any, tmp_path: 
 
 
 def test_norms_and_hard_swish_disappear(graph: Any, tmp_path: Path) -> None:
-    detector = load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+    detector = load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     steps = list(detector.network.layers.modules())
     assert sum(isinstance(step, Convolution) for step in steps) == 12
     # the image's normalization, and squeeze-excite's sixth behind a relu6
@@ -165,7 +165,7 @@ def test_same_padding_is_tensorflows(
 
 
 def test_gradient_matches_finite_differences(graph: Any, tmp_path: Path) -> None:
-    detector = load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+    detector = load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     gradient = checked_gradient(detector, torch.rand(2, 3, 40, 52))
     assert (gradient.abs().sum(1) > 0).double().mean() > 0.9
     assert not any(parameter.requires_grad for parameter in detector.network.parameters())
@@ -173,7 +173,7 @@ def test_gradient_matches_finite_differences(graph: Any, tmp_path: Path) -> None
 
 def test_predicting_leaves_no_trace(graph: Any, tmp_path: Path) -> None:
     """Activations overwrite their input: with and without a gradient the same must come out, twice."""
-    detector = load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+    detector = load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     images = torch.rand(1, 3, 33, 33, requires_grad=True)
     before = images.detach().clone()
     first = detector.dense(images)
@@ -189,7 +189,7 @@ def test_flat_images_and_wild_boxes_keep_finite_gradients(graph: Any, tmp_path: 
     for name in ("BoxPredictor_0/Box/bias", "BoxPredictor_1/Box/bias"):
         bias = graph.nodes[name][2]["value"]
         graph.const(name, np.full(bias.shape, 2000.0))  # exp(2000 / 5) is not finite in float32
-    detector = load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+    detector = load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     images = torch.full((1, 3, 20, 33), value, requires_grad=True)
     found = detector.dense(images)
     (found.boxes.sum() + found.classes.sum()).backward()
@@ -247,7 +247,7 @@ FAULTS = [
 def test_a_wrong_graph_is_refused(graph: Any, tmp_path: Path, fault: Any, complaint: str) -> None:
     fault(graph)
     with pytest.raises(RaucaError, match=complaint) as refusal:
-        load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+        load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
     assert "\n" not in str(refusal.value)
     assert "small.pb" in str(refusal.value)
 
@@ -256,21 +256,21 @@ def test_a_wrong_graph_is_refused(graph: Any, tmp_path: Path, fault: Any, compla
 def test_boxes_need_four_positive_scales(server_graph: Any, tmp_path: Path, value: Any) -> None:
     server_graph.const("Postprocessor/Decode/div_2/y", value)
     with pytest.raises(RaucaError, match=r"scales boxes by \[.*\]; expected four positive numbers"):
-        load_detector(server_graph.save(tmp_path / "small.pb"), classes=NAMES)
+        load_detector(server_graph.save(tmp_path / "small.pb"), names=NAMES)
 
 
 def test_an_infinite_anchor_is_refused(graph: Any, tmp_path: Path) -> None:
     name = "anchors" if is_lite(graph) else "low"
     graph.nodes[name][2]["value"][3, 2] = np.inf
     with pytest.raises(RaucaError, match=r"has no anchors: expected a constant \(N, 4\) of finite numbers"):
-        load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+        load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
 
 
 def test_another_number_of_anchors_is_refused(graph: Any, tmp_path: Path) -> None:
     name = "anchors" if is_lite(graph) else "high"
     graph.const(name, graph.nodes[name][2]["value"][:-1])
     with pytest.raises(RaucaError, match=r"685 anchors, but heads of 686 boxes"):
-        load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+        load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_constants_that_would_fill_the_memory_are_refused(
     graph(op, "made", *inputs)
     graph("ConcatV2", "Concatenate/concat", "made", "high", "zero")
     with pytest.raises(RaucaError, match=rf"node made \({op}\) would make \d+ elements"):
-        load_detector(graph.save(tmp_path / "small.pb"), classes=NAMES)
+        load_detector(graph.save(tmp_path / "small.pb"), names=NAMES)
 
 
 def test_a_chain_of_any_length_is_read(graph: Any, tmp_path: Path) -> None:
@@ -299,17 +299,17 @@ def test_a_chain_of_any_length_is_read(graph: Any, tmp_path: Path) -> None:
 def test_sizes_and_class_lists_are_checked(graph: Any, tmp_path: Path) -> None:
     path = graph.save(tmp_path / "small.pb")
     with pytest.raises(RaucaError, match=r"small: input size must be 33, for which the graph's anchors are made"):
-        load_detector(path, 64, classes=NAMES)
+        load_detector(path, 64, names=NAMES)
     with pytest.raises(RaucaError, match=r"small\.pb: the network predicts 4 classes; 3 class names were given"):
-        load_detector(path, classes=NAMES[:3])
+        load_detector(path, names=NAMES[:3])
 
 
 def test_the_fingerprint_follows_the_file(graph: Any, tmp_path: Path) -> None:
     path = graph.save(tmp_path / "small.pb")
-    first = load_detector(path, classes=NAMES).fingerprint
-    assert load_detector(path, 33, classes=NAMES).fingerprint == first
+    first = load_detector(path, names=NAMES).fingerprint
+    assert load_detector(path, 33, names=NAMES).fingerprint == first
     graph.nodes["stem/weights"][2]["value"][0, 0, 0, 0] += 1e-3
-    assert load_detector(graph.save(path), classes=NAMES).fingerprint != first
+    assert load_detector(graph.save(path), names=NAMES).fingerprint != first
 
 
 def test_a_graph_cut_off_anywhere_is_refused(graph: Any, tmp_path: Path) -> None:
@@ -318,4 +318,4 @@ def test_a_graph_cut_off_anywhere_is_refused(graph: Any, tmp_path: Path) -> None
     for length in [*range(0, 400), *range(400, len(data), 997)]:
         cut.write_bytes(data[:length])
         with pytest.raises(RaucaError, match=r"cut\.pb"):
-            load_detector(cut, classes=NAMES)
+            load_detector(cut, names=NAMES)
