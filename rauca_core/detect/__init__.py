@@ -6,7 +6,7 @@ from .darknet import DarknetDetector
 from .interface import DensePredictions, Detections, Detector, check_images
 from .load import load_detector, resolve
 from .nms import box_iou
-from .renamed import parse_classes, renamed
+from .renaming import parse_classes, renamed
 from .weights import fetch, status, weights_folder
 
 __all__ = [

@@ -19,7 +19,7 @@ from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
 from .families import FAMILIES, Resolved
 from .interface import Detector
-from .renamed import renamed
+from .renaming import renamed
 from .weights import shipped_path, stored_paths, verify
 
 _FAMILY_OF = {family.suffix: name for name, family in FAMILIES.items() if family.suffix}
@@ -119,7 +119,7 @@ def load_detector(
         names: of the network's classes in its order, without the background; None for those of its files or its list.
             A model of torchvision and a function hold none: they must be given.
         classes: from the detector's own class names to those of data sets (COCO's), such as ``{"vehicle.car": "car",
-            "vehicle.taxi": "car"}``; see :class:`rauca_core.detect.renamed.RenamedDetector`.
+            "vehicle.taxi": "car"}``; see :class:`rauca_core.detect.renaming.RenamedDetector`.
         name: as in tables, instead of the usual one.
         fingerprint: any text that stands for what a function computes; without one no result is kept for later.
 
