@@ -34,7 +34,7 @@ test-gui: $(READY)
 coverage: $(READY)
 	$(VENV)/bin/python -m coverage run -m pytest $(PARALLEL)
 	$(VENV)/bin/python -m coverage combine --quiet
-	$(VENV)/bin/python -m coverage report --skip-covered --fail-under 85
+	$(VENV)/bin/python -m coverage report --skip-covered --fail-under 90
 
 lint: $(READY)
 	$(VENV)/bin/ruff format --check .
