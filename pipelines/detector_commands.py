@@ -9,11 +9,15 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rauca_core.contract import Progress, RaucaError
+from rauca_core.contract import Progress, RaucaError, format_duration
+from rauca_core.contract.files import write_json
 
 from .console import command_line, console, output, progress_bar
+from .options import Device
 
 if TYPE_CHECKING:
+    from rauca_core.study.cost import Cost
+    from rauca_core.study.preflight import Preflight
     from rauca_core.training.loop import RoundReport
     from rauca_core.training.measure import Findings
 
@@ -51,6 +55,59 @@ def detectors_list() -> None:
         for remedy in entry.remedies:
             wide.print(Text.assemble((entry.source.name, "bold"), f": {remedy}"), soft_wrap=True)
     wide.print(OTHERS, soft_wrap=True, highlight=False)
+
+
+@detectors_app.command("check")
+def detectors_check(
+    detector: Annotated[str, typer.Argument(help="a name of `rauca detectors list`, or a file of yours")],
+    classes: Annotated[str, typer.Option(help="OWN=NAME,...: which of its classes are cars, as vehicle=car")] = "",
+    names: Annotated[Path | None, typer.Option(help="file of the network's classes in its order, one per line")] = None,
+    size: Annotated[int | None, typer.Option(help="side of the network's input, pixels; its own by default")] = None,
+    device: Device = "cpu",
+    json: Annotated[Path | None, typer.Option(help="write what was found to this file too")] = None,
+) -> None:
+    """Look at a detector before it is assessed: does it see plain cars, has it gradients, what will it cost?
+
+    Exit code 1 where something should be seen to first.
+    """
+    from rauca_core.detect import load_detector
+    from rauca_core.detect.classes import read_names
+    from rauca_core.detect.renaming import parse_classes
+    from rauca_core.study.preflight import preflight
+
+    listed = None if names is None else read_names(names)
+    loaded = load_detector(detector, size, device, listed, parse_classes(classes) if classes else None)
+    with console.status(f"looking through {loaded.name}"):
+        found = preflight(loaded, device=device)
+    if json:
+        write_json(json, found.to_json())
+    table = Table("what", "found", title=f"rauca detectors check {loaded.name}")
+    for what, shown in _checked(found).items():
+        table.add_row(what, shown)
+    output(TABLE_WIDTH).print(table)
+    for warning in found.warnings:
+        console.print(Text.assemble(("warning", "yellow"), f": {warning}"), soft_wrap=True)
+    if found.warnings:
+        raise typer.Exit(1)
+
+
+def _checked(found: Preflight) -> dict[str, str]:
+    """A preflight for people."""
+    size, step, called = found.input_size, found.ms_step, found.class_names[found.class_index]
+    return {
+        "family": found.family,
+        "classes": f"{len(found.class_names)}; cars are class {found.class_index}, {called!r}",
+        "input": f"{size} x {size} pixels" if size else "as large as the image asks for",
+        "gradients": "yes" if found.differentiable else "no: it can be evaluated, not attacked",
+        "plain cars": f"AP@0.5 {found.ap:.2f}; {found.found} of {found.pictures} found at a score of 0.25",
+        "an image": f"{found.ms_forward:.0f} ms" + (f", {step:.0f} ms with the way back" if step is not None else ""),
+    } | {f"{name} assessment": _cost(cost) for name, cost in found.costs.items()}
+
+
+def _cost(cost: Cost) -> str:
+    parts = {"rendering": cost.render_s, "looking": cost.look_s, "attacking": cost.attack_s}
+    told = ", ".join(f"{what} {format_duration(seconds)}" for what, seconds in parts.items() if seconds)
+    return f"about {format_duration(cost.seconds)} ({told}); {cost.disk_bytes / 2**20:.0f} MiB"
 
 
 @detectors_app.command("train")

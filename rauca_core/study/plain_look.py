@@ -1,0 +1,76 @@
+"""What a detector sees of plain cars."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..detect import Detections, Detector
+from ..detect.nms import box_iou
+from .average_precision import IOU_THRESHOLD, Sample
+
+Reading = Callable[[Tensor], Tensor]
+"""From what a detector calls boxes (M, 4) to xyxy in pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a detector said of N pictures of ``size`` pixels a side, each with one car.
+
+    Attributes:
+        truths: (N, 4) xyxy, pixels.
+        milliseconds: an image, the median.
+    """
+
+    size: int
+    truths: NDArray[np.float64]
+    said: list[Detections]
+    milliseconds: float
+
+    @staticmethod
+    def at(detector: Detector, images: Tensor, truths: NDArray[np.float64]) -> Look:
+        """Look at sRGB images (N, 3, H, W) in [0, 1], one by one."""
+        said, spent = [], []
+        for image in images:
+            began = time.perf_counter()
+            (one,) = detector.detect(image[None])
+            spent.append(1000 * (time.perf_counter() - began))
+            said.append(Detections(one.boxes.detach().cpu(), one.scores.detach().cpu(), one.labels.detach().cpu()))
+        return Look(images.shape[-1], truths[: len(images)], said, statistics.median(spent))
+
+    def samples(self, label: int) -> list[Sample]:
+        """For average precision of the cars as one class."""
+        return [
+            Sample(truth, *(values[one.labels == label].double().numpy() for values in (one.boxes, one.scores)))
+            for truth, one in zip(self.truths, self.said, strict=True)
+        ]
+
+    def scores(self, label: int, read: Reading = lambda boxes: boxes) -> NDArray[np.float64]:
+        """(N,) the best score of the class on each car, 0 where nothing overlaps it by half."""
+        best = []
+        for truth, one in zip(self.truths, self.said, strict=True):
+            on_it = box_iou(read(one.boxes.double()), torch.from_numpy(truth)[None])[:, 0] >= IOU_THRESHOLD
+            chosen = one.scores[on_it & (one.labels == label)]
+            best.append(float(chosen.max()) if len(chosen) else 0.0)
+        return np.array(best)
+
+    def found(self, label: int, threshold: float, read: Reading = lambda boxes: boxes) -> int:
+        """Cars that are found as a class at a score."""
+        return int((self.scores(label, read) >= threshold).sum())
+
+    def best_label(self, threshold: float) -> tuple[int, int]:
+        """The class that most cars are found as, and how many; -1 where nothing is said at all."""
+        labels = sorted({int(label) for one in self.said for label in one.labels.unique()})
+        best = max(labels, key=lambda label: self.found(label, threshold), default=-1)
+        return best, self.found(best, threshold)
+
+    def middling(self, label: int) -> int:
+        """The picture of the median score: one that is as certain as 1.0 can hold has no slope left."""
+        return int(np.argsort(self.scores(label), kind="stable")[len(self.truths) // 2])
