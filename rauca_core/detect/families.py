@@ -64,6 +64,7 @@ class Family:
         install: the command that gets them.
         resizable: its detectors may be given another input size.
         named: its files name the classes, and no others can be given.
+        networks: kinds of network that its files may be told to be, as ``NETWORK=PATH``.
     """
 
     adapter: str
@@ -75,6 +76,7 @@ class Family:
     install: str = EXTRA
     resizable: bool = True
     named: bool = False
+    networks: tuple[str, ...] = ()
 
     def load(self, found: Resolved, size: int | None) -> Detector:
         """The detector, on the CPU; errors as of :func:`rauca_core.detect.load_detector`."""
@@ -93,7 +95,9 @@ FAMILIES = {
     "darknet": Family("darknet", ".weights", beside=".cfg"),
     "tf-ssd": Family("graphs.tensorflow", ".pb", classes="coco-91"),
     "caffe-ssd": Family("graphs.caffe", ".caffemodel", beside=".prototxt", classes="voc-20", resizable=False),
-    "onnx": Family("onnx_detector", ".onnx", packages=("onnx", "onnx2torch", "torchvision")),
+    "onnx": Family(
+        "onnx_detector", ".onnx", packages=("onnx", "onnx2torch", "torchvision"), networks=("yolox", "ultralytics")
+    ),
     "torchvision": Family("frameworks.torchvision_detector", packages=("torchvision",)),
     "transformers": Family(
         "frameworks.transformers_detector", folder=True, packages=("transformers", "torchvision"), named=True

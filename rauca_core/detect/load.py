@@ -17,23 +17,27 @@ from ..runtime.devices import find_device
 from .callable_detector import CallableDetector
 from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
+from .exports import refuse_unread
 from .families import FAMILIES, Resolved
 from .interface import Detector
 from .renaming import renamed
 from .weights import shipped_path, stored_paths, verify
 
 _FAMILY_OF = {family.suffix: name for name, family in FAMILIES.items() if family.suffix}
+_OF_NETWORK = {network: name for name, family in FAMILIES.items() for network in family.networks}
 
 
 def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
     """Find the files behind a detector's name.
 
     Args:
-        name_or_path: one of three forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
+        name_or_path: one of four forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
             ``"yolov3=PATH"``: the named network with weights of your own, a folder for transformers and MMDetection.
+            ``"yolox=PATH"``, ``"ultralytics=PATH"``: an ONNX file that does not tell which of the two it is.
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
             or, of a detector of our own, ``.safetensors`` (with its card). Class names come from a ``.names`` beside
             it; without one, from the file (ONNX, our own) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
+            A checkpoint of PyTorch (``.pt``) or a file for another runtime is never opened.
         names: of the classes in the network's order, instead of those.
 
     Raises:
@@ -52,9 +56,13 @@ def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
 def _find(name_or_path: str, named: bool) -> Resolved:
     name, equals, path = name_or_path.partition("=")
     if equals and "/" not in name and not Path(name_or_path).is_file():  # a path may hold an equals sign
+        if name in _OF_NETWORK:
+            return _as_network(name, Path(path).expanduser(), named)
         return _own(find_source(name), Path(path).expanduser())
     if name_or_path not in SOURCES and Path(name_or_path).suffix in _FAMILY_OF:
         return _by_path(_existing(Path(name_or_path).expanduser()), named)
+    if name_or_path not in SOURCES:
+        refuse_unread(Path(name_or_path).expanduser())
     source = find_source(name_or_path)
     if source.family == "synth":
         return _of_source(source, (shipped_path(source),))
@@ -73,12 +81,25 @@ def _of_source(source: Source, files: tuple[Path, ...]) -> Resolved:
 def _own(source: Source, path: Path) -> Resolved:
     """A named network with the user's own weights."""
     family = FAMILIES[source.family]
+    if source.family == "onnx":
+        refuse_unread(path)
     if family.folder:
         if not path.is_dir():
             raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
         return _of_source(source, (path,))
     beside = (path.with_suffix(family.beside),) if source.family == "caffe-ssd" else ()
-    return _of_source(source, tuple(map(_existing, (path, *beside))))
+    found = _of_source(source, tuple(map(_existing, (path, *beside))))
+    names = path.with_suffix(".names")
+    return replace(found, class_names=read_names(names)) if names.is_file() else found
+
+
+def _as_network(name: str, path: Path, named: bool) -> Resolved:
+    """A file of a family that cannot always tell which network it holds."""
+    family = FAMILIES[_OF_NETWORK[name]]
+    refuse_unread(path)
+    if path.suffix != family.suffix:
+        raise RaucaError(f"{path}: a {name} network is read from a {family.suffix} file")
+    return replace(_by_path(_existing(path), named), network=name)
 
 
 def _by_path(weights: Path, named: bool) -> Resolved:

@@ -1,113 +1,34 @@
-"""Detectors of ONNX files: the YOLOX family and Ultralytics' exports (v5, v8, v11)."""
+"""Detectors of ONNX files: YOLOX, Ultralytics' exports (v5 to 26), DETR's family; see :mod:`.onnx_layouts`."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import torch
 from torch import Tensor, nn
 
 from ..contract import RaucaError
 from .classes import class_list, require_names, unusual_names
-from .darknet_network import MAX_LOG_SIZE, precise
+from .darknet_network import precise
+from .exports import DETR_EXPORT, yolo_export
 from .families import Resolved
 from .foreign import first_line
-from .interface import DensePredictions, check_images, in_type_of
-from .letterbox import Letterbox
-from .nms import SinglePassDetector, corners
+from .interface import DensePredictions, Detections, check_images, in_type_of
+from .nms import SinglePassDetector
+from .onnx_detr import detr_layout
 from .onnx_fusion import fuse
 from .onnx_graph import OnnxGraph, Session, read_graph, to_torch
+from .onnx_layouts import GraphFamily, Layout, Outputs, Shape, find_layout
+from .queries import of_queries
 
 DEFAULT_SIZE = 640
 MAX_SIZE = 4096  # the largest published exports take 1536
 LARGEST_DIFFERENCE = 1e-3  # between the runtimes, of the largest output; rounding makes 1e-6
-STRIDES = ((8, 16, 32), (8, 16, 32, 64))
-GREY = 114 / 255
-GraphFamily = Literal["yolox", "ultralytics"]
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How to feed a graph and read it.
-
-    Attributes:
-        classes: how many categories it tells apart.
-        yolox: wants BGR in 0..255 in the top left corner, rather than RGB in 0..1 in the middle.
-        decode: the graph's output to predictions, boxes in pixels of its input.
-    """
-
-    classes: int
-    yolox: bool
-    decode: Callable[[Tensor], DensePredictions]
-
-    def letterbox(self, height: int, width: int, size: int) -> Letterbox:
-        return Letterbox(height, width, size, centered=not self.yolox, padding_srgb=GREY)
-
-    def prepare(self, fitted: Tensor) -> Tensor:
-        """sRGB (B, 3, size, size) in [0, 1] to what the graph was trained on; neither family normalizes further."""
-        return fitted.flip(1) * 255.0 if self.yolox else fitted
-
-
-def find_layout(path: Path, shape: tuple[int, ...], size: int, decoded: bool, family: GraphFamily | None) -> Layout:
-    """The layout of the output (B, rows, columns) of the graph ``path`` for square inputs of ``size`` pixels.
-
-    Args:
-        decoded: the graph holds YOLOX's exponential, so its boxes are in pixels already.
-        family: when it is known; YOLOX otherwise if the rows are its cells.
-
-    Raises:
-        RaucaError: it is none of ours.
-    """
-    _, rows, columns = shape if len(shape) == 3 else (0, 0, 0)
-    for strides in STRIDES:
-        cells = sum((size // stride) ** 2 for stride in strides)
-        if columns == cells and rows > 4 and family != "yolox":
-            return Layout(rows - 4, False, decode_v8)
-        if rows == cells and columns > 5 and family != "ultralytics":
-            return Layout(
-                columns - 5, True, decode_v5 if decoded else partial(decode_yolox, size=size, strides=strides)
-            )
-        if rows == 3 * cells and columns > 5 and family != "yolox":
-            return Layout(columns - 5, False, decode_v5)
-    raise RaucaError(
-        f"{path}: its output {shape} is neither YOLOX's (1, N, 5 + C), YOLOv5's (1, 3 N, 5 + C) "
-        f"nor YOLOv8's (1, 4 + C, N) for {size} pixels; export without non-maximum suppression"
-    )
-
-
-def decode_yolox(output: Tensor, size: int, strides: tuple[int, ...]) -> DensePredictions:
-    """(B, cells, 5 + C): center relative to its cell in cells, log of the size in cells, objectness, classes."""
-    places, scales = _grid(size, strides, output)
-    center = (output[..., :2] + places) * scales
-    half = 0.5 * output[..., 2:4].clamp(max=MAX_LOG_SIZE).exp() * scales
-    return DensePredictions(torch.cat([center - half, center + half], -1), output[..., 4], output[..., 5:])
-
-
-def decode_v5(output: Tensor) -> DensePredictions:
-    """(B, N, 5 + C): center and size in pixels, objectness, classes."""
-    return DensePredictions(corners(output[..., :4]), output[..., 4], output[..., 5:])
-
-
-def decode_v8(output: Tensor) -> DensePredictions:
-    """(B, 4 + C, N): center and size in pixels, classes; no objectness."""
-    output = output.transpose(1, 2)
-    return DensePredictions(corners(output[..., :4]), torch.ones_like(output[..., 0]), output[..., 4:])
-
-
-def _grid(size: int, strides: tuple[int, ...], like: Tensor) -> tuple[Tensor, Tensor]:
-    """Column and row of every cell (cells, 2), and its side in pixels (cells, 1); row by row, fine strides first."""
-    places, scales = [], []
-    for stride in strides:
-        steps = torch.arange(size // stride, dtype=like.dtype, device=like.device)
-        rows, columns = torch.meshgrid(steps, steps, indexing="ij")
-        places.append(torch.stack([columns, rows], -1).view(-1, 2))
-        scales.append(torch.full_like(places[-1][:, :1], stride))
-    return torch.cat(places), torch.cat(scales)
+_LOG = logging.getLogger(__name__)
 
 
 class OnnxDetector(SinglePassDetector):
@@ -117,8 +38,13 @@ class OnnxDetector(SinglePassDetector):
     onnxruntime, several times as fast. The two are compared when the graph is loaded. A graph that cannot be converted
     is not ``differentiable``: :meth:`dense` refuses images that want a gradient, and it stays on the CPU.
 
+    A graph that suppresses for itself has final detections only: ``detect`` gives them as they are, above the caller's
+    score threshold, and ``dense`` refuses. Nor does ``detect`` suppress what DETR's family says: ``iou_threshold`` is
+    unused.
+
     Attributes:
-        size: the graph's square input, pixels.
+        size: the longer side of the graph's input, pixels; ``shape`` is its (height, width).
+        kind: what the graph was recognized as, for people.
         network: the graph in torch, if it can be converted.
         differentiable: gradients flow from the predictions to the images.
     """
@@ -135,7 +61,8 @@ class OnnxDetector(SinglePassDetector):
 
         Args:
             class_names: those in the file, or COCO's for 80 classes, unless given.
-            size: for graphs whose input size is open: a multiple of 32, 640 or what the file says unless given.
+            size: for graphs whose input size is open: a square's side, a multiple of 32; what the file says, or 640,
+                unless given.
             family: where the output's shape alone does not say; see :func:`find_layout`.
 
         Raises:
@@ -143,19 +70,27 @@ class OnnxDetector(SinglePassDetector):
                 none of the known layouts; a class list of another length.
         """
         graph = read_graph(path)
-        self.name = name
-        self.size = _input_size(graph, size)
-        if graph.batch not in (1, None):
-            raise RaucaError(f"{path}: exported for batches of {graph.batch}; export it with batch 1 or an open batch")
+        self.name, self.shape = name, _input_shape(graph, size)
+        self.size = max(self.shape)
         self._session = Session(graph)
-        image = torch.rand(1, 3, self.size, self.size, generator=torch.Generator().manual_seed(0))
-        output = self._session(image)
-        self._one_by_one = graph.batch == 1 or not _takes_batches(self._session, image)
+        image = torch.rand(1, 3, *self.shape, generator=torch.Generator().manual_seed(0))
+        image = image.expand(graph.batch or 1, -1, -1, -1)
+        outputs = self._session(image)
+        self._batch = graph.batch or (None if _takes_batches(self._session, image) else 1)
         family = family or ("ultralytics" if graph.class_names else None)
-        self._layout = find_layout(path, tuple(output.shape), self.size, "Exp" in graph.operators, family)
-        self.class_names = _class_names(graph, self._layout.classes, class_names)
-        self.network, self._why_not = _differentiable(graph, image, output)
-        settings = f"{graph.sha256} {self.size} {self._layout.yolox}{unusual_names(self.class_names)}"
+        names = class_names or graph.class_names
+        found = find_layout(graph, outputs, self.shape, family, len(names or ()))
+        if found is None:
+            found, names = detr_layout(graph, outputs, self.shape, names)
+            _LOG.info("%s: read as %s", path, found.kind)
+        if found.scaling is not None and size is not None and graph.height is None:
+            found = replace(found, scaling=found.scaling.of_size(name, size))
+        self._layout, self.kind = found, found.kind
+        self.class_names = _class_names(graph, found.classes, names)
+        self.network, self._why_not, one_by_one = _differentiable(graph, found, image, outputs)
+        self._torch_batch = graph.batch or 1 if one_by_one else self._batch
+        shape = self.size if self.shape == (self.size, self.size) else self.shape
+        settings = f"{graph.sha256} {shape} {found.settings}{unusual_names(self.class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
 
     @property
@@ -163,52 +98,89 @@ class OnnxDetector(SinglePassDetector):
         return self.network is not None
 
     def dense(self, images: Tensor) -> DensePredictions:
-        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images`` if ``differentiable``."""
-        if not self.differentiable and images.requires_grad and torch.is_grad_enabled():
+        """Predict from sRGB images (B, 3, H, W) in [0, 1]; gradients flow to ``images`` if ``differentiable``.
+
+        Raises:
+            RaucaError: a gradient is wanted that the graph does not have, or predictions that it does not give; the
+                line says why, and the command that exports another.
+        """
+        wanted = self._layout.final or (images.requires_grad and torch.is_grad_enabled())
+        if wanted and not self.differentiable:
             raise RaucaError(f"{self.name}: has no gradients; {self._why_not}")
         return super().dense(images)
 
     def _predict(self, images: Tensor) -> DensePredictions:
-        box = self._layout.letterbox(images.shape[2], images.shape[3], self.size)
-        return box.predict(
-            images, lambda fitted: self._layout.decode(precise(self._forward(self._layout.prepare(fitted))))
-        )
+        return self._layout.predict(self.name, images, self.shape, self._forward)
+
+    def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
+        if self._layout.queries:
+            return of_queries(self._predict(images), score_threshold, self._layout.exclusive)
+        return super()._final(images, score_threshold, iou_threshold)
 
     def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
         check_images(self.name, images, waits)
         weights = in_type_of(self.network, images[:0]).dtype  # of 16 bits, exports keep an input of 32
         return images.to(torch.promote_types(weights, torch.float32))
 
-    def _forward(self, prepared: Tensor) -> Tensor:
+    def _forward(self, prepared: Tensor) -> Outputs:
         wants_gradient = prepared.requires_grad and torch.is_grad_enabled()
         in_torch = wants_gradient or prepared.device.type != "cpu" or prepared.dtype != torch.float32
         run = self.network if in_torch and self.network is not None else self._session
-        if self._one_by_one and len(prepared) > 1:
-            return torch.cat([run(one) for one in prepared.split(1)])
-        found: Tensor = run(prepared)
-        return found
+        batch = self._torch_batch if run is self.network else self._batch
+        parts = [_of_batch(run, part, batch) for part in prepared.split(batch or len(prepared))]
+        return tuple(precise(torch.cat(part) if len(parts) > 1 else part[0]) for part in zip(*parts, strict=True))
 
 
 def load(found: Resolved, size: int | None) -> OnnxDetector:
     """Of a graph, which may name its classes itself."""
-    family: GraphFamily | None = "yolox" if found.network == "yolox" else None
+    family = found.network if found.network in ("yolox", "ultralytics") else None
     return OnnxDetector(found.name, found.files[0], found.class_names, size, family)
+
+
+def _of_batch(run: Callable[[Tensor], Outputs], images: Tensor, batch: int | None) -> Outputs:
+    """Of a graph that takes ``batch`` images at once: the last one is repeated where there are fewer."""
+    missing = (batch or 0) - len(images)
+    if missing <= 0:
+        return run(images)
+    found = run(torch.cat([images, images[-1:].expand(missing, -1, -1, -1)]))
+    return tuple(one[: len(images)] for one in found)
 
 
 def _takes_batches(session: Session, image: Tensor) -> bool:
     """Some exports say that their batch is open but have its size of 1 in their reshapes."""
     try:
-        return len(session(image.repeat(2, 1, 1, 1))) == 2
+        return all(len(one) == 2 for one in session(image.repeat(2, 1, 1, 1)))
     except RaucaError:
         return False
 
 
-def _differentiable(graph: OnnxGraph, image: Tensor, expected: Tensor) -> tuple[nn.Module | None, str]:
-    """The graph in torch, or the reason why there is none."""
+def _differentiable(
+    graph: OnnxGraph, layout: Layout, image: Tensor, expected: Outputs
+) -> tuple[nn.Module | None, str, bool]:
+    """The graph in torch, or the reason why there is none; and whether it takes no other batch than the image's."""
+    if layout.final:
+        remedy = f"`{DETR_EXPORT}`" if graph.sizes_name else yolo_export(graph.path)
+        why = f"{graph.path} gives what is left after its own choice of detections; export it with all: {remedy}"
+        return None, why, False
+    sides = image.shape[2:] if layout.scaling is None else (layout.scaling.height or None, layout.scaling.width or None)
+    why = ""
+    for shape in (None, (len(image), 3, *sides)):
+        module, reason = _converted(graph, shape, image, expected, layout.queries)
+        if module is not None:
+            return module, "", shape is not None
+        why = why or reason
+    return None, why, False
+
+
+def _converted(
+    graph: OnnxGraph, shape: Sequence[int | None] | None, image: Tensor, expected: Outputs, queries: bool
+) -> tuple[nn.Module | None, str]:
+    """The graph in torch, for inputs of ``shape`` if given, where it computes what was ``expected`` of the image."""
     try:
-        module = fuse(to_torch(graph))
+        module = fuse(to_torch(graph, shape))
         with torch.no_grad():
-            off = float((module(image) - expected).abs().max() / expected.abs().max().clamp(min=1.0))
+            found = module(image)
+        off = max(_difference(*pair, queries) for pair in zip(found, expected, strict=True))
     except RaucaError as error:
         return None, str(error)
     except Exception as error:  # whatever the operators of a foreign graph may raise
@@ -218,17 +190,29 @@ def _differentiable(graph: OnnxGraph, image: Tensor, expected: Tensor) -> tuple[
     return module, ""
 
 
-def _input_size(graph: OnnxGraph, size: int | None) -> int:
-    if graph.height != graph.width:
-        raise RaucaError(f"{graph.path}: its input is {graph.height} x {graph.width} pixels, expected a square")
-    if graph.height is not None and size not in (None, graph.height):
-        raise RaucaError(f"{graph.path}: exported for {graph.height} pixels, not {size}; leave size out")
-    chosen = graph.height or size or graph.image_size or DEFAULT_SIZE
-    if graph.height is None and (chosen < 32 or chosen % 32):
-        raise RaucaError(f"{graph.path}: input size {chosen} must be a multiple of 32 pixels")
-    if not 1 <= chosen <= MAX_SIZE:
-        raise RaucaError(f"{graph.path}: takes images of {chosen} pixels; at most {MAX_SIZE} are made")
-    return chosen
+def _difference(found: Tensor, expected: Tensor, queries: bool) -> float:
+    """As a part of the largest value. Queries that are equal but for rounding may come in any order."""
+    if found.shape != expected.shape:
+        return float("inf")
+    if queries:
+        found, expected = (one.sort(1).values for one in (found, expected))
+    return float((found - expected).abs().max() / expected.abs().max().clamp(min=1.0))
+
+
+def _input_shape(graph: OnnxGraph, size: int | None) -> Shape:
+    """(height, width) of the input, pixels."""
+    fixed = graph.height, graph.width
+    if size is not None and any(side not in (None, size) for side in fixed):
+        made = " x ".join(str(side) for side in sorted({*fixed} - {None}))
+        raise RaucaError(f"{graph.path}: exported for {made} pixels, not {size}; leave size out")
+    usual = (size, size) if size else graph.image_shape or (DEFAULT_SIZE, DEFAULT_SIZE)
+    height, width = (own or other for own, other in zip(fixed, usual, strict=True))
+    for side, own in zip((height, width), fixed, strict=True):
+        if own is None and (side < 32 or side % 32):
+            raise RaucaError(f"{graph.path}: input size {side} must be a multiple of 32 pixels")
+        if not 1 <= side <= MAX_SIZE:
+            raise RaucaError(f"{graph.path}: takes images of {side} pixels; at most {MAX_SIZE} are made")
+    return height, width
 
 
 def _class_names(graph: OnnxGraph, classes: int, given: tuple[str, ...] | None) -> tuple[str, ...]:

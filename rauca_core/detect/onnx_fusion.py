@@ -22,17 +22,16 @@ class Pointwise(nn.Module):
         return functional.linear(x.permute(0, 2, 3, 1), self.weight, self.bias).permute(0, 3, 1, 2)
 
 
-class FirstOutput(nn.Module):
-    """A graph whose first output is the detections; some exports put more behind."""
+class Outputs(nn.Module):
+    """A graph as a function of an image batch, whatever its memory layout, with a tuple of outputs."""
 
     def __init__(self, graph: nn.Module) -> None:
         super().__init__()
         self.graph = graph
 
-    def forward(self, images: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> tuple[Tensor, ...]:
         found = self.graph(images.contiguous(memory_format=torch.channels_last))
-        first: Tensor = found[0] if isinstance(found, list | tuple) else found
-        return first
+        return tuple(found) if isinstance(found, list | tuple) else (found,)
 
 
 def fuse(module: fx.GraphModule) -> nn.Module:
@@ -45,7 +44,7 @@ def fuse(module: fx.GraphModule) -> nn.Module:
             layer.weight.data = layer.weight.data.contiguous(memory_format=torch.channels_last)
             if _is_pointwise(layer):
                 module.set_submodule(name, Pointwise(layer))
-    return FirstOutput(module)
+    return Outputs(module)
 
 
 def _is_pointwise(layer: nn.Conv2d) -> bool:

@@ -17,7 +17,9 @@ from torch.fx import GraphModule
 
 from ..contract import RaucaError
 from ..contract.reading import read_limited, require_inside
+from .exports import yolo_export
 from .foreign import extra, first_line
+from .onnx_operators import convertible, folded
 
 if TYPE_CHECKING:
     from onnx import FunctionProto, GraphProto, ModelProto
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 MAX_FILE_BYTES = 2**31  # protobuf's own limit
 MAX_NODES = 50_000  # with each function written out as often as it is called; detectors have hundreds
 MAX_LITERAL = 2**16  # characters of a list of class names; LVIS, the longest in use, has 20 000
+SIZES = "orig_target_sizes"  # RT-DETR's, D-FINE's and DEIM's own exports scale boxes by it
 _LOOPS = {"Loop", "Scan"}
 
 
@@ -33,6 +36,8 @@ class OnnxGraph:
     """A graph with one image batch as its input.
 
     Attributes:
+        output_names: in the file's order.
+        sizes_name: the input that takes the images' (width, height), of exports of RT-DETR's own; empty without one.
         batch, height, width: of the input; None where the export left them open.
         operators: types of its nodes, those of its functions too.
         metadata: text that the exporter left.
@@ -42,7 +47,8 @@ class OnnxGraph:
     path: Path
     model: ModelProto
     input_name: str
-    output_name: str
+    output_names: tuple[str, ...]
+    sizes_name: str
     batch: int | None
     height: int | None
     width: int | None
@@ -60,10 +66,16 @@ class OnnxGraph:
         return tuple(values)
 
     @property
-    def image_size(self) -> int | None:
-        """Ultralytics exports say for which size they were made."""
+    def image_shape(self) -> tuple[int, int] | None:
+        """Ultralytics exports say for which (height, width) they were made."""
         sizes = self._literal("imgsz")
-        return max(sizes) if isinstance(sizes, list) and sizes and all(type(s) is int for s in sizes) else None
+        fits = isinstance(sizes, list) and len(sizes) == 2 and all(type(size) is int for size in sizes)
+        return (sizes[0], sizes[1]) if fits else None
+
+    @property
+    def task(self) -> str:
+        """Ultralytics exports say what they are for, ``"detect"`` for one."""
+        return self.metadata.get("task", "")
 
     def _literal(self, key: str) -> Any:
         try:
@@ -96,12 +108,13 @@ def read_graph(path: Path) -> OnnxGraph:
         onnx.checker.check_model(model)
     except Exception as error:  # its checks are its own, and those of the C++ and protobuf below it
         raise RaucaError(f"{path}: not a graph that can run ({first_line(error)})") from error
-    name, (batch, height, width) = _image_input(path, model.graph)
+    name, sizes_name, (batch, height, width) = _image_input(path, model.graph)
     return OnnxGraph(
         path,
         model,
         name,
-        model.graph.output[0].name,
+        tuple(output.name for output in model.graph.output),
+        sizes_name,
         batch,
         height,
         width,
@@ -111,8 +124,11 @@ def read_graph(path: Path) -> OnnxGraph:
     )
 
 
-def to_torch(graph: OnnxGraph) -> GraphModule:
+def to_torch(graph: OnnxGraph, shape: Sequence[int | None] | None = None) -> GraphModule:
     """The graph as a differentiable module; its weights take no gradient.
+
+    Args:
+        shape: that all inputs will have, where the graph can only be converted for one; None leaves an axis open.
 
     Raises:
         RaucaError: an operator that onnx2torch does not know. Or it is not installed.
@@ -124,7 +140,7 @@ def to_torch(graph: OnnxGraph) -> GraphModule:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a library about itself
-            module: GraphModule = onnx2torch.convert(graph.model)
+            module: GraphModule = onnx2torch.convert(convertible(folded(graph.model, shape) if shape else graph.model))
     except Exception as error:  # every converter has its own
         raise RaucaError(f"{graph.path}: onnx2torch cannot convert this graph ({first_line(error)})") from error
     module.eval().requires_grad_(False)
@@ -160,7 +176,10 @@ def _refuse_endless(path: Path, model: ModelProto, operators: frozenset[str]) ->
     Functions that call functions twice double with each: thirty of them unfold to more nodes than any machine holds.
     """
     if looping := sorted(operators & _LOOPS):
-        raise RaucaError(f"{path}: has an operator {looping[0]}; export without non-maximum suppression")
+        raise RaucaError(
+            f"{path}: has an operator {looping[0]}, which may turn for ever; export without non-maximum suppression, "
+            f"for Ultralytics: {yolo_export(path)}"
+        )
     nodes: dict[tuple[str, str], Counter[tuple[str, str]]] = {}
     for function in model.functions:  # of overloads the most, as runtimes differ in which they take
         key = function.domain, function.name
@@ -195,21 +214,23 @@ def _within(message: Any, kind: str) -> Iterator[Any]:
                 yield from _within(inner, kind)
 
 
-def _image_input(path: Path, graph: GraphProto) -> tuple[str, Sequence[int | None]]:
-    """The only input's name, and its batch, height and width."""
+def _image_input(path: Path, graph: GraphProto) -> tuple[str, str, Sequence[int | None]]:
+    """The image input's name, that of the sizes if it wants them too, and the images' batch, height and width."""
     constants = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in constants]
-    if len(inputs) != 1:
+    sizes_name = next((value.name for value in inputs if value.name == SIZES), "")
+    images = [value for value in inputs if value.name != sizes_name]
+    if len(images) != 1:
         raise RaucaError(f"{path}: has {len(inputs)} inputs, expected one batch of images (B, 3, H, W)")
-    sizes = [dim.dim_value or None for dim in inputs[0].type.tensor_type.shape.dim]
+    sizes = [dim.dim_value or None for dim in images[0].type.tensor_type.shape.dim]
     if len(sizes) != 4:
         raise RaucaError(
-            f"{path}: input {inputs[0].name} has {len(sizes)} axes, expected a batch of images (B, 3, H, W)"
+            f"{path}: input {images[0].name} has {len(sizes)} axes, expected a batch of images (B, 3, H, W)"
         )
     batch, channels, height, width = sizes
     if channels not in (3, None):
-        raise RaucaError(f"{path}: input {inputs[0].name} has {channels} channels, expected a batch of images with 3")
-    return inputs[0].name, (batch, height, width)
+        raise RaucaError(f"{path}: input {images[0].name} has {channels} channels, expected a batch of images with 3")
+    return images[0].name, sizes_name, (batch, height, width)
 
 
 class Session:
@@ -232,18 +253,21 @@ class Session:
             )
         except Exception as error:  # its errors have no base of their own
             raise RaucaError(f"{graph.path}: onnxruntime cannot run this graph ({first_line(error)})") from error
+        self._type = torch.float16 if "float16" in self._session.get_inputs()[0].type else torch.float32
 
-    def __call__(self, images: Tensor) -> Tensor:
-        """(B, 3, H, W), as the graph wants them -> its first output, on the images' device; no gradient.
+    def __call__(self, images: Tensor) -> tuple[Tensor, ...]:
+        """(B, 3, H, W), as the graph wants them -> its outputs, on the images' device; no gradient.
 
         Raises:
             RaucaError: the graph fails on these.
         """
-        fed = {self._graph.input_name: images.detach().float().cpu().numpy()}
+        fed = {self._graph.input_name: images.detach().to(self._type).cpu().numpy()}
+        if self._graph.sizes_name:
+            fed[self._graph.sizes_name] = torch.tensor([images.shape[:1:-1]] * len(images)).numpy()
         try:
-            (found,) = self._session.run([self._graph.output_name], fed)
+            found = self._session.run(list(self._graph.output_names), fed)
         except Exception as error:
             raise RaucaError(
                 f"{self._graph.path}: does not run on {tuple(images.shape)} ({first_line(error)})"
             ) from error
-        return torch.from_numpy(found).to(images.device)
+        return tuple(torch.from_numpy(one).to(images.device) for one in found)

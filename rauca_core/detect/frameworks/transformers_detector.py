@@ -12,6 +12,7 @@ from ..classes import canonical, require_names
 from ..families import Resolved
 from ..interface import DensePredictions, Detections
 from ..nms import SinglePassDetector, corners
+from ..queries import of_queries
 from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model
@@ -63,21 +64,7 @@ class TransformersDetector(SinglePassDetector):
         freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
-        found = self._predict(images)
-        if self._family.softmax:
-            scores, labels = found.classes.max(-1)
-            queries = torch.arange(scores.shape[1], device=scores.device).expand_as(scores)
-            scores, order = scores.sort(dim=1, descending=True, stable=True)
-            queries, labels = queries.gather(1, order), labels.gather(1, order)
-        else:
-            limit = min(self._family.limit or found.classes.shape[1], found.classes[0].numel())
-            scores, best = found.classes.flatten(1).topk(limit, 1)
-            queries, labels = best // found.classes.shape[2], best % found.classes.shape[2]
-        kept = scores > score_threshold
-        return [
-            Detections(boxes[query[keep]], score[keep], label[keep])
-            for boxes, query, score, label, keep in zip(found.boxes, queries, scores, labels, kept, strict=True)
-        ]
+        return of_queries(self._predict(images), score_threshold, self._family.softmax, self._family.limit)
 
     def _predict(self, images: Tensor) -> DensePredictions:
         found = self.network(pixel_values=self.scaling.fit(self.name, images))

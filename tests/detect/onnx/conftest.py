@@ -1,4 +1,4 @@
-"""Small graphs with the outputs of Ultralytics' exports, with seeded random weights."""
+"""Small graphs with the outputs of published exports, with seeded random weights."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -79,34 +80,132 @@ class V8(nn.Module):
         return torch.cat(found, 2)
 
 
-def export(network: nn.Module, path: Path, size: int = 64, metadata: bool = True, open_batch: bool = False) -> Path:
+class EndToEnd(nn.Module):
+    """(B, 20, 6): corners, score and number of the class of the best boxes, as YOLO26 puts them out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.dense = V8()
+
+    def forward(self, images: Tensor) -> Tensor:
+        boxes, classes = self.dense(images).transpose(1, 2).split((4, CLASSES), 2)
+        scores, labels = classes.max(2)
+        index = scores.topk(20, 1).indices
+        middle, half = boxes[..., :2], boxes[..., 2:] / 2
+        found = torch.cat([middle - half, middle + half, scores[..., None], labels[..., None].float()], 2)
+        return found.gather(1, index[..., None].expand(-1, -1, 6))
+
+
+class Yolox(nn.Module):
+    """(B, N, 5 + C), as YOLOX puts its cells out, or ``decoded``."""
+
+    def __init__(self, decoded: bool = False) -> None:
+        super().__init__()
+        self.body, self.decoded = Backbone(5 + CLASSES), decoded
+
+    def forward(self, images: Tensor) -> Tensor:
+        found = []
+        for x, stride in zip(self.body(images / 255), STRIDES, strict=True):
+            center, size, scores = x.flatten(2).transpose(1, 2).split((2, 2, 1 + CLASSES), 2)
+            if self.decoded:
+                center, size = (center + cells(x).view(-1, 2)) * stride, size.exp() * stride
+            found.append(torch.cat([center, size, scores.sigmoid()], 2))
+        return torch.cat(found, 1)
+
+
+class Queries(nn.Module):
+    """12 queries of a whole image: logits (B, 12, columns) and boxes (B, 12, 4) as fractions, as DETR puts them out.
+
+    ``joined``: one output (B, 12, 4 + columns) after the sigmoid, as Ultralytics' RT-DETR does.
+    """
+
+    def __init__(self, columns: int = CLASSES, joined: bool = False) -> None:
+        super().__init__()
+        self.columns, self.joined = columns, joined
+        self.stem = nn.Sequential(nn.Conv2d(3, 12, 8, 8), nn.SiLU(), nn.AdaptiveAvgPool2d(2), nn.Flatten())
+        self.head = nn.Linear(48, 12 * (4 + columns))
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor] | Tensor:
+        found = self.head(self.stem(images)).view(-1, 12, 4 + self.columns)
+        return found.sigmoid() if self.joined else (found[..., 4:], found[..., :4].sigmoid())
+
+
+class Labelled(nn.Module):
+    """Labels, boxes and scores, boxes scaled by a second input, as RT-DETR's own repository exports them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.queries = Queries()
+
+    def forward(self, images: Tensor, orig_target_sizes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        logits, boxes = self.queries(images)
+        scores, labels = logits.sigmoid().max(2)
+        half = boxes[..., 2:] / 2
+        corners = torch.cat([boxes[..., :2] - half, boxes[..., :2] + half], 2)
+        return labels, corners * orig_target_sizes.repeat(1, 2)[:, None], scores
+
+
+KINDS: dict[str, Callable[[], nn.Module]] = {
+    "v5": V5,
+    "v8": V8,
+    "end2end": EndToEnd,
+    "yolox": Yolox,
+    "yolox-decoded": lambda: Yolox(decoded=True),
+    "detr": lambda: Queries(CLASSES + 1),
+    "rt-detr": Queries,
+    "rt-detr-ultralytics": lambda: Queries(joined=True),
+    "rt-detr-own": Labelled,
+}
+OUTPUTS = {"detr": ["logits", "pred_boxes"], "rt-detr": ["logits", "pred_boxes"]}
+OUTPUTS["rt-detr-own"] = ["labels", "boxes", "scores"]
+
+
+def export(
+    kind: str,
+    path: Path,
+    size: int | tuple[int, int] = 64,
+    metadata: bool = True,
+    open_batch: bool = False,
+    open_size: bool = False,
+    batch: int = 1,
+    opset: int = 17,
+    names: bool = False,
+) -> Path:
+    """``metadata``: Ultralytics'. ``names``: a file of names beside."""
+    network = KINDS[kind]()
     torch.manual_seed(0)
     for parameter in network.parameters():
         nn.init.normal_(parameter, std=0.3)
-    axes = {"images": {0: "batch"}, "output0": {0: "batch"}} if open_batch else None
+    height, width = (size, size) if isinstance(size, int) else size
+    inputs = {"images": torch.rand(batch, 3, height, width)}
+    if kind == "rt-detr-own":
+        inputs["orig_target_sizes"] = torch.tensor([[width, height]] * batch)
+    axes = {0: "batch"} if open_batch else {}
+    axes |= {2: "height", 3: "width"} if open_size else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.onnx.export(
-            network.eval(), (torch.rand(1, 3, size, size),), str(path), dynamo=False, opset_version=17,
-            input_names=["images"], output_names=["output0"], dynamic_axes=axes,
+            network.eval(), tuple(inputs.values()), str(path), dynamo=False, opset_version=opset,
+            input_names=list(inputs), output_names=OUTPUTS.get(kind, ["output0"]), dynamic_axes={"images": axes},
         )  # fmt: skip
     if metadata:
         model = onnx.load(path)
-        onnx.helper.set_model_props(model, {"names": str(NAMES), "stride": "32", "imgsz": f"[{size}, {size}]"})
+        onnx.helper.set_model_props(model, {"names": str(NAMES), "stride": "32", "imgsz": f"[{height}, {width}]"})
         onnx.save(model, path)
+    if names:
+        path.with_suffix(".names").write_text("\n".join(NAMES.values()))
     return path
 
 
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Path of the export ``"v5"`` or ``"v8"``; keywords go to :func:`export`."""
+    """Path of the export of a kind of :data:`KINDS`; keywords go to :func:`export`."""
     made: dict[str, Path] = {}
 
-    def make(kind: str, **options: bool | int) -> Path:
+    def make(kind: str, **options: Any) -> Path:
         key = f"{kind} {options}"
         if key not in made:
-            folder = tmp_path_factory.mktemp("onnx")
-            made[key] = export(V5() if kind == "v5" else V8(), folder / f"{kind}.onnx", **options)
+            made[key] = export(kind, tmp_path_factory.mktemp("onnx") / f"{kind}.onnx", **options)
         return made[key]
 
     return make

@@ -125,12 +125,12 @@ def test_tensors_of_functions_beside_the_file_count(tmp_path: Path) -> None:
     files = [(tmp_path / f"outside{i}.bin").rename(path.parent / f"outside{i}.bin") for i in range(3)]
     image = torch.zeros(1, 3, 64, 64)
     graph = read_graph(path)
-    assert Session(graph)(image).unique().tolist() == [1 + 2 + 3]
+    assert Session(graph)(image)[0].unique().tolist() == [1 + 2 + 3]
     for i, file in enumerate(files):
         file.write_bytes(np.float32(10).tobytes())
         changed = read_graph(path)
         assert changed.sha256 != graph.sha256
-        assert Session(changed)(image).unique().tolist() == [[15, 23, 30][i]]
+        assert Session(changed)(image)[0].unique().tolist() == [[15, 23, 30][i]]
         graph = changed
 
 
@@ -141,8 +141,6 @@ def test_inputs_that_are_no_images(tmp_path: Path) -> None:
     for shape, match in (
         ([1, 64, 64], "has 3 axes"),
         ([1, 1, 64, 64], "has 1 channels"),
-        ([1, 3, 64, 32], "64 x 32 pixels, expected a square"),
-        ([4, 3, 64, 64], "exported for batches of 4"),
     ):
         images = helper.make_tensor_value_info("images", TensorProto.FLOAT, shape)
         refused(saved(tmp_path / "input.onnx", identity, inputs=(images,)), match)
@@ -150,7 +148,7 @@ def test_inputs_that_are_no_images(tmp_path: Path) -> None:
 
 def test_an_output_that_is_no_detection(tmp_path: Path) -> None:
     path = saved(tmp_path / "identity.onnx", helper.make_node("Identity", ["images"], ["output0"]))
-    refused(path, r"its output \(1, 3, 64, 64\) is neither YOLOX's")
+    refused(path, r"gives output0 \(1, 3, 64, 64\) for 64 x 64 pixels, no known output .*`yolo export model=best.pt")
 
 
 def test_a_size_the_graph_was_not_made_for(exported: Exported) -> None:
