@@ -133,8 +133,8 @@ class OnnxDetector(SinglePassDetector):
 
 def load(found: Resolved, size: int | None) -> OnnxDetector:
     """Of a graph, which may name its classes itself."""
-    family = found.network if found.network in ("yolox", "ultralytics") else None
-    return OnnxDetector(found.name, found.files[0], found.class_names, size, family)
+    families: dict[str, GraphFamily] = {"yolox": "yolox", "ultralytics": "ultralytics"}
+    return OnnxDetector(found.name, found.files[0], found.class_names, size, families.get(found.network))
 
 
 def _of_batch(run: Callable[[Tensor], Outputs], images: Tensor, batch: int | None) -> Outputs:
@@ -203,7 +203,7 @@ def _input_shape(graph: OnnxGraph, size: int | None) -> Shape:
     """(height, width) of the input, pixels."""
     fixed = graph.height, graph.width
     if size is not None and any(side not in (None, size) for side in fixed):
-        made = " x ".join(str(side) for side in sorted({*fixed} - {None}))
+        made = " x ".join(str(side) for side in sorted({side for side in fixed if side}))
         raise RaucaError(f"{graph.path}: exported for {made} pixels, not {size}; leave size out")
     usual = (size, size) if size else graph.image_shape or (DEFAULT_SIZE, DEFAULT_SIZE)
     height, width = (own or other for own, other in zip(fixed, usual, strict=True))

@@ -75,7 +75,8 @@ def folded(model: ModelProto, shape: Sequence[int | None]) -> ModelProto:
     with TemporaryDirectory(prefix="rauca-") as folder:
         options.optimized_model_filepath = str(Path(folder) / "folded.onnx")
         onnxruntime.InferenceSession(fixed.SerializeToString(), options, providers=["CPUExecutionProvider"])
-        return extra("onnx").load_model(options.optimized_model_filepath)  # type: ignore[no-any-return]
+        found: ModelProto = extra("onnx").load_model(options.optimized_model_filepath)
+    return found
 
 
 def _lower(graph: GraphProto) -> None:
