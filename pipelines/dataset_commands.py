@@ -104,10 +104,19 @@ def dataset_export(
     folder: Folder,
     form: Annotated[str, typer.Option("--format", help="coco or yolo")],
     out: Annotated[Path, typer.Option(help="folder for images and labels")],
+    camouflage: Annotated[
+        list[str] | None,
+        typer.Option(help="FILE or LABEL=FILE: every frame in it, too; repeat for more", metavar="FILE"),
+    ] = None,
 ) -> None:
-    """Write images and boxes as COCO JSON or YOLO text, for other tools."""
+    """Write images and boxes as COCO JSON or YOLO text, for other tools; in camouflages, too, to train on."""
     with goes_on_by_itself(), progress_bar("exporting") as move:
-        targets = export_dataset(folder, form, out, move)
+        if camouflage:
+            from rauca_core.study.camouflaged import export_camouflaged
+
+            targets = export_camouflaged(folder, camouflage, form, out, move)
+        else:
+            targets = export_dataset(folder, form, out, move)
     console.print(f"{targets} targets: {out}")
 
 

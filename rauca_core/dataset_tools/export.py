@@ -3,13 +3,17 @@
 ::
 
     coco   OUT/annotations.json, OUT/images/<frame>.png
-    yolo   OUT/data.yaml, OUT/images/<frame>.png, OUT/labels/<frame>.txt
+    yolo   OUT/data.yaml, OUT/train.txt, OUT/val.txt, OUT/images/<frame>.png, OUT/labels/<frame>.txt
+
+In a camouflage a frame is called ``<frame>--<label>``. Every picture of a place is in the same split, ``val`` for the
+last quarter of the places; where there is one place alone, it is both.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,66 +21,116 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, Progress, RaucaError
-from ..contract.files import disk_errors, write_bytes, write_json
+from ..contract.files import disk_errors, png_bytes, require_space, write_bytes, write_json
 from .stored import StoredFrame, Target, categories_of, coco_id, load_vehicle, targets_of
 
 FORMATS = ("coco", "yolo")
-Exported = Iterable[tuple[Frame, list[Target]]]
+TRAIN, VAL = "train", "val"
+BYTES_PER_PIXEL = 3
+Wearer = Callable[[Frame], NDArray[np.uint8] | None]
+"""A frame in a camouflage, (H, W, 3) sRGB; None where that shows nothing of it."""
 
 
-def export_dataset(folder: Path, form: str, out: Path, progress: Callable[[Progress], None] = lambda _: None) -> int:
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """An image that was written as ``images/<name>.png``, and what is to be detected in it.
+
+    Attributes:
+        camouflage: its label; empty in the reference paint.
+        split: ``train`` or ``val``; empty where a place is both.
+    """
+
+    name: str
+    frame: Frame
+    targets: list[Target]
+    camouflage: str
+    split: str
+
+
+def export_dataset(
+    folder: Path,
+    form: str,
+    out: Path,
+    progress: Callable[[Progress], None] = lambda _: None,
+    worn: Mapping[str, Wearer] | None = None,
+) -> int:
     """Write a data set's frames and ground truth in another layout, with copies of the images.
 
     Args:
         form: ``coco`` or ``yolo``.
         out: a new folder, or one that an earlier export of the same data set filled.
+        worn: camouflages by label, in which every frame is written too.
 
     Returns:
         how many targets were written.
 
     Raises:
-        RaucaError: unknown format, nothing to export, a damaged frame, or a full disk.
+        RaucaError: unknown format, nothing to export, a damaged frame, a disk that is full or too small.
     """
     if form not in FORMATS:
         raise RaucaError(f"format {form!r} is unknown; choose one of {', '.join(FORMATS)}")
-    dataset = Dataset(folder)
+    dataset, worn = Dataset(folder), worn or {}
     frames = StoredFrame.all_of(dataset, "export")
     own = load_vehicle(dataset.vehicle_folder).category
     categories = categories_of(frames, own)
+    names = [name_of(stored.frame, label) for stored in frames for label in ("", *worn)]
+    missing = sum(not (out / "images" / f"{name}.png").is_file() for name in names)
+    require_space(out, BYTES_PER_PIXEL * dataset.plan.size**2 * missing)
     write = _write_coco if form == "coco" else _write_yolo
-    return write(out, dataset.plan.name, categories, _copied(frames, own, out, progress))
+    return write(out, dataset.plan.name, categories, _written(frames, dataset.plan.locations, own, out, progress, worn))
 
 
-def _copied(
-    frames: list[StoredFrame], own: str, out: Path, progress: Callable[[Progress], None]
-) -> Iterator[tuple[Frame, list[Target]]]:
-    """Every frame with its targets, one at a time, its image copied."""
+def name_of(frame: Frame, label: str) -> str:
+    """What a frame's image is called, in a camouflage of a label or, without one, in its reference paint."""
+    return f"{frame.id}--{label}" if label else frame.id
+
+
+def _written(
+    frames: list[StoredFrame],
+    places: int,
+    own: str,
+    out: Path,
+    progress: Callable[[Progress], None],
+    worn: Mapping[str, Wearer],
+) -> Iterator[Exported]:
+    """Every frame with its targets, one at a time, its images written."""
+    held_out = places - max(1, places // 4)  # of those planned: a data set that grows keeps its split
     for done, stored in enumerate(frames, 1):
-        image = out / "images" / f"{stored.frame.id}.png"
+        frame, targets = stored.frame, list(targets_of(stored, own))
+        split = "" if places == 1 else VAL if frame.location >= held_out else TRAIN
+        image = out / "images" / f"{frame.id}.png"
         with disk_errors(image):  # a copy, not a link: a tool that edits its images must not reach the data set
             image.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(stored.folder / "image.png", image)
-        yield stored.frame, list(targets_of(stored, own))
-        progress(Progress(done, len(frames), stored.frame.id))
+        yield Exported(frame.id, frame, targets, "", split)
+        for label, wear in worn.items():
+            if (pixels := wear(frame)) is not None:
+                name = name_of(frame, label)
+                write_bytes(image.with_name(f"{name}.png"), png_bytes(pixels))
+                yield Exported(name, frame, targets, label, split)
+        progress(Progress(done, len(frames), frame.id))
 
 
-def _write_coco(out: Path, name: str, categories: list[str], exported: Exported) -> int:
+def _write_coco(out: Path, name: str, categories: list[str], exported: Iterable[Exported]) -> int:
     """COCO detection JSON; masks are exact run lengths, holes and occlusion included."""
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
-    for number, (frame, targets) in enumerate(exported, 1):
+    for number, one in enumerate(exported, 1):
+        frame = one.frame
         images.append(
             {
                 "id": number,
-                "file_name": f"images/{frame.id}.png",
+                "file_name": f"images/{one.name}.png",
                 "width": frame.camera.width,
                 "height": frame.camera.height,
                 "weather": frame.weather.name,
                 "location": frame.location,
                 "view": frame.view,
+                "camouflage": one.camouflage,
+                "split": one.split,
             }
         )
-        for target in targets:
+        for target in one.targets:
             left, top, right, bottom = target.box_xyxy
             annotations.append(
                 {
@@ -100,22 +154,27 @@ def _write_coco(out: Path, name: str, categories: list[str], exported: Exported)
     return len(annotations)
 
 
-def _write_yolo(out: Path, name: str, categories: list[str], exported: Exported) -> int:
+def _write_yolo(out: Path, name: str, categories: list[str], exported: Iterable[Exported]) -> int:
     """YOLO text: class, then center and size of the box as shares of the image's width and height."""
     written = 0
-    for frame, targets in exported:
-        width, height = frame.camera.width, frame.camera.height
+    lists: dict[str, list[str]] = {TRAIN: [], VAL: []}
+    for one in exported:
+        width, height = one.frame.camera.width, one.frame.camera.height
         lines = []
-        for target in targets:
+        for target in one.targets:
             left, top, right, bottom = target.box_xyxy
             center = (left + right) / 2 / width, (top + bottom) / 2 / height
             size = (right - left) / width, (bottom - top) / height
             numbers = " ".join(f"{value:.6f}" for value in (*center, *size))
             lines.append(f"{categories.index(target.category)} {numbers}\n")
-        write_bytes(out / "labels" / f"{frame.id}.txt", "".join(lines).encode())
+        write_bytes(out / "labels" / f"{one.name}.txt", "".join(lines).encode())
+        for split in (one.split,) if one.split else lists:
+            lists[split].append(f"./images/{one.name}.png\n")
         written += len(lines)
     names = "".join(f"  {number}: {category}\n" for number, category in enumerate(categories))
-    text = f"# train and val are the same images: split them by location\ntrain: images\nval: images\nnames:\n{names}"
+    for split, listed in lists.items():
+        write_bytes(out / f"{split}.txt", "".join(listed).encode())
+    text = f"# train and val are of other places, if there are several\ntrain: train.txt\nval: val.txt\nnames:\n{names}"
     write_bytes(out / "data.yaml", text.encode())
     return written
 

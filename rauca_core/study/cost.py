@@ -11,7 +11,7 @@ from ..contract.schema import Record
 # view in another one, a view with light maps, and its taps.
 VIEW_S, REPAINTED_S, LIT_S, TAPS_S = 2.96, 1.4, 3.67, 0.3
 # Bytes of each at 320 x 320 pixels, rounded up.
-VIEW_BYTES, REPAINTED_BYTES, LIT_BYTES, TAPS_BYTES = 260_000, 170_000, 1_000_000, 1_500_000
+VIEW_BYTES, REPAINTED_BYTES, LIT_BYTES, TAPS_BYTES = 260_000, 170_000, 800_000, 2_200_000
 BESIDE_THE_DETECTOR = 1.15  # of a step: renderer, augmentation and Adam
 
 
