@@ -97,7 +97,7 @@ def _checked(found: Preflight) -> dict[str, str]:
     return {
         "family": found.family,
         "classes": f"{len(found.class_names)}; cars are class {found.class_index}, {called!r}",
-        "input": f"{size} x {size} pixels" if size else "as large as the image asks for",
+        "input": f"{size} pixels, its longer side" if size else "as large as the image asks for",
         "gradients": "yes" if found.differentiable else "no: it can be evaluated, not attacked",
         "plain cars": f"AP@0.5 {found.ap:.2f}; {found.found} of {found.pictures} found at a score of 0.25",
         "an image": f"{found.ms_forward:.0f} ms" + (f", {step:.0f} ms with the way back" if step is not None else ""),

@@ -37,7 +37,7 @@ class Preflight(Record):
     Attributes:
         family: which adapter speaks for it, such as ``darknet`` or ``onnx``.
         category, class_index: the class that cars are to be found as, and its place among ``class_names``.
-        input_size: the network's square input, pixels; None where it depends on the image.
+        input_size: the longer side of the network's input, pixels; None where it depends on the image.
         differentiable: gradients reach the image, so that the detector itself can be attacked.
         why_not: the reason where they do not, and what to do about it.
         pictures: plain cars that it was shown.

@@ -224,7 +224,7 @@ def test_the_command_says_what_was_found(small: Path, tmp_path: Path) -> None:
     said = CliRunner().invoke(app, command, catch_exceptions=False)
     assert said.exit_code == 1
     assert "2; cars are class 1, 'car'" in said.stdout
-    assert "64 x 64 pixels" in said.stdout
+    assert "64 pixels, its longer side" in said.stdout
     assert "warning: it sees few of the plain cars" in said.stderr
     assert json.loads((tmp_path / "found.json").read_text())["class_names"] == ["boat", "car"]
 
