@@ -38,6 +38,12 @@ def read_answers(name: str, answers: Any, images: Tensor, class_names: Sequence[
     return [_read(f"{name}: image {i} of the batch", one, images, class_names) for i, one in enumerate(answers)]
 
 
+def above(found: Sequence[Detections], score_threshold: float) -> list[Detections]:
+    """Those of the detections that are surer than a threshold."""
+    kept = [one.scores > score_threshold for one in found]
+    return [Detections(o.boxes[keep], o.scores[keep], o.labels[keep]) for o, keep in zip(found, kept, strict=True)]
+
+
 def _read(where: str, answer: Any, images: Tensor, class_names: Sequence[str]) -> Detections:
     if isinstance(answer, Mapping) and all(part in answer for part in PARTS):
         answer = [answer[part] for part in PARTS]

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..contract import RaucaError
 from ..contract.schema import is_plain_name
-from .answers import read_answers
+from .answers import above, read_answers
 from .interface import Detections
 from .nms import SinglePassDetector
 
@@ -50,8 +50,4 @@ class CallableDetector(SinglePassDetector):
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
         found = read_answers(self.name, self._function(images.cpu()), images, self.class_names)
-        kept = [one.scores > score_threshold for one in found]
-        return [
-            Detections(one.boxes[keep], one.scores[keep], one.labels[keep])
-            for one, keep in zip(found, kept, strict=True)
-        ]
+        return above(found, score_threshold)

@@ -102,6 +102,7 @@ FAMILIES = {
     "transformers": Family(
         "frameworks.transformers_detector", folder=True, packages=("transformers", "torchvision"), named=True
     ),
+    "torchscript": Family("frameworks.module_detector", ".torchscript"),
     "mmdet": Family(
         "frameworks.mmdet_detector",
         folder=True,

@@ -19,6 +19,7 @@ from .catalogue import SOURCES, Source, find_source
 from .classes import class_list, read_names
 from .exports import refuse_unread
 from .families import FAMILIES, Resolved
+from .foreign import first_line
 from .interface import Detector
 from .renaming import renamed
 from .weights import shipped_path, stored_paths, verify
@@ -157,6 +158,8 @@ def load_detector(
     in_memory = not isinstance(detector, str | Path)
     if fingerprint and (not in_memory or isinstance(detector, nn.Module)):
         raise RaucaError("fingerprint: a network has one by its weights; leave it out for all but functions")
+    if isinstance(detector, torch.export.ExportedProgram):
+        detector = detector.module()
     if isinstance(detector, nn.Module):
         loaded = _of_module(detector, size, names)
     elif callable(detector):
@@ -170,15 +173,25 @@ def load_detector(
 
 def _of_module(model: nn.Module, size: int | None, names: Sequence[str] | None) -> Detector:
     """Of a copy: training the model further changes neither the detector nor what its fingerprint stands for."""
-    from .frameworks.torchvision_detector import TorchvisionDetector
+    from .frameworks.module_detector import ModuleDetector
+    from .frameworks.torchvision_detector import TorchvisionDetector, is_torchvision
     from .frameworks.transformers_detector import TransformersDetector
 
-    name, given = type(model).__name__, None if names is None else tuple(names)
-    if hasattr(model, "config"):
-        return TransformersDetector(name, copy.deepcopy(model), given, size)
-    if given is None or size is not None:
-        raise RaucaError(f"{name}: a model in memory knows its size but no class names; give names, leave size out")
-    return TorchvisionDetector(name, copy.deepcopy(model), given)
+    name, given = getattr(model, "original_name", type(model).__name__), None if names is None else tuple(names)
+    try:
+        with torch.no_grad():  # a scripted module's tensors would be computed ones
+            copied = copy.deepcopy(model)
+    except Exception as error:  # whatever a foreign module holds
+        raise RaucaError(f"{name}: cannot be copied ({first_line(error)}); load a function that calls it") from error
+    if hasattr(getattr(model, "config", None), "model_type"):
+        return TransformersDetector(name, copied, given, size)
+    if not given:
+        raise RaucaError(f"{name}: a model in memory holds no class names; give names")
+    if not is_torchvision(model):
+        return ModuleDetector(name, copied, given, size)
+    if size is not None:
+        raise RaucaError(f"{name}: its input size is its own; leave size out")
+    return TorchvisionDetector(name, copied, given)
 
 
 def _of_function(

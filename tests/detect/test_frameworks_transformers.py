@@ -37,6 +37,7 @@ PROCESSORS = {
     "deformable_detr": "DeformableDetrImageProcessor",
     "rt_detr": "RTDetrImageProcessor",
     "rt_detr_v2": "RTDetrImageProcessor",
+    "yolos": "YolosImageProcessor",
 }
 
 
@@ -60,6 +61,9 @@ def small_model(kind: str) -> Any:
         common |= {"backbone_config": transformers.ResNetConfig(**backbone), "use_timm_backbone": False}
     if kind == "deformable_detr":
         common |= {"two_stage": True, "with_box_refine": True, "two_stage_num_proposals": 20}
+    if kind == "yolos":
+        common = {"hidden_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2, "intermediate_size": 32}
+        common |= {"num_detection_tokens": 20, "image_size": (64, 96), "id2label": NAMES}
     prefix = FAMILIES[kind].prefix
     config = getattr(transformers, f"{prefix}Config")(**common)
     torch.manual_seed(4)
@@ -197,7 +201,7 @@ def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path:
         r"safetensors: (lacks|has an unknown) tensor .* and \d+ more",
         {f"{index}.{name}": one for index, (name, one) in enumerate(good.items())},
     )
-    refused("config.json: model type 'yolos' is not supported; known are detr", model_type="yolos")
+    refused("config.json: model type 'owlvit' is not supported; known are detr", model_type="owlvit")
     refused("config.json: transformers cannot build this model", d_model="wide")
     refused(
         "config.json: backbone 'swin' is not supported", use_timm_backbone=True, backbone_config=None, backbone="swin"

@@ -31,6 +31,7 @@ class Scaling:
         height, width: pixels; 0 where the aspect is kept.
         mean, std: subtracted from and divided into the channels.
         mode: ``"bilinear"`` or ``"bicubic"``, both with antialiasing.
+        multiple: sides of a kept aspect are rounded down to multiples of it, pixels.
     """
 
     shortest: int = 800
@@ -40,6 +41,7 @@ class Scaling:
     mean: tuple[float, ...] = (0.485, 0.456, 0.406)  # ImageNet's
     std: tuple[float, ...] = (0.229, 0.224, 0.225)
     mode: str = "bilinear"
+    multiple: int = 1
 
     def of_size(self, name: str, size: int) -> Scaling:
         """The same kind of scaling for another size: the shorter side's, or both; refused for the detector ``name``."""
@@ -73,9 +75,8 @@ class Scaling:
         if long / short * exact > self.longest:
             exact = self.longest * short / long
             shorter = round(exact)
-        if short == shorter:
-            return height, width
-        longer = int(exact * long / short)
+        longer = long if short == shorter else int(exact * long / short)
+        shorter, longer = (side // self.multiple * self.multiple for side in (shorter, longer))
         return (shorter, longer) if height <= width else (longer, shorter)
 
 

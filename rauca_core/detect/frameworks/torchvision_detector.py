@@ -107,7 +107,8 @@ class TorchvisionDetector(SinglePassDetector):
         self._skipped = columns - len(class_names)
         if self._skipped not in ((1,) if has_background else (0, 1)):
             raise RaucaError(
-                f"{name}: the network predicts {columns - has_background} classes, {len(class_names)} names were given"
+                f"{name}: the network predicts {columns - has_background} classes, {len(class_names)} names were "
+                "given; write its own, one a line, into a .names file beside the weights, or give names"
             )
         self.name, self.class_names = name, class_names
         self.network = model.eval().requires_grad_(False)
@@ -145,16 +146,35 @@ class TorchvisionDetector(SinglePassDetector):
 def load(found: Resolved, size: int | None) -> TorchvisionDetector:
     """A model of ``torchvision.models.detection``, by its name there, with ``.safetensors`` or torch's ``.pth``.
 
-    The two MobileNet Faster R-CNNs have tensors of the same shapes: only the file's name tells them apart. ``size`` is
-    the shorter side that images are scaled to, pixels (the longer one at most 5/3 of it); SSDs take none but their own.
+    The weights tell how many classes there are. The two MobileNet Faster R-CNNs have tensors of the same shapes: only
+    the file's name tells them apart. ``size`` is the shorter side that images are scaled to, pixels (the longer one at
+    most 5/3 of it); SSDs take none but their own.
     """
     build = getattr(import_torchvision().models.detection, found.network)
+    state = read_state(found.files[0])
+    columns = _columns(state) or len(found.names) + 1
     with torch.random.fork_rng(devices=[]):  # what it draws is overwritten
-        model = build(weights=None, weights_backbone=None, num_classes=len(found.names) + 1)
-    fill(model, read_state(found.files[0]), found.files[0])
+        model = build(weights=None, weights_backbone=None, num_classes=columns)
+    fill(model, state, found.files[0])
     if size is not None:
         _set_size(found.name, model, size)
     return TorchvisionDetector(found.name, model, found.names)
+
+
+# The tensor with a value per anchor and class, beside that with four per anchor, of each kind of head.
+_PER_ANCHOR = {
+    "head.classification_head.cls_logits.bias": "head.regression_head.bbox_reg.bias",
+    "head.classification_head.module_list.0.bias": "head.regression_head.module_list.0.bias",
+    "head.classification_head.module_list.0.1.bias": "head.regression_head.module_list.0.1.bias",
+}
+
+
+def _columns(state: Mapping[str, Tensor]) -> int:
+    """How many classes weights tell apart, a background among them; 0 where they do not say."""
+    if "roi_heads.box_predictor.cls_score.bias" in state:
+        return state["roi_heads.box_predictor.cls_score.bias"].numel()
+    counts = [(state[a].numel(), state[b].numel()) for a, b in _PER_ANCHOR.items() if a in state and b in state]
+    return 4 * counts[0][0] // max(counts[0][1], 1) if counts else 0
 
 
 def _set_size(name: str, model: Any, size: int) -> None:
@@ -164,6 +184,14 @@ def _set_size(name: str, model: Any, size: int) -> None:
         raise RaucaError(f"{name}: input size {size} must be at least 32 pixels")
     model.transform.min_size = (size,)
     model.transform.max_size = round(size * _LONGEST)
+
+
+def is_torchvision(model: nn.Module) -> bool:
+    """Whether a model is one of those that have a gradient here, or derived from one."""
+    kinds = {
+        kind.__name__ for kind in type(model).__mro__ if kind.__module__.startswith("torchvision.models.detection")
+    }
+    return bool(kinds & {"FasterRCNN", "RetinaNet", "FCOS", "SSD"})
 
 
 def _anatomy(name: str, model: Any) -> tuple[Head, Any, int, bool]:

@@ -118,6 +118,7 @@ FAMILIES = {
     "deformable_detr": Family("DeformableDetr", False, 100, Scaling(), may_use_timm=True),
     "rt_detr": Family("RTDetr", False, 0, _SQUARE),
     "rt_detr_v2": Family("RTDetrV2", False, 0, _SQUARE),
+    "yolos": Family("Yolos", True, 0, Scaling(multiple=16)),
 }
 
 
