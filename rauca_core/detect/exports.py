@@ -24,6 +24,10 @@ _REFUSED = {
     ".tflite": (_DEPLOYED, "go back to what it came from; for Ultralytics: {yolo_best}"),
     ".mlpackage": (_DEPLOYED, "go back to what it came from; for Ultralytics: {yolo_best}"),
     ".xml": (_DEPLOYED, "go back to what OpenVINO's model came from; for Ultralytics: {yolo_best}"),
+    ".pt2": (
+        "torch's reader of these runs programs that they hold, so rauca does not call it",
+        "if you trust it: load_detector(torch.export.load('{path}'), size, names=[...]) in Python",
+    ),
     ".h5": ("Keras is not read", "python -m tf2onnx.convert --keras {path} --output {stem}.onnx"),
     ".keras": ("Keras is not read", "python -m tf2onnx.convert --keras {path} --output {stem}.onnx"),
 }

@@ -22,6 +22,12 @@ MMDET_INSTALL = (
     "scipy shapely tqdm six && MMCV_WITH_OPS=1 FORCE_CUDA=0 pip install --no-deps --no-build-isolation "
     "--no-binary mmcv mmcv==2.1.0 && pip install --no-deps mmengine==0.10.7 mmdet==3.3.0"
 )
+TORCHVISION = (
+    "fasterrcnn_resnet50_fpn", "fasterrcnn_resnet50_fpn_v2", "fasterrcnn_mobilenet_v3_large_fpn",
+    "fasterrcnn_mobilenet_v3_large_320_fpn", "retinanet_resnet50_fpn", "retinanet_resnet50_fpn_v2",
+    "fcos_resnet50_fpn", "ssd300_vgg16", "ssdlite320_mobilenet_v3_large",
+)  # fmt: skip
+"""Its detection models, by their names there."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,7 @@ FAMILIES = {
     "onnx": Family(
         "onnx_detector", ".onnx", packages=("onnx", "onnx2torch", "torchvision"), networks=("yolox", "ultralytics")
     ),
-    "torchvision": Family("frameworks.torchvision_detector", packages=("torchvision",)),
+    "torchvision": Family("frameworks.torchvision_detector", packages=("torchvision",), networks=TORCHVISION),
     "transformers": Family(
         "frameworks.transformers_detector", folder=True, packages=("transformers", "torchvision"), named=True
     ),

@@ -20,6 +20,7 @@ from .classes import class_list, read_names
 from .exports import refuse_unread
 from .families import FAMILIES, Resolved
 from .foreign import first_line
+from .frameworks.module_detector import is_torchscript
 from .interface import Detector
 from .renaming import renamed
 from .weights import shipped_path, stored_paths, verify
@@ -34,11 +35,13 @@ def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
     Args:
         name_or_path: one of four forms. ``"yolov3-tiny"``: a named source, fetched before and verified by sha256.
             ``"yolov3=PATH"``: the named network with weights of your own, a folder for transformers and MMDetection.
-            ``"yolox=PATH"``, ``"ultralytics=PATH"``: an ONNX file that does not tell which of the two it is.
+            ``"yolox=PATH"``, ``"ultralytics=PATH"``: an ONNX file that does not tell which of the two it is;
+            ``"fcos_resnet50_fpn=PATH"``: weights of that model of torchvision, which tell how many classes it has.
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
-            or, of a detector of our own, ``.safetensors`` (with its card). Class names come from a ``.names`` beside
-            it; without one, from the file (ONNX, our own) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
-            A checkpoint of PyTorch (``.pt``) or a file for another runtime is never opened.
+            ``.torchscript`` (or ``.pt``, if it is one) or, of a detector of our own, ``.safetensors`` (with its card);
+            or a folder of transformers. Class names come from a ``.names`` beside it; without one, from the file
+            (ONNX, our own, transformers) or they are COCO's (``.pb``) or VOC's (``.caffemodel``). Another checkpoint of
+            PyTorch (``.pt``) or a file for another runtime is never opened.
         names: of the classes in the network's order, instead of those.
 
     Raises:
@@ -60,10 +63,14 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         if name in _OF_NETWORK:
             return _as_network(name, Path(path).expanduser(), named)
         return _own(find_source(name), Path(path).expanduser())
-    if name_or_path not in SOURCES and Path(name_or_path).suffix in _FAMILY_OF:
-        return _by_path(_existing(Path(name_or_path).expanduser()), named)
+    mine = Path(name_or_path).expanduser()
+    family = "" if name_or_path in SOURCES else _family_of(mine)
+    if family == "transformers":
+        return Resolved(mine.resolve().name, family, (mine,), None)
+    if family:
+        return _by_path(_existing(mine), family, named)
     if name_or_path not in SOURCES:
-        refuse_unread(Path(name_or_path).expanduser())
+        refuse_unread(mine)
     source = find_source(name_or_path)
     if source.family == "synth":
         return _of_source(source, (shipped_path(source),))
@@ -95,16 +102,26 @@ def _own(source: Source, path: Path) -> Resolved:
 
 
 def _as_network(name: str, path: Path, named: bool) -> Resolved:
-    """A file of a family that cannot always tell which network it holds."""
-    family = FAMILIES[_OF_NETWORK[name]]
-    refuse_unread(path)
-    if path.suffix != family.suffix:
-        raise RaucaError(f"{path}: a {name} network is read from a {family.suffix} file")
-    return replace(_by_path(_existing(path), named), network=name)
+    """A file that cannot always tell which network it holds."""
+    family = _OF_NETWORK[name]
+    suffix = FAMILIES[family].suffix
+    if suffix:
+        refuse_unread(path)
+    if suffix and path.suffix != suffix:
+        raise RaucaError(f"{path}: a {name} network is read from a {suffix} file")
+    return replace(_by_path(_existing(path), family, named), network=name)
 
 
-def _by_path(weights: Path, named: bool) -> Resolved:
-    name = _FAMILY_OF[weights.suffix]
+def _family_of(path: Path) -> str:
+    """The family of a file or folder that says what it is; empty for others."""
+    if (path / "config.json").is_file():
+        return "transformers"
+    if path.suffix in (".pt", ".pth") and is_torchscript(path):  # a checkpoint has these names too
+        return "torchscript"
+    return _FAMILY_OF.get(path.suffix, "")
+
+
+def _by_path(weights: Path, name: str, named: bool) -> Resolved:
     family, names = FAMILIES[name], weights.with_suffix(".names")
     beside = [weights.with_suffix(family.beside)] if family.beside else []
     for path in [*beside, *([names] if name == "darknet" and not named else [])]:

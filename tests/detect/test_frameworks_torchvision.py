@@ -13,9 +13,9 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect import box_iou, load_detector
+from rauca_core.detect import box_iou, class_list, load_detector
 from rauca_core.detect.families import Resolved
-from rauca_core.detect.frameworks.torchvision_detector import TorchvisionDetector, load
+from rauca_core.detect.frameworks.torchvision_detector import TorchvisionDetector, _columns, load
 from rauca_core.detect.frameworks.torchvision_ops import import_torchvision
 from rauca_core.detect.nms import detections
 from tests.detect.gradients import checked_gradient
@@ -214,10 +214,10 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
     assert torch.equal(before.scores, detector.detect(photographs(1))[0].scores)
     with pytest.raises(RaucaError, match="predicts 3 classes, 2 names"):
         load_detector(model, names=NAMES[:2])
-    with pytest.raises(RaucaError, match="FasterRCNN: a model in memory knows its size but no class names"):
+    with pytest.raises(RaucaError, match="FasterRCNN: a model in memory holds no class names; give names"):
         load_detector(model)
-    with pytest.raises(RaucaError, match="Linear is none of"):
-        load_detector(nn.Linear(1, 1), names=NAMES)
+    with pytest.raises(RaucaError, match="FasterRCNN: its input size is its own; leave size out"):
+        load_detector(model, SIZE, names=NAMES)
 
 
 def test_weights_that_do_not_fit_are_refused_by_the_first_wrong_tensor(tmp_path: Path, small_file: Path) -> None:
@@ -244,6 +244,21 @@ class Payload:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return exec, ("raise SystemExit('ran')",)
+
+
+def test_weights_say_how_many_classes_they_have(detectors: Made, small_file: Path, tmp_path: Path) -> None:
+    """Not the list of names: COCO's 90 are no mistake of the file."""
+    for detector in detectors.values():
+        assert _columns(detector.network.state_dict()) == len(NAMES) + 1
+    with pytest.raises(
+        RaucaError, match=r"x: the network predicts 3 classes, 90 names were given; write its own, one a"
+    ):
+        load(Resolved("x", "torchvision", (small_file,), class_list("coco-91"), SMALL), None)
+    build = import_torchvision().models.detection.retinanet_resnet50_fpn
+    without_background = build(weights=None, weights_backbone=None, num_classes=len(NAMES))
+    save_file(without_background.state_dict(), tmp_path / "three.safetensors")
+    found = read(tmp_path / "three.safetensors", "retinanet_resnet50_fpn", SIZE)
+    assert found.dense(photographs(1)).classes.shape[2] == len(NAMES)
 
 
 def test_checkpoints_are_tensors_and_nothing_else(

@@ -179,6 +179,20 @@ def test_a_model_in_memory_is_copied(detectors: Made) -> None:
         TransformersDetector("line", nn.Linear(1, 1), ("car",))
 
 
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_folders_with_labels_of_their_own(kind: str, folders: dict[str, Path], detectors: Made) -> None:
+    """A folder is enough of a name; what its labels are called is the caller's to say."""
+    detector = load_detector(folders[kind], SIZE, classes={"Car": "vehicle", "motorbike": "vehicle"})
+    assert detector.class_names == ("n/a", "vehicle")
+    images = photographs()
+    (own, ours) = (one.dense(images).classes for one in (detectors[kind], detector))
+    assert torch.equal(ours[..., 1], own[..., 1:].amax(-1))
+    with pytest.raises(RaucaError, match="files name its classes; leave names out, or rename by classes"):
+        load_detector(folders[kind], names=("a", "b", "c"))
+    with pytest.raises(RaucaError, match="has no class 'van' to rename; its own are n/a, car, motorcycle"):
+        load_detector(folders[kind], classes={"van": "car"})
+
+
 def test_folders_that_do_not_fit_are_refused(folders: dict[str, Path], tmp_path: Path) -> None:
     folder = tmp_path / "model"
     shutil.copytree(folders["detr"], folder)

@@ -26,9 +26,10 @@ _ORIGIN = frozenset(
 class TransformersDetector(SinglePassDetector):
     """DETR, Deformable DETR, RT-DETR, RT-DETRv2 or YOLOS.
 
-    ``dense`` gives every query: ``objectness`` is 1 and ``classes`` are the model's scores (DETR, YOLOS: softmax without "no
-    object"; the others: one sigmoid per category). These detectors are trained to say each object once and have no
-    non-maximum suppression: ``detect`` is transformers' ``post_process_object_detection``, ``iou_threshold`` unused.
+    ``dense`` gives every query: ``objectness`` is 1 and ``classes`` are the model's scores (DETR, YOLOS: softmax
+    without "no object"; the others: one sigmoid per category). These detectors are trained to say each object once and
+    have no non-maximum suppression: ``detect`` is transformers' ``post_process_object_detection``, ``iou_threshold``
+    unused.
 
     Attributes:
         scaling: resizing and normalization.
