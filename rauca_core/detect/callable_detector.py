@@ -49,5 +49,5 @@ class CallableDetector(SinglePassDetector):
         )
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
-        found = read_answers(self.name, self._function(images.cpu()), images, self.class_names)
+        found = read_answers(self.name, self._function(images.cpu().contiguous()), images, self.class_names)
         return above(found, score_threshold)

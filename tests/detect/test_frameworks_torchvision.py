@@ -254,6 +254,10 @@ def test_weights_say_how_many_classes_they_have(detectors: Made, small_file: Pat
         RaucaError, match=r"x: the network predicts 3 classes, 90 names were given; write its own, one a"
     ):
         load(Resolved("x", "torchvision", (small_file,), class_list("coco-91"), SMALL), None)
+    small_file.with_suffix(".names").write_text("\n".join(NAMES))
+    mine = load_detector(f"{SMALL}={small_file}", SIZE, classes={"tree": "bus"})
+    assert (mine.name, mine.class_names) == ("small", ("car", "bus"))
+    assert mine.detector.fingerprint == read(small_file, size=SIZE).fingerprint
     build = import_torchvision().models.detection.retinanet_resnet50_fpn
     without_background = build(weights=None, weights_backbone=None, num_classes=len(NAMES))
     save_file(without_background.state_dict(), tmp_path / "three.safetensors")

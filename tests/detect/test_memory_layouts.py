@@ -60,6 +60,12 @@ def transformers(folder: Path) -> Detector:
     return load_detector(small_model("rt_detr"), 96)
 
 
+def module(folder: Path) -> Detector:
+    from tests.detect.test_modules import small_network
+
+    return load_detector(small_network(), names=NAMES)
+
+
 FAMILIES: dict[str, Callable[[Path], Detector]] = {
     "darknet": darknet,
     "tf-ssd": tf_ssd,
@@ -71,6 +77,7 @@ FAMILIES: dict[str, Callable[[Path], Detector]] = {
     "onnx-detr": onnx("detr", metadata=False, names=True),
     "torchvision": torchvision,
     "transformers": transformers,
+    "module": module,
     "synth-two-stage": lambda folder: load_detector("frcnn-synth"),
     "synth-transformer": lambda folder: load_detector("detr-synth"),
 }

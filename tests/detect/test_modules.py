@@ -14,10 +14,9 @@ from torch import Tensor, nn
 
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.contract import RaucaError
-from rauca_core.detect import load_detector
+from rauca_core.detect import DensePredictions, Detections, load_detector
 from rauca_core.detect.frameworks.module_detector import ModuleDetector
-from rauca_core.detect.nms import detections
-from rauca_core.detect.onnx_detector import decode_v8
+from rauca_core.detect.nms import corners, detections
 from tests.detect.gradients import checked_gradient
 
 NAMES = ("car", "bus", "tree")
@@ -55,13 +54,16 @@ class Upright(Small):
         return [{**one, "scores": one["scores"] / 2} for one in super().forward(images)]
 
 
-@pytest.fixture(scope="module")
-def small() -> Small:
+def small_network() -> Small:
+    """With seeded weights."""
     torch.manual_seed(0)
     model = Small().eval()
     nn.init.normal_(model.body[0].weight, std=0.3)
     model.body[1].running_var.mul_(2)
     return model
+
+
+small = pytest.fixture(scope="module")(small_network)
 
 
 def photographs(count: int = 2, height: int = SIZE, width: int = SIZE) -> Tensor:
@@ -219,7 +221,7 @@ def test_archives_that_do_more_than_compute(tmp_path: Path, archive: Path, monke
         load_detector("pickle.pt", names=NAMES)
 
 
-def test_programs_of_torch_export(small: Small) -> None:
+def test_programs_of_torch_export(small: Small, tmp_path: Path) -> None:
     """They are made for one size and one image; others are fitted, and shown one after another."""
     program, images = exported(small), photographs(3)
     here = load_detector(small, names=NAMES)
@@ -232,6 +234,12 @@ def test_programs_of_torch_export(small: Small) -> None:
         assert (wanted.grad.abs().sum((1, 2, 3)) > 0).all()
     with pytest.raises(RaucaError, match=r"cannot be called with a list of images \(3, 320, 320\)"):
         load_detector(program, names=NAMES)
+    path = tmp_path / "mine.pt2"
+    torch.export.save(program, path)
+    with pytest.raises(
+        RaucaError, match=r"mine.pt2: torch's reader .*: load_detector\(torch.export.load\('.*mine.pt2'\)"
+    ):
+        load_detector(path, names=NAMES)
 
 
 def test_scripted_models_of_torchvision_count_from_one(small: Small) -> None:
@@ -259,8 +267,15 @@ def test_the_same_network_as_onnx_as_module_and_as_function(tmp_path: Path) -> N
     from tests.detect.onnx.conftest import NAMES as LISTED
     from tests.detect.onnx.conftest import V8, export
 
-    network, path, names = V8(), tmp_path / "v8.onnx", tuple(LISTED.values())
-    export(network, path, SIZE)
+    network, path, names = V8(), export("v8", tmp_path / "v8.onnx", SIZE), tuple(LISTED.values())
+    torch.manual_seed(0)
+    for parameter in network.parameters():  # as they were exported
+        nn.init.normal_(parameter, std=0.3)
+
+    def decoded(output: Tensor) -> list[Detections]:
+        rows = output.transpose(1, 2)
+        found = DensePredictions(corners(rows[..., :4]), torch.ones_like(rows[..., 0]), rows[..., 4:])
+        return detections(found, 0.005, 0.45)
 
     class Convention(nn.Module):
         def __init__(self) -> None:
@@ -268,14 +283,13 @@ def test_the_same_network_as_onnx_as_module_and_as_function(tmp_path: Path) -> N
             self.network = network
 
         def forward(self, images: Any) -> Any:
-            found = detections(decode_v8(self.network(torch.stack(images))), 0.005, 0.45)
-            return [vars(one) for one in found]
+            return [vars(one) for one in decoded(self.network(torch.stack(images)))]
 
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
 
     def function(images: Tensor) -> Any:
         outputs = [session.run(None, {"images": image[None].numpy()})[0] for image in images]
-        found = [detections(decode_v8(torch.from_numpy(one)), 0.005, 0.45)[0] for one in outputs]
+        found = [decoded(torch.from_numpy(one))[0] for one in outputs]
         return [(one.boxes.numpy(), one.scores.numpy(), [names[label] for label in one.labels]) for one in found]
 
     images = photographs(2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from tests.detect.conftest import EVERY_LAYER, write_random_weights
 from tests.detect.graphs import test_graphs_caffe as caffe
 from tests.detect.graphs.conftest import ssd_graph
 from tests.detect.test_frameworks_mmdet import written
+from tests.detect.test_modules import small_network
 
 from .mutate import mutate_json, mutate_text
 from .target import Target
@@ -119,6 +121,11 @@ def _transformers(folder: Path) -> None:
     (folder / "config.json").write_text(json.dumps(DETR))
 
 
+def _torchscript(folder: Path) -> None:
+    with warnings.catch_warnings(action="ignore"):
+        torch.jit.script(small_network()).save(str(folder / "net.torchscript"))
+
+
 TARGETS = (
     Target("darknet-cfg", "net.cfg", _darknet, _read_darknet, mutate_text),
     Target("darknet-weights", "net.weights", _darknet, _read_darknet),
@@ -127,6 +134,12 @@ TARGETS = (
     Target("caffe-prototxt", "net.prototxt", _caffe, _read_caffe, mutate_text),
     Target("caffemodel", "net.caffemodel", _caffe, _read_caffe),
     Target("onnx", "net.onnx", _onnx, _read_onnx),
+    Target(
+        "torchscript",
+        "net.torchscript",
+        _torchscript,
+        lambda f: load_detector(f / "net.torchscript", names=("car", "bus", "tree")),
+    ),
     Target("names", "net.names", "boat\ncar\naeroplane\n", lambda f: read_names(f / "net.names"), mutate_text),
     Target("detector-card", "w.json", _synth, lambda f: load_network(f / "w.safetensors"), mutate_json),
     Target("state-safetensors", "w.safetensors", _state, lambda f: read_state(f / "w.safetensors")),

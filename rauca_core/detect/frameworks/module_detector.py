@@ -100,7 +100,7 @@ class ModuleDetector(SinglePassDetector):
         box = Letterbox(images.shape[2], images.shape[3], self.size or max(images.shape[2:]))
         fitted = box.fit(images) if self.size else images
         try:
-            answers = self.network(list(fitted))
+            answers = self.network(list(fitted.contiguous()))
         except Exception as error:  # whatever a foreign network may raise
             raise RaucaError(
                 f"{self.name}: cannot be called with a list of images (3, {fitted.shape[2]}, {fitted.shape[3]}) as "
