@@ -100,7 +100,7 @@ def _check_values(where: str, boxes: Tensor, scores: Tensor) -> None:
     turned = (boxes[:, 2:] < boxes[:, :2] - ROUNDING).any(1)
     if turned.any():
         told = ", ".join(f"{side:g}" for side in boxes[turned][0].tolist())
-        raise RaucaError(f"{where}: box ({told}) ends before it begins; return x0, y0, x1, y1 in pixels")
+        raise RaucaError(f"{where}: box ({told}) ends before it begins; return corners x0, y0, x1, y1 in pixels")
 
 
 def _kind(value: Any) -> str:

@@ -151,12 +151,14 @@ def load_detector(
 
     Args:
         detector: a name or path, see :func:`resolve`; or a model in memory, which is copied: torchvision's
-            ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, transformers' DETR, Deformable DETR or RT-DETR; or any
-            function from images to detections, see :class:`rauca_core.detect.callable_detector.CallableDetector`.
+            ``FasterRCNN``, ``RetinaNet``, ``FCOS`` or ``SSD``, transformers' DETR, Deformable DETR, RT-DETR or YOLOS;
+            any other module, scripted or of torch.export too, see
+            :class:`rauca_core.detect.frameworks.module_detector.ModuleDetector`; or any function from images to
+            detections, see :class:`rauca_core.detect.callable_detector.CallableDetector`.
         size: the network's square input, pixels; None for the family's own. Graphs of a fixed size refuse others.
         device: that the network lies on, such as ``cuda:1``; images must lie there too.
         names: of the network's classes in its order, without the background; None for those of its files or its list.
-            A model of torchvision and a function hold none: they must be given.
+            A module and a function hold none: they must be given, and name the background if labels count it.
         classes: from the detector's own class names to those of data sets (COCO's), such as ``{"vehicle.car": "car",
             "vehicle.taxi": "car"}``; see :class:`rauca_core.detect.renaming.RenamedDetector`.
         name: as in tables, instead of the usual one.
