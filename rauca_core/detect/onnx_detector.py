@@ -27,6 +27,7 @@ from .queries import of_queries
 
 DEFAULT_SIZE = 640
 MAX_SIZE = 4096  # the largest published exports take 1536
+MAX_BATCH = 64  # images of a file that takes no other number; they are made even for one
 LARGEST_DIFFERENCE = 1e-3  # between the runtimes, of the largest output; rounding makes 1e-6
 _LOG = logging.getLogger(__name__)
 
@@ -72,6 +73,8 @@ class OnnxDetector(SinglePassDetector):
         graph = read_graph(path)
         self.name, self.shape = name, _input_shape(graph, size)
         self.size = max(self.shape)
+        if graph.batch and graph.batch > MAX_BATCH:
+            raise RaucaError(f"{path}: takes {graph.batch} images at once; export it for at most {MAX_BATCH}, or for 1")
         self._session = Session(graph)
         image = torch.rand(1, 3, *self.shape, generator=torch.Generator().manual_seed(0))
         image = image.expand(graph.batch or 1, -1, -1, -1)
@@ -160,8 +163,10 @@ def _differentiable(
     """The graph in torch, or the reason why there is none; and whether it takes no other batch than the image's."""
     if layout.final:
         remedy = f"`{DETR_EXPORT}`" if graph.sizes_name else yolo_export(graph.path)
-        why = f"{graph.path} gives what is left after its own choice of detections; export it with all: {remedy}"
+        why = f"{graph.path} ends in its own choice of detections, all others are lost; one to be attacked: {remedy}"
         return None, why, False
+    if graph.half:
+        return None, f"{graph.path} computes in 16 bits; export it with half=False", False
     sides = image.shape[2:] if layout.scaling is None else (layout.scaling.height or None, layout.scaling.width or None)
     why = ""
     for shape in (None, (len(image), 3, *sides)):

@@ -48,7 +48,7 @@ def detr_layout(
             f"{graph.path.with_suffix('.names')}, one a line: {columns} if each has its sigmoid, {columns - 1} if the "
             "last column is the background"
         )
-    rf_detr = set(graph.output_names) == RF_DETR
+    rf_detr = set(graph.output_names) >= RF_DETR
     softmax = len(found) < columns and not rf_detr
     if "model_type" in kind:
         softmax = kind["model_type"] in SOFTMAX
@@ -60,16 +60,19 @@ def detr_layout(
 
 def _order(graph: OnnxGraph, outputs: Outputs) -> tuple[int, int]:
     """Indices of boxes and logits."""
-    shapes = [tuple(one.shape) for one in outputs]
-    fits = [len(shape) == 3 and shape[2] == 4 for shape in shapes]
-    if all(fits):  # four columns of classes
-        fits = [any(part in name.lower() for part in ("box", "dets")) for name in graph.output_names]
-    if len(shapes) != 2 or sum(fits) != 1 or any(len(shape) != 3 for shape in shapes) or shapes[0][1] != shapes[1][1]:
-        raise RaucaError(f"{graph.path}: its outputs {shapes} are not DETR's boxes (1, Q, 4) and logits (1, Q, C)")
-    boxes = fits.index(True)
+    names = {index: graph.output_names[index] for index, one in enumerate(outputs) if one.ndim == 3}  # masks have 4
+    shapes = {index: tuple(outputs[index].shape) for index in names}
+    fits = [index for index in names if shapes[index][2] == 4]
+    if len(fits) == 2:  # four columns of classes
+        fits = [index for index in fits if any(part in names[index].lower() for part in ("box", "dets"))]
+    if len(fits) != 1 or len({shape[:2] for shape in shapes.values()}) != 1:
+        told = ", ".join(f"{names[index]} {shapes[index]}" for index in names)
+        raise RaucaError(f"{graph.path}: gives {told}, which are not DETR's boxes (1, Q, 4) and logits (1, Q, C)")
+    (boxes,) = fits
+    (logits,) = names.keys() - fits
     if not bool(((outputs[boxes] >= 0) & (outputs[boxes] <= 1)).all()):
-        raise RaucaError(f"{graph.path}: its boxes {shapes[boxes]} are not fractions of the image, as DETR's are")
-    return boxes, 1 - boxes
+        raise RaucaError(f"{graph.path}: its boxes {names[boxes]} are not fractions of the image, as DETR's are")
+    return boxes, logits
 
 
 def _config(graph: OnnxGraph) -> dict[str, object]:

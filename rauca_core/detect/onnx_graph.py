@@ -73,6 +73,12 @@ class OnnxGraph:
         return (sizes[0], sizes[1]) if fits else None
 
     @property
+    def half(self) -> bool:
+        """Its images are numbers of 16 bits."""
+        images = next(value for value in self.model.graph.input if value.name == self.input_name)
+        return bool(images.type.tensor_type.elem_type == extra("onnx").TensorProto.FLOAT16)
+
+    @property
     def task(self) -> str:
         """Ultralytics exports say what they are for, ``"detect"`` for one."""
         return self.metadata.get("task", "")
@@ -253,7 +259,7 @@ class Session:
             )
         except Exception as error:  # its errors have no base of their own
             raise RaucaError(f"{graph.path}: onnxruntime cannot run this graph ({first_line(error)})") from error
-        self._type = torch.float16 if "float16" in self._session.get_inputs()[0].type else torch.float32
+        self._type = torch.float16 if graph.half else torch.float32
 
     def __call__(self, images: Tensor) -> tuple[Tensor, ...]:
         """(B, 3, H, W), as the graph wants them -> its outputs, on the images' device; no gradient.

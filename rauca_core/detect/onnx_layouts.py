@@ -93,7 +93,7 @@ def find_layout(
         found = _of_cells(graph, outputs[0], size, family, names)
         if found is None and (len(outputs) == 1 or graph.task) and family != "yolox":
             found = _final(outputs[0], names) or _of_detr(outputs[0], size)
-    if found is None and (len(outputs) != 2 or family is not None):
+    if found is None and (sum(one.ndim == 3 for one in outputs) != 2 or family == "yolox"):
         raise RaucaError(_unknown(graph, outputs, size, family))
     if found is not None and found.final and not names:
         raise RaucaError(

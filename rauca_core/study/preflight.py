@@ -35,7 +35,7 @@ class Preflight(Record):
     """What was found out about a detector.
 
     Attributes:
-        family: which adapter speaks for it, such as ``darknet`` or ``onnx``.
+        family: which adapter speaks for it, such as ``darknet``; of an ONNX file also what it was read as.
         category, class_index: the class that cars are to be found as, and its place among ``class_names``.
         input_size: the longer side of the network's input, pixels; None where it depends on the image.
         differentiable: gradients reach the image, so that the detector itself can be attacked.
@@ -119,7 +119,9 @@ def _size(detector: Detector) -> int | None:
 
 def _family(detector: Detector) -> str:
     inner = getattr(detector, "detector", detector)  # of one whose classes are renamed
-    return type(inner).__name__.removesuffix("Detector").lower() or "detector"
+    family = type(inner).__name__.removesuffix("Detector").lower() or "detector"
+    kind = getattr(inner, "kind", "")  # what a file was recognized as, where it does not say
+    return f"{family}: {kind}" if kind else family
 
 
 def _no_class(detector: Detector, category: str, look: Look) -> str:

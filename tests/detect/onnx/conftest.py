@@ -130,6 +130,18 @@ class Queries(nn.Module):
         return found.sigmoid() if self.joined else (found[..., 4:], found[..., :4].sigmoid())
 
 
+class Masked(nn.Module):
+    """Boxes, logits with a column that nothing uses, and masks, as RF-DETR exports them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.queries = Queries(CLASSES + 1)
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        logits, boxes = self.queries(images)
+        return boxes, logits, boxes[..., None, :2] * boxes[..., 2:, None]
+
+
 class Labelled(nn.Module):
     """Labels, boxes and scores, boxes scaled by a second input, as RT-DETR's own repository exports them."""
 
@@ -155,8 +167,10 @@ KINDS: dict[str, Callable[[], nn.Module]] = {
     "rt-detr": Queries,
     "rt-detr-ultralytics": lambda: Queries(joined=True),
     "rt-detr-own": Labelled,
+    "rf-detr": Masked,
 }
 OUTPUTS = {"detr": ["logits", "pred_boxes"], "rt-detr": ["logits", "pred_boxes"]}
+OUTPUTS["rf-detr"] = ["dets", "labels", "masks"]
 OUTPUTS["rt-detr-own"] = ["labels", "boxes", "scores"]
 
 

@@ -27,6 +27,7 @@ READ = [
     ("yolox-decoded", {"metadata": False, "names": True}, "YOLOX, decoded"),
     ("detr", {"metadata": False, "names": True}, "DETR, softmax with a last background"),
     ("rt-detr", {"metadata": False, "names": True}, "DETR, a sigmoid per class"),
+    ("rf-detr", {"metadata": False, "names": True}, "DETR, a sigmoid per class"),
     ("rt-detr-ultralytics", {}, "RT-DETR of Ultralytics"),
 ]
 
@@ -82,11 +83,11 @@ def test_logits_of_detr(exported: Exported) -> None:
     """Softmax where a column is left over, a sigmoid where none is; normalization and boxes of whole images."""
     images = pictures(1)
     mean, std = (torch.tensor(v).view(3, 1, 1) for v in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
-    for kind, fed in (("detr", (images - mean) / std), ("rt-detr", images)):
+    for kind, fed in (("detr", (images - mean) / std), ("rt-detr", images), ("rf-detr", (images - mean) / std)):
         path = exported(kind, metadata=False, names=True)
-        logits, boxes = run(path, fed)
+        boxes, logits = run(path, fed)[:2][:: 1 if kind == "rf-detr" else -1]
         found = loaded(path).dense(images)
-        expected = logits.softmax(2)[..., :3] if kind == "detr" else logits.sigmoid()
+        expected = logits.softmax(2)[..., :3] if kind == "detr" else logits.sigmoid()[..., :3]
         torch.testing.assert_close(found.classes, expected, atol=1e-5, rtol=1e-5)
         torch.testing.assert_close((found.boxes[..., :2] + found.boxes[..., 2:]) / 2, boxes[..., :2] * 64)
 
@@ -134,7 +135,7 @@ def test_final_detections_are_taken_as_they_are(kind: str, exported: Exported) -
         "yolo export model=.*end2end.pt format=onnx nms=False end2end=False" if kind == "end2end" else "optimum-cli"
     )
     for wanted in (images, images.clone().requires_grad_()):
-        with pytest.raises(RaucaError, match=rf"^{kind}: has no gradients; .*its own choice.*`{remedy}") as caught:
+        with pytest.raises(RaucaError, match=rf"^{kind}: has no gradients; .*its own choice .*`{remedy}") as caught:
             detector.dense(wanted)
         assert "\n" not in str(caught.value)
 
@@ -190,6 +191,21 @@ def test_another_task_of_ultralytics(exported: Exported, tmp_path: Path) -> None
     assert loaded(tmp_path / "segment.onnx").dense(pictures()).classes.shape[2] == 2
     with pytest.raises(RaucaError, match=r"obb.onnx: exported for the task 'obb'"):
         load_detector(str(tmp_path / "obb.onnx"))
+
+
+def test_an_export_of_16_bits_is_evaluated(exported: Exported, tmp_path: Path) -> None:
+    """As `half=True` makes it: images go in as 16 bits; an attack is told to export it again."""
+    model = onnx.load(exported("v8"))
+    model.graph.input[0].type.tensor_type.elem_type = onnx.TensorProto.FLOAT16
+    for node in model.graph.node:
+        node.input[:] = ["whole" if name == "images" else name for name in node.input]
+    model.graph.node.insert(0, onnx.helper.make_node("Cast", ["images"], ["whole"], to=onnx.TensorProto.FLOAT))
+    onnx.save(model, tmp_path / "half.onnx")
+    half, whole = loaded(tmp_path / "half.onnx"), loaded(exported("v8"))
+    images = pictures().half().float()
+    torch.testing.assert_close(half.dense(images).boxes, whole.dense(images).boxes)
+    with pytest.raises(RaucaError, match="computes in 16 bits; export it with half=False"):
+        half.dense(images.requires_grad_())
 
 
 @pytest.mark.parametrize(

@@ -146,6 +146,12 @@ def test_inputs_that_are_no_images(tmp_path: Path) -> None:
         refused(saved(tmp_path / "input.onnx", identity, inputs=(images,)), match)
 
 
+def test_a_batch_that_would_fill_the_memory(tmp_path: Path) -> None:
+    images = helper.make_tensor_value_info("images", TensorProto.FLOAT, [2**30, 3, 64, 64])
+    path = saved(tmp_path / "batch.onnx", helper.make_node("Identity", ["images"], ["output0"]), inputs=(images,))
+    refused(path, "takes 1073741824 images at once")
+
+
 def test_an_output_that_is_no_detection(tmp_path: Path) -> None:
     path = saved(tmp_path / "identity.onnx", helper.make_node("Identity", ["images"], ["output0"]))
     refused(path, r"gives output0 \(1, 3, 64, 64\) for 64 x 64 pixels, no known output .*`yolo export model=best.pt")
