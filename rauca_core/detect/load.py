@@ -39,9 +39,9 @@ def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
             ``"fcos_resnet50_fpn=PATH"``: weights of that model of torchvision, which tell how many classes it has.
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
             ``.torchscript`` (or ``.pt``, if it is one) or, of a detector of our own, ``.safetensors`` (with its card);
-            or a folder of transformers. Class names come from a ``.names`` beside it; without one, from the file
-            (ONNX, our own, transformers) or they are COCO's (``.pb``) or VOC's (``.caffemodel``). Another checkpoint of
-            PyTorch (``.pt``) or a file for another runtime is never opened.
+            or a folder of transformers or Optimum. Class names come from a ``.names`` beside it; without one, from the
+            file (ONNX, our own, transformers) or they are COCO's (``.pb``) or VOC's (``.caffemodel``). Another
+            checkpoint of PyTorch (``.pt``) or a file for another runtime is never opened.
         names: of the classes in the network's order, instead of those.
 
     Raises:
@@ -65,6 +65,8 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         return _own(find_source(name), Path(path).expanduser())
     mine = Path(name_or_path).expanduser()
     family = "" if name_or_path in SOURCES else _family_of(mine)
+    if family == "transformers" and (mine / "model.onnx").is_file() and not (mine / "model.safetensors").is_file():
+        return replace(_by_path(mine / "model.onnx", "onnx", named), name=mine.resolve().name)  # Optimum's folder
     if family == "transformers":
         return Resolved(mine.resolve().name, family, (mine,), None)
     if family:

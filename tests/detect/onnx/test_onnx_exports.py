@@ -111,6 +111,8 @@ def test_what_lies_beside_detr_decides(exported: Exported, tmp_path: Path) -> No
         torch.cat([run(path, one[None] * 2 - 1)[0].sigmoid() for one in images]).tolist()
     ), atol=1e-5, rtol=1e-5)  # fmt: skip
     assert before.fingerprint != after.fingerprint
+    folder = load_detector(str(tmp_path))
+    assert (folder.name, folder.fingerprint) == (tmp_path.name, after.fingerprint)
 
 
 @pytest.mark.parametrize("kind", ["end2end", "rt-detr-own"])
