@@ -8,6 +8,7 @@ from ..contract import RaucaError
 
 YOLOX_EXPORT = "python tools/export_onnx.py -n yolox-s -c best_ckpt.pth --output-name mine.onnx"
 DETR_EXPORT = "optimum-cli export onnx --task object-detection --model FOLDER OUT"
+RTDETR_EXPORT = "pip install 'ultralytics<8.4' && yolo export model=best.pt format=onnx"  # later ones end to end
 _PICKLE = "a pickle may run a program and is never opened"
 _DEPLOYED = "is made for another runtime and has no gradients"
 
@@ -36,8 +37,11 @@ _REFUSED |= {".plan": _REFUSED[".engine"], ".mlmodel": _REFUSED[".mlpackage"]}
 
 
 def yolo_export(model: Path | str) -> str:
-    """Ultralytics' command (8.4 and later) for an ONNX file that can be attacked: every prediction is in its output."""
-    return f"`yolo export model={Path(model).with_suffix('.pt')} format=onnx nms=False end2end=False`"
+    """Ultralytics' command for an ONNX file that can be attacked: every prediction is in its output.
+
+    Its ``nms=False`` alone was that too, and by 8.4.150 is the very opposite.
+    """
+    return f"`yolo export model={Path(model).with_suffix('.pt')} format=onnx end2end=False`"
 
 
 def refuse_unread(path: Path) -> None:

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from ..contract import RaucaError
 from .classes import class_list, require_names, unusual_names
 from .darknet_network import precise
-from .exports import DETR_EXPORT, yolo_export
 from .families import Resolved
 from .foreign import first_line
 from .interface import DensePredictions, Detections, check_images, in_type_of
@@ -107,7 +106,7 @@ class OnnxDetector(SinglePassDetector):
             RaucaError: a gradient is wanted that the graph does not have, or predictions that it does not give; the
                 line says why, and the command that exports another.
         """
-        wanted = self._layout.final or (images.requires_grad and torch.is_grad_enabled())
+        wanted = bool(self._layout.final) or (images.requires_grad and torch.is_grad_enabled())
         if wanted and not self.differentiable:
             raise RaucaError(f"{self.name}: has no gradients; {self._why_not}")
         return super().dense(images)
@@ -162,9 +161,8 @@ def _differentiable(
 ) -> tuple[nn.Module | None, str, bool]:
     """The graph in torch, or the reason why there is none; and whether it takes no other batch than the image's."""
     if layout.final:
-        remedy = f"`{DETR_EXPORT}`" if graph.sizes_name else yolo_export(graph.path)
-        why = f"{graph.path} ends in its own choice of detections, all others are lost; one to be attacked: {remedy}"
-        return None, why, False
+        why = f"{graph.path} ends in its own choice of detections, all others are lost"
+        return None, f"{why}; one to be attacked: {layout.final}", False
     if graph.half:
         return None, f"{graph.path} computes in 16 bits; export it with half=False", False
     sides = image.shape[2:] if layout.scaling is None else (layout.scaling.height or None, layout.scaling.width or None)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import torch
@@ -16,7 +17,7 @@ from torch import Tensor
 
 from ..contract import RaucaError
 from .darknet_network import MAX_LOG_SIZE
-from .exports import DETR_EXPORT, YOLOX_EXPORT, yolo_export
+from .exports import DETR_EXPORT, RTDETR_EXPORT, YOLOX_EXPORT, yolo_export
 from .frameworks.scaling import Scaling
 from .interface import DensePredictions
 from .letterbox import Letterbox
@@ -44,7 +45,8 @@ class Layout:
         scaling: of DETR's family: resizing and normalization.
         queries: says each object once, without suppression.
         exclusive: of these: a query has one class.
-        final: its predictions are what is left after a choice of its own, so an attack has nothing to differentiate.
+        final: not empty where its predictions are what is left after a choice of its own, so that an attack has nothing
+            to differentiate: the command that exports all of them.
     """
 
     kind: str
@@ -55,7 +57,7 @@ class Layout:
     scaling: Scaling | None = None
     queries: bool = False
     exclusive: bool = False
-    final: bool = False
+    final: str = ""
 
     @property
     def settings(self) -> str:
@@ -92,7 +94,7 @@ def find_layout(
     if found is None and outputs[0].ndim == 3:
         found = _of_cells(graph, outputs[0], size, family, names)
         if found is None and (len(outputs) == 1 or graph.task) and family != "yolox":
-            found = _final(outputs[0], names) or _of_detr(outputs[0], size)
+            found = _final(graph.path, outputs[0], size, names) or _of_detr(outputs[0], size)
     if found is None and (sum(one.ndim == 3 for one in outputs) != 2 or family == "yolox"):
         raise RaucaError(_unknown(graph, outputs, size, family))
     if found is not None and found.final and not names:
@@ -139,12 +141,27 @@ def _of_one_box_per_cell(output: Tensor, size: Shape, strides: tuple[int, ...], 
     return Layout("YOLOX", classes, partial(decode_yolox, size=size, strides=strides), yolox=True)
 
 
-def _final(output: Tensor, names: int) -> Layout | None:
-    """Ultralytics' end-to-end exports: (B, M, 6 or more) of corners, score and a class's number."""
+def _final(path: Path, output: Tensor, size: Shape, names: int) -> Layout | None:
+    """Ultralytics' end-to-end exports: (B, M, 6 or more) of a box, score and a class's number.
+
+    YOLO's boxes are corners in pixels, RT-DETR's center and size as fractions of the stretched image.
+    """
     if output.shape[2] < 6 or not bool((output[..., 5] == output[..., 5].round()).all()):
         return None
+    boxes = output[..., :4]
+    if boxes.numel() and bool((boxes >= 0).all() and 0 < boxes.max() <= 1):
+        decode = partial(decode_final, classes=names, fractions_of=size)
+        return Layout(
+            "RT-DETR of Ultralytics, end to end",
+            names,
+            decode,
+            stretched=True,
+            queries=True,
+            exclusive=True,
+            final=f"`{RTDETR_EXPORT}`",
+        )
     decode = partial(decode_final, classes=names)
-    return Layout("YOLO, end to end", names, decode, queries=True, exclusive=True, final=True)
+    return Layout("YOLO, end to end", names, decode, queries=True, exclusive=True, final=yolo_export(path))
 
 
 def _of_detr(output: Tensor, size: Shape) -> Layout | None:
@@ -161,7 +178,9 @@ def _of_sizes(graph: OnnxGraph, names: int) -> Layout | None:
         return None
     order = [graph.output_names.index(name) for name in ("labels", "boxes", "scores")]
     decode = partial(decode_labels, order=order, classes=names)
-    return Layout("DETR, end to end", names, decode, stretched=True, queries=True, exclusive=True, final=True)
+    return Layout(
+        "DETR, end to end", names, decode, stretched=True, queries=True, exclusive=True, final=f"`{DETR_EXPORT}`"
+    )
 
 
 def decode_yolox(outputs: Outputs, size: Shape, strides: tuple[int, ...]) -> DensePredictions:
@@ -192,10 +211,13 @@ def decode_rtdetr(outputs: Outputs, size: Shape) -> DensePredictions:
     return DensePredictions(boxes, torch.ones_like(output[..., 0]), output[..., 4:])
 
 
-def decode_final(outputs: Outputs, classes: int) -> DensePredictions:
-    """(B, M, 6 or more): corners in pixels, score, number of the class."""
+def decode_final(outputs: Outputs, classes: int, fractions_of: Shape | None = None) -> DensePredictions:
+    """(B, M, 6 or more): corners in pixels, or center and size as fractions of an input; score, number of the class."""
     output = outputs[0]
-    return DensePredictions(output[..., :4], output[..., 4], _only(output[..., 5], classes))
+    boxes = output[..., :4]
+    if fractions_of is not None:
+        boxes = corners(boxes) * boxes.new_tensor([fractions_of[1], fractions_of[0]] * 2)
+    return DensePredictions(boxes, output[..., 4], _only(output[..., 5], classes))
 
 
 def decode_labels(outputs: Outputs, order: list[int], classes: int) -> DensePredictions:

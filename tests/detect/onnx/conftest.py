@@ -142,6 +142,19 @@ class Masked(nn.Module):
         return boxes, logits, boxes[..., None, :2] * boxes[..., 2:, None]
 
 
+class FinalQueries(nn.Module):
+    """(B, 12, 6): boxes as fractions, score and number of the class, as Ultralytics' RT-DETR puts them out today."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.queries = Queries(joined=True)
+
+    def forward(self, images: Tensor) -> Tensor:
+        found = self.queries(images)
+        scores, labels = found[..., 4:].max(2)
+        return torch.cat([found[..., :4], scores[..., None], labels[..., None].float()], 2)
+
+
 class Labelled(nn.Module):
     """Labels, boxes and scores, boxes scaled by a second input, as RT-DETR's own repository exports them."""
 
@@ -166,6 +179,7 @@ KINDS: dict[str, Callable[[], nn.Module]] = {
     "detr": lambda: Queries(CLASSES + 1),
     "rt-detr": Queries,
     "rt-detr-ultralytics": lambda: Queries(joined=True),
+    "rt-detr-final": FinalQueries,
     "rt-detr-own": Labelled,
     "rf-detr": Masked,
 }
