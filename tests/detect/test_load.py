@@ -128,6 +128,15 @@ def test_an_equals_sign_in_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert resolve("a=b.onnx").name == "a=b"
 
 
+def test_names_beside_the_weights_of_a_named_network(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.onnx"
+    mine.touch()
+    assert resolve(f"yolox-nano={mine}").class_names == SOURCES["yolox-nano"].class_names
+    mine.with_suffix(".names").write_text("car\ntruck\n")
+    assert resolve(f"yolox-nano={mine}").class_names == resolve(f"yolox={mine}").class_names == ("car", "truck")
+    assert (resolve(f"yolox={mine}").network, resolve(f"yolox={mine}").name) == ("yolox", "mine")
+
+
 def test_weights_of_another_model(standard_weights: list[str], tmp_path: Path) -> None:
     """Each adapter refuses another's file with one line that names it."""
     foreign = store.stored_paths(find_source("yolov4-tiny"))[0]
