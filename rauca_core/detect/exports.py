@@ -17,7 +17,7 @@ _REFUSED = {
     ".pt": (_PICKLE, "{yolo}, and give {stem}.onnx"),
     ".pth": (
         _PICKLE,
-        f"for YOLOX: {YOLOX_EXPORT}; torchvision's networks: faster-rcnn={{path}}; MMDetection's: sparse-rcnn=FOLDER",
+        f"for YOLOX: {YOLOX_EXPORT}; torchvision's networks: faster-rcnn={{path}}; MMDetection's: its FOLDER",
     ),
     ".ckpt": (_PICKLE, "load it in the program that trained it and give its .onnx, of torch.onnx.export"),
     ".pkl": (_PICKLE, "load it in the program that trained it and give its .onnx, of torch.onnx.export"),

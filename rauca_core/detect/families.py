@@ -18,9 +18,10 @@ from .interface import Detector
 EXTRA = "pip install 'rauca[detectors]'"
 # MMDetection 3 as it installs: from source where no compiled operators fit torch, and without what would replace ours.
 MMDET_INSTALL = (
-    "pip install 'setuptools<81' wheel ninja psutil addict yapf termcolor terminaltables pyyaml matplotlib pycocotools "
-    "scipy shapely tqdm six && MMCV_WITH_OPS=1 FORCE_CUDA=0 pip install --no-deps --no-build-isolation "
-    "--no-binary mmcv mmcv==2.1.0 && pip install --no-deps mmengine==0.10.7 mmdet==3.3.0"
+    "pip install 'setuptools<81' wheel ninja psutil && "
+    "pip install addict yapf termcolor terminaltables pyyaml matplotlib pycocotools scipy shapely tqdm six && "
+    "MMCV_WITH_OPS=1 FORCE_CUDA=0 pip install --no-deps --no-build-isolation --no-binary mmcv mmcv==2.1.0 && "
+    "pip install --no-deps mmengine==0.10.7 mmdet==3.3.0"
 )
 TORCHVISION = (
     "fasterrcnn_resnet50_fpn", "fasterrcnn_resnet50_fpn_v2", "fasterrcnn_mobilenet_v3_large_fpn",

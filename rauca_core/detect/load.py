@@ -21,6 +21,7 @@ from .exports import refuse_unread
 from .families import FAMILIES, Resolved
 from .foreign import first_line
 from .frameworks.module_detector import is_torchscript
+from .frameworks.scaling import read_json
 from .interface import Detector
 from .renaming import renamed
 from .weights import shipped_path, stored_paths, verify
@@ -39,9 +40,9 @@ def resolve(name_or_path: str, names: Sequence[str] | None = None) -> Resolved:
             ``"fcos_resnet50_fpn=PATH"``: weights of that model of torchvision, which tell how many classes it has.
             ``"PATH"``: a ``.weights`` (with its ``.cfg``), ``.pb``, ``.caffemodel`` (with its ``.prototxt``), ``.onnx``
             ``.torchscript`` (or ``.pt``, if it is one) or, of a detector of our own, ``.safetensors`` (with its card);
-            or a folder of transformers or Optimum. Class names come from a ``.names`` beside it; without one, from the
-            file (ONNX, our own, transformers) or they are COCO's (``.pb``) or VOC's (``.caffemodel``). Another
-            checkpoint of PyTorch (``.pt``) or a file for another runtime is never opened.
+            or a folder of transformers, Optimum or MMDetection. Class names come from a ``.names`` beside it; without
+            one, from the files (ONNX, our own, folders) or they are COCO's (``.pb``) or VOC's (``.caffemodel``).
+            Another checkpoint of PyTorch (``.pt``) or a file for another runtime is never opened.
         names: of the classes in the network's order, instead of those.
 
     Raises:
@@ -67,7 +68,7 @@ def _find(name_or_path: str, named: bool) -> Resolved:
     family = "" if name_or_path in SOURCES else _family_of(mine)
     if family == "transformers" and (mine / "model.onnx").is_file() and not (mine / "model.safetensors").is_file():
         return replace(_by_path(mine / "model.onnx", "onnx", named), name=mine.resolve().name)  # Optimum's folder
-    if family == "transformers":
+    if family and FAMILIES[family].folder:
         return Resolved(mine.resolve().name, family, (mine,), None)
     if family:
         return _by_path(_existing(mine), family, named)
@@ -96,7 +97,7 @@ def _own(source: Source, path: Path) -> Resolved:
     if family.folder:
         if not path.is_dir():
             raise RaucaError(f"{path}: not a folder; {source.name} is loaded from a folder, made by: {source.how}")
-        return _of_source(source, (path,))
+        return replace(_of_source(source, (path,)), class_names=None)
     beside = (path.with_suffix(family.beside),) if source.family == "caffe-ssd" else ()
     found = _of_source(source, tuple(map(_existing, (path, *beside))))
     names = path.with_suffix(".names")
@@ -116,8 +117,11 @@ def _as_network(name: str, path: Path, named: bool) -> Resolved:
 
 def _family_of(path: Path) -> str:
     """The family of a file or folder that says what it is; empty for others."""
-    if (path / "config.json").is_file():
+    config = path / "config.json"
+    if config.is_file() and "model" not in read_json(config):  # that of MMDetection's
         return "transformers"
+    if path.is_dir() and any(one.suffix in (".pth", ".safetensors") for one in path.iterdir()):
+        return "mmdet"
     if path.suffix in (".pt", ".pth") and is_torchscript(path):  # a checkpoint has these names too
         return "torchscript"
     return _FAMILY_OF.get(path.suffix, "")

@@ -1,18 +1,20 @@
-"""MMDetection's adapter: what it refuses, everywhere; that it predicts, where MMDetection is installed."""
+"""MMDetection's configurations and folders: what is read of them, and what is refused."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
-from torch import nn
 
 from rauca_core.contract import RaucaError
-from rauca_core.detect.frameworks.mmdet_detector import MmdetDetector, read_config
+from rauca_core.detect import load_detector
+from rauca_core.detect.families import MMDET_INSTALL
+from rauca_core.detect.frameworks.mmdet_config import read_config
+from rauca_core.detect.frameworks.mmdet_detector import MmdetDetector
 
 PREPROCESSOR = {
     "type": "DetDataPreprocessor", "mean": [103.5, 116.3, 123.7], "std": [57.0, 57.1, 58.4], "bgr_to_rgb": False,
@@ -46,30 +48,69 @@ def written(path: Path, steps: list[dict[str, Any]] | None = None, **model: Any)
 
 
 def test_images_are_scaled_normalized_and_padded_as_described(tmp_path: Path) -> None:
-    described, preparation = read_config(written(tmp_path / "config.json"))
-    assert "init_cfg" not in described["backbone"]  # it would be downloaded
+    described = read_config(written(tmp_path / "config.json"))
+    preparation = described.preparation
+    assert "init_cfg" not in described.model["backbone"]  # it would be downloaded
     images = torch.full((1, 3, 30, 70), 0.5)
     images[:, 0] = 1.0
-    fitted, size = preparation.fit("x", images)
-    assert size == (69, 160)
+    fitted = preparation.fit("x", images).batch
+    assert preparation.fit("x", images).size == (69, 160)
     assert fitted.shape == (1, 3, 96, 160)
     assert fitted[0, 2, 0, 0].item() == pytest.approx((255 - 123.7) / 58.4)  # red is the last of blue, green, red
     assert fitted[0, 0, 68, 159].item() == pytest.approx((127.5 - 103.5) / 57.0)
     assert (fitted[:, :, 69:] == 0).all()
-    last, _ = preparation.fit(
-        "x", images.contiguous(memory_format=torch.channels_last)
-    )  # as the attack's pictures come
-    assert last.is_contiguous()
-    assert torch.equal(last, fitted)
+    last = images.contiguous(memory_format=torch.channels_last)  # as the attack's pictures come
+    assert preparation.fit("x", last).batch.is_contiguous()
+    assert torch.equal(preparation.fit("x", last).batch, fitted)
     with pytest.raises(RaucaError, match="too narrow"):
         preparation.fit("x", torch.rand(1, 3, 1, 2000))
 
 
+def test_images_are_padded_before_they_are_normalized_where_the_pipeline_says_so(tmp_path: Path) -> None:
+    steps = [*STEPS, {"type": "Pad", "pad_to_square": True, "pad_val": {"img": [114.0, 114.0, 7.0]}}]
+    preparation = read_config(written(tmp_path / "config.json", steps)).preparation
+    prepared = preparation.fit("x", torch.ones(1, 3, 30, 70))
+    assert (prepared.size, prepared.framed, prepared.batch.shape[2:]) == ((69, 160), (160, 160), (160, 160))
+    filled = prepared.batch[0, :, 100, 0]
+    assert filled.tolist() == pytest.approx([(114 - 103.5) / 57.0, (114 - 116.3) / 57.1, (7 - 123.7) / 58.4], abs=1e-5)
+    fixed = [*STEPS, {"type": "Pad", "size": [200, 100]}]
+    prepared = read_config(written(tmp_path / "config.json", fixed)).preparation.fit("x", torch.ones(1, 3, 30, 70))
+    assert (prepared.framed, prepared.batch.shape[2:]) == ((100, 200), (128, 224))
+    with pytest.raises(RaucaError, match="must resize once and then pad at most once"):
+        read_config(written(tmp_path / "config.json", [*fixed, fixed[-1]]))
+
+
+FLAT = """
+classes = ("vehicle.car", "bus")
+optim_wrapper = dict(paramwise=lambda name: name)
+model = dict(type="RetinaNet", data_preprocessor=PREPROCESSOR, bbox_head=dict(num_classes=2, offset=-0.5, last=None))
+test_dataloader = dict(dataset=dict(metainfo=dict(classes=("vehicle.car", "bus")), pipeline=STEPS))
+"""
+
+
+def test_a_python_configuration_of_plain_values_is_read_and_not_run(tmp_path: Path) -> None:
+    flat = tmp_path / "config.py"
+    flat.write_text(FLAT.replace("PREPROCESSOR", repr(PREPROCESSOR)).replace("STEPS", repr(STEPS)))
+    described = read_config(flat)
+    assert described.model["bbox_head"] == {"num_classes": 2, "offset": -0.5, "last": None}
+    assert described.class_names == ("vehicle.car", "bus")
+    assert described.preparation == read_config(written(tmp_path / "config.json")).preparation
+
+
 def test_configurations_that_could_run_code_are_refused(tmp_path: Path) -> None:
     script = tmp_path / "config.py"
-    script.write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n")
-    with pytest.raises(RaucaError, match=r"config\.py: a configuration in Python would be run; dump it"):
-        read_config(script)
+    mark = f"open({str(tmp_path / 'ran')!r}, 'w')"
+    for text in (
+        mark,
+        f"model = {mark}",
+        f"model = dict(type={mark})",
+        "_base_ = ['other.py']",
+        "import os",
+        "model = (",
+    ):
+        script.write_text(text + "\n")
+        with pytest.raises(RaucaError, match=r"config\.py: would have to be run .*Config\.fromfile"):
+            read_config(script)
     assert not (tmp_path / "ran").exists()
     for kind in ("os.system", "mmdet.apis.os.system", "builtins.exec", 3, ""):
         path = written(tmp_path / "config.json", neck={"blocks": [{"type": kind, "command": "true"}]})
@@ -82,39 +123,33 @@ def test_what_is_not_understood_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps({"model": {"type": "FasterRCNN"}}))
     with pytest.raises(RaucaError, match="describes no model of MMDetection 3"):
         read_config(path)
-    with pytest.raises(RaucaError, match="step Pad of its test pipeline is not supported"):
-        read_config(written(path, [*STEPS, {"type": "Pad", "size": [640, 640]}]))
+    with pytest.raises(RaucaError, match="step LoadProposals of its test pipeline is not supported"):
+        read_config(written(path, [*STEPS, {"type": "LoadProposals"}]))
     with pytest.raises(RaucaError, match="is not understood"):
-        read_config(written(path, STEPS[:1]))
+        read_config(written(path, [STEPS[0] | {"type": "Resize"}]))
     with pytest.raises(RaucaError, match="data_preprocessor BatchPreprocessor is not supported"):
         read_config(written(path, data_preprocessor=PREPROCESSOR | {"type": "BatchPreprocessor"}))
 
 
-@pytest.mark.skipif(importlib.util.find_spec("mmdet") is not None, reason="MMDetection is installed")
-def test_without_mmdetection_the_error_says_how_to_install_it(tmp_path: Path) -> None:
-    with pytest.raises(RaucaError, match=r"MMDetection 3 cannot be imported .*mmdet==3"):
+def test_a_folder_must_hold_one_configuration_and_one_checkpoint(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "epoch_1.pth").touch()
+    with pytest.raises(RaucaError, match=r"mine: must hold exactly one configuration \(\.py\), found none"):
+        load_detector(folder)
+    written(folder / "config.json")
+    (folder / "epoch_2.pth").touch()
+    with pytest.raises(RaucaError, match=r"exactly one checkpoint .*found epoch_1\.pth, epoch_2\.pth"):
+        load_detector(folder)  # its config.json is MMDetection's, not transformers'
+
+
+def test_without_mmdetection_the_error_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mmdet", None)  # as if it were not there
+    with pytest.raises(RaucaError) as told:
         MmdetDetector("retinanet", written(tmp_path / "config.json"), tmp_path / "weights.pth")
+    assert MMDET_INSTALL in str(told.value)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("mmdet") is None, reason="MMDetection is not installed")
-def test_a_detector_of_mmdetection_detects_and_is_differentiable(tmp_path: Path) -> None:
-    from rauca_core.detect.frameworks.mmdet_detector import import_registry
-
-    path = written(tmp_path / "config.json")
-    registry = import_registry()
-    from mmengine.config import ConfigDict
-
-    torch.manual_seed(0)
-    model = registry.build(ConfigDict(read_config(path)[0]))
-    nn.init.normal_(model.bbox_head.retina_cls.weight, std=0.05)
-    nn.init.constant_(model.bbox_head.retina_cls.bias, -2.0)
-    torch.save({"meta": {"epoch": 12}, "state_dict": model.state_dict()}, tmp_path / "weights.pth")
-    detector = MmdetDetector("retinanet", path, tmp_path / "weights.pth", ("car", "bus"))
-    images = torch.rand(2, 3, 40, 70, requires_grad=True)
-    dense = detector.dense(images)
-    assert dense.boxes.shape == (2, dense.objectness.shape[1], 4)
-    assert dense.classes.shape[2] == 2
-    (dense.objectness[..., None] * dense.classes).amax((1, 2)).sum().backward()
-    assert images.grad is not None
-    assert (images.grad.abs().sum((1, 2, 3)) > 0).all()
-    assert all(len(found.scores) > 0 for found in detector.detect(images.detach(), 0.05, 0.5))
+def test_the_documentation_installs_mmdetection_as_the_error_says() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "detectors.md").read_text()
+    assert all(f"    {command}\n" in page for command in MMDET_INSTALL.split(" && "))

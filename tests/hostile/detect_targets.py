@@ -14,7 +14,7 @@ from safetensors.torch import save_file
 from rauca_core.detect import load_detector
 from rauca_core.detect.classes import read_names
 from rauca_core.detect.frameworks.checkpoint import read_state
-from rauca_core.detect.frameworks.mmdet_detector import read_config
+from rauca_core.detect.frameworks.mmdet_config import read_config
 from rauca_core.detect.frameworks.scaling import Scaling, read_scaling
 from rauca_core.detect.frameworks.transformers_loading import load_model
 from rauca_core.detect.synth.card import load_network

@@ -17,30 +17,47 @@ from ..foreign import first_line
 
 # Where training scripts put the weights inside a checkpoint.
 _WRAPPERS = ("model", "state_dict", "model_state_dict")
+_ANEW = "save it anew as torch.save(model.state_dict(), PATH) or as .safetensors"
 
 
 def read_state(path: Path) -> Mapping[str, Tensor]:
     """The tensors of a ``.safetensors`` file or of a torch checkpoint, by name, on the CPU.
 
+    Raises:
+        RaucaError: as of :func:`read_checkpoint` and :func:`tensors_of`.
+    """
+    return tensors_of(read_checkpoint(path), path)
+
+
+def read_checkpoint(path: Path, anew: str = _ANEW) -> object:
+    """What a ``.safetensors`` file or a torch checkpoint holds, on the CPU.
+
     A torch checkpoint is read with ``weights_only=True``: tensors and plain containers, no other pickled object.
 
+    Args:
+        anew: what mends a checkpoint that holds other objects.
+
     Raises:
-        RaucaError: missing or damaged file, a checkpoint that holds other objects or no tensors, values that are not
-            finite.
+        RaucaError: missing or damaged file, a checkpoint that holds other objects.
     """
     require_file(path)
     try:
         if path.suffix == ".safetensors":
-            state: object = load_file(path)
-        else:
-            state = torch.load(path, map_location="cpu", weights_only=True)
+            return load_file(path)
+        held: object = torch.load(path, map_location="cpu", weights_only=True)
+        return held
     except pickle.UnpicklingError:
-        raise RaucaError(
-            f"{path}: holds objects other than tensors, which could run code; save it anew as "
-            "torch.save(model.state_dict(), PATH) or as .safetensors"
-        ) from None
+        raise RaucaError(f"{path}: holds objects other than tensors, which could run code; {anew}") from None
     except Exception as error:  # torch's readers raise whatever a damaged file makes of them
         raise RaucaError(f"{path}: cannot be read as weights ({first_line(error)})") from error
+
+
+def tensors_of(state: object, path: Path) -> Mapping[str, Tensor]:
+    """The tensors by name in what ``path`` held.
+
+    Raises:
+        RaucaError: none, or values that are not finite.
+    """
     for wrapper in _WRAPPERS:
         if isinstance(state, Mapping) and isinstance(state.get(wrapper), Mapping):
             state = state[wrapper]

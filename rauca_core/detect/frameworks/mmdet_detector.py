@@ -1,9 +1,4 @@
-"""MMDetection's detectors behind the common interface, where MMDetection 3 is installed.
-
-A configuration of MMDetection is a Python file, so reading one runs it. Here only its JSON dump is read, and only what
-describes the network. Types in it are names that MMDetection's registry knows: a dotted name would make the registry
-import and call whatever it points to, and is refused.
-"""
+"""MMDetection's detectors behind the common interface, where MMDetection 3 is installed."""
 
 from __future__ import annotations
 
@@ -11,8 +6,7 @@ import contextlib
 import hashlib
 import importlib
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,120 +16,20 @@ from torch.nn import functional
 from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
-from ..classes import class_list, require_names
+from ..classes import class_list, read_names, require_names
 from ..families import MMDET_INSTALL, Resolved
 from ..foreign import changed, first_line
 from ..interface import DensePredictions, Detections
 from ..nms import SinglePassDetector
-from .checkpoint import fill, fingerprint, read_state
-from .scaling import normalized, read_json
+from .checkpoint import fill, fingerprint, read_checkpoint, tensors_of
+from .mmdet_config import names_of, read_config
 from .torchvision_ops import import_torchvision
 
-DUMP = "python -c \"from mmengine import Config; Config.fromfile('CONFIG.py').dump('CONFIG.json')\""
-
-_KNOWN_STEPS = frozenset({"LoadImageFromFile", "Resize", "LoadAnnotations", "PackDetInputs"})
-
-
-@dataclass(frozen=True)
-class Preparation:
-    """What the test pipeline and the data preprocessor do to an image.
-
-    Attributes:
-        scale: (longer, shorter) side that bounds the scaled image, or its (width, height) where the aspect is not kept.
-        keep_ratio: whether the aspect is kept.
-        mean, std: of the channels in the network's order, for values in 0..255.
-        rgb: whether the network's order is red, green, blue; else it is reversed.
-        divisor: height and width are filled up to a multiple of this, at the right and at the bottom.
-        fill: the value there, after normalization.
-    """
-
-    scale: tuple[int, int]
-    keep_ratio: bool
-    mean: tuple[float, ...]
-    std: tuple[float, ...]
-    rgb: bool
-    divisor: int
-    fill: float
-
-    def fit(self, name: str, images: Tensor) -> tuple[Tensor, tuple[int, int]]:
-        """(B, 3, H, W) sRGB in [0, 1] to the network's input, contiguous, and the size of the image in it.
-
-        Images come with their channels last in memory, where mmcv's RoIAlign on a CPU takes them for contiguous: what
-        it pooled would be wrong without a word.
-        """
-        height, width = self.size_of(images.shape[2], images.shape[3])
-        if min(height, width) < 1:
-            raise RaucaError(f"{name}: images of {images.shape[3]} x {images.shape[2]} pixels are too narrow")
-        images = functional.interpolate(images, (height, width), mode="bilinear", align_corners=False)
-        images = normalized(255 * (images if self.rgb else images.flip(1)), self.mean, self.std)
-        right, bottom = -width % self.divisor, -height % self.divisor
-        return functional.pad(images, (0, right, 0, bottom), value=self.fill).contiguous(), (height, width)
-
-    def size_of(self, height: int, width: int) -> tuple[int, int]:
-        """(height, width) that an image is scaled to, rounded as MMDetection rounds."""
-        if not self.keep_ratio:
-            return self.scale[1], self.scale[0]
-        factor = min(max(self.scale) / max(height, width), min(self.scale) / min(height, width))
-        return int(height * factor + 0.5), int(width * factor + 0.5)
-
-
-def read_config(path: Path) -> tuple[dict[str, Any], Preparation]:
-    """The network's description and the preparation of its images.
-
-    Raises:
-        RaucaError: not a JSON dump, types that are not plain names, preparation that is not known here.
-    """
-    if path.suffix != ".json":
-        raise RaucaError(f"{path}: a configuration in Python would be run; dump it as JSON where you trust it: {DUMP}")
-    config = read_json(path)
-    model = config.get("model")
-    if not isinstance(model, dict) or not isinstance(model.get("data_preprocessor"), dict):
-        raise RaucaError(f"{path}: describes no model of MMDetection 3; make it with: {DUMP}")
-    _check_types(path, model)
-    try:
-        return _without_pretraining(model), _preparation(path, config, model["data_preprocessor"])
-    except (KeyError, TypeError, ValueError, IndexError, StopIteration, OverflowError, AttributeError) as error:
-        raise RaucaError(f"{path}: its test pipeline or data_preprocessor is not understood ({error!r})") from error
-
-
-def _check_types(path: Path, value: Any) -> None:
-    if isinstance(value, dict):
-        kind = value.get("type", "plain")
-        if not isinstance(kind, str) or not kind.isidentifier():
-            raise RaucaError(f"{path}: type {kind!r} is not the name of a registered module; dotted names are refused")
-        value = list(value.values())
-    if isinstance(value, list):
-        for one in value:
-            _check_types(path, one)
-
-
-def _without_pretraining(value: Any) -> Any:
-    """``init_cfg`` names weights that would be downloaded, to be overwritten by the checkpoint's."""
-    if isinstance(value, dict):
-        return {key: _without_pretraining(one) for key, one in value.items() if key not in ("init_cfg", "pretrained")}
-    return [_without_pretraining(one) for one in value] if isinstance(value, list) else value
-
-
-def _preparation(path: Path, config: dict[str, Any], preprocessor: dict[str, Any]) -> Preparation:
-    if preprocessor["type"] != "DetDataPreprocessor":
-        raise RaucaError(f"{path}: data_preprocessor {preprocessor['type']} is not supported")
-    steps = config["test_dataloader"]["dataset"]["pipeline"]
-    unknown = [step["type"] for step in steps if step["type"] not in _KNOWN_STEPS]
-    if unknown:
-        raise RaucaError(f"{path}: step {unknown[0]} of its test pipeline is not supported")
-    resize = next(step for step in steps if step["type"] == "Resize")
-    mean, std = (tuple(map(float, preprocessor[key])) for key in ("mean", "std"))
-    longer, shorter = (int(one) for one in resize["scale"])
-    return Preparation(
-        scale=(longer, shorter),
-        keep_ratio=bool(resize.get("keep_ratio", False)),
-        mean=mean,
-        std=std,
-        rgb=bool(preprocessor.get("bgr_to_rgb", False)),
-        divisor=int(preprocessor.get("pad_size_divisor", 1)),
-        fill=float(preprocessor.get("pad_value", 0)),
-    )
-
+PLAIN = (
+    "python -c \"import torch; held = torch.load('CHECKPOINT', map_location='cpu', weights_only=False); "
+    "torch.save({key: held[key] for key in ('meta', 'state_dict')}, 'PLAIN.pth')\""
+)
+"""Leaves of a training's checkpoint what a detector is; run where the checkpoint is trusted."""
 
 # Candidates of an image that dense looks at: the best so many of those more probable than this.
 _CANDIDATES = 1000
@@ -150,41 +44,47 @@ class MmdetDetector(SinglePassDetector):
     ``objectness`` is 1, or 0 where an image has fewer. ``detect`` runs it with the caller's thresholds; detectors
     without suppression (Sparse R-CNN, the DETRs) leave ``iou_threshold`` unused.
 
-    MMDetection is no dependency of this project and its compiled operators are not part of the package index, so the
-    project's tests predict with it only where it happens to be installed. The adapter was checked by hand against
-    MMDetection 3.3 with random weights of Dynamic R-CNN, Sparse R-CNN and RetinaNet, with this project's operators in
-    place of MMCV's compiled ones.
+    MMDetection is no dependency of this project. Its tests hold seeded networks of six kinds to MMDetection 3.3's own
+    ``test_step``, with this project's operators in place of MMCV's compiled ones.
     """
 
     def __init__(self, name: str, config: Path, checkpoint: Path, class_names: tuple[str, ...] | None = None) -> None:
         """Build the network of ``config`` and read ``checkpoint``.
 
         Args:
-            config: the JSON dump of a configuration, made by :data:`DUMP`.
+            config: see :func:`rauca_core.detect.frameworks.mmdet_config.read_config`.
             checkpoint: ``.pth`` that holds tensors and plain values only, or ``.safetensors``.
-            class_names: None for COCO's 80.
+            class_names: None for those of the checkpoint, else of the configuration, else COCO's 80: the first list of
+                as many as the head has classes.
 
         Raises:
-            RaucaError: MMDetection is missing, a configuration or checkpoint that is unreadable or does not fit.
+            RaucaError: MMDetection is missing, a configuration or checkpoint that is unreadable or does not fit,
+                classes that nothing names.
         """
-        described, self._preparation = read_config(config)
+        described = read_config(config)
         registry = import_registry()
         try:
-            model = registry.build(importlib.import_module("mmengine.config").ConfigDict(described))
+            model = registry.build(importlib.import_module("mmengine.config").ConfigDict(described.model))
         except Exception as error:  # whatever a module's constructor makes of wrong options
             raise RaucaError(f"{config}: MMDetection cannot build this model ({first_line(error)})") from error
-        fill(model, read_state(checkpoint), checkpoint)
+        held = read_checkpoint(checkpoint, f"save it anew, where you trust it: {PLAIN}")
+        fill(model, tensors_of(held, checkpoint), checkpoint)
         self.name = name
-        self.class_names = class_list("coco-80") if class_names is None else class_names
+        known = _named_in(held), described.class_names, class_list("coco-80")
+        self.class_names = class_names or _fitting(checkpoint, _classes_of(model), known)
         require_names(name, _classes_of(model), self.class_names)
         self.network = model.eval().requires_grad_(False)
+        self._preparation = described.preparation
         digest = hashlib.sha256(config.read_bytes()).hexdigest()
         self.fingerprint = fingerprint(model, self.class_names, self._preparation, digest)
 
     def _predict(self, images: Tensor) -> DensePredictions:
         most = min(_CANDIDATES, _pairs_of(self.network) or _CANDIDATES)
         with _undetached(self.network):
-            found = self._final(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
+            whole = self._final(images, _LEAST_SCORE, 1.0, most)  # no overlap exceeds 1
+        found = [
+            Detections(one.boxes[:most], one.scores[:most], one.labels[:most]) for one in whole
+        ]  # YOLOX has no limit
         if torch.is_grad_enabled() and images.requires_grad and not found[0].scores.requires_grad:
             raise RaucaError(f"{self.name}: this head of MMDetection gives no gradients; use it for detection only")
         classes = [one.scores[:, None] * functional.one_hot(one.labels, len(self.class_names)) for one in found]
@@ -196,28 +96,38 @@ class MmdetDetector(SinglePassDetector):
     def _final(
         self, images: Tensor, score_threshold: float, iou_threshold: float, most: int | None = None
     ) -> list[Detections]:
-        batch, size = self._preparation.fit(self.name, images)
-        padded = tuple(batch.shape[2:])
-        known = {"img_shape": size, "ori_shape": size, "pad_shape": padded, "batch_input_shape": padded}
+        prepared = self._preparation.fit(self.name, images)
+        batch, size, padded = prepared.batch, prepared.size, tuple(prepared.batch.shape[2:])
+        known = {"img_shape": prepared.framed, "ori_shape": size, "pad_shape": padded, "batch_input_shape": padded}
         sample = importlib.import_module("mmdet.structures").DetDataSample
         samples = [sample(metainfo=known | {"scale_factor": (1.0, 1.0)}) for _ in images]
         holder = self.network.roi_head if hasattr(self.network, "roi_head") else self.network.bbox_head
-        with changed(holder, test_cfg=_limited(holder, score_threshold, iou_threshold, most)):
+        limits = {"test_cfg": _limited(holder, score_threshold, iou_threshold, most)}
+        maskless = {"mask_head": None} if hasattr(holder, "mask_head") else {}
+        with changed(holder, **limits, **maskless):
             predicted = self.network.predict(batch, samples, rescale=False)
         scale = batch.new_tensor([images.shape[3] / size[1], images.shape[2] / size[0]] * 2)
         return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
 
 
 def load(found: Resolved, size: int | None) -> MmdetDetector:
-    """Of a folder with a dumped configuration and a checkpoint; the size is the configuration's."""
-    files = []
-    for pattern in ("*.json", "*.pth"):
-        held = sorted(found.files[0].glob(pattern))
-        if len(held) != 1:
-            raise RaucaError(f"{found.files[0]}: must hold exactly one {pattern}, found {len(held)}")
-        files += held
-    config, checkpoint = files
-    return MmdetDetector(found.name, config, checkpoint, found.class_names)
+    """Of a folder with a configuration, a checkpoint and, where these do not name the classes, a ``.names``."""
+    folder = found.files[0]
+    config = _only(folder, "configuration", ".json") if any(folder.glob("*.json")) else None
+    config = config or _only(folder, "configuration", ".py")
+    checkpoint = _only(folder, "checkpoint", ".pth", ".safetensors")
+    names = found.class_names
+    if names is None and any(folder.glob("*.names")):
+        names = read_names(_only(folder, "list of class names", ".names"))
+    return MmdetDetector(found.name, config, checkpoint, names)
+
+
+def _only(folder: Path, kind: str, *suffixes: str) -> Path:
+    held = sorted(path for path in folder.iterdir() if path.suffix in suffixes)
+    if len(held) != 1:
+        found = ", ".join(path.name for path in held[:4]) or "none"
+        raise RaucaError(f"{folder}: must hold exactly one {kind} ({' or '.join(suffixes)}), found {found}")
+    return held[0]
 
 
 def import_registry() -> Any:
@@ -243,6 +153,22 @@ def _classes_of(model: Any) -> int:
     return int((head[-1] if hasattr(head, "__getitem__") else head).num_classes)
 
 
+def _named_in(checkpoint: object) -> tuple[str, ...]:
+    """The class names that MMDetection 3, or 2, saved with the weights."""
+    meta = checkpoint.get("meta") if isinstance(checkpoint, Mapping) else None
+    return names_of(meta.get("dataset_meta", meta)) if isinstance(meta, dict) else ()
+
+
+def _fitting(checkpoint: Path, count: int, known: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
+    for names in known:
+        if len(names) == count:
+            return names
+    raise RaucaError(
+        f"{checkpoint}: the network predicts {count} classes, and neither it nor its configuration names them; write "
+        f"them, one per line, into {checkpoint.with_suffix('.names')}"
+    )
+
+
 def _pairs_of(model: Any) -> int:
     """Pairs of query and category in detectors with a fixed number of queries, which cannot give more; else 0."""
     queries = getattr(model, "num_queries", 0) or getattr(getattr(model, "rpn_head", None), "num_proposals", 0)
@@ -251,17 +177,38 @@ def _pairs_of(model: Any) -> int:
 
 @contextlib.contextmanager
 def _undetached(model: Any) -> Iterator[None]:
-    """One-stage heads take an image's predictions out of the batch with a function that detaches them by default."""
-    name = "select_single_mlvl"
-    kinds = () if hasattr(model, "roi_head") else type(model.bbox_head).__mro__
+    """Boxes and scores with their gradients, which MMDetection cuts off where it needs none itself.
 
-    def attached(tensors: list[Tensor], index: int, detach: bool = False) -> list[Tensor]:
-        return [one[index] for one in tensors]
-
+    One-stage heads take an image's predictions out of the batch with a function that detaches them by default. Sparse
+    R-CNN's last stage hands out detached boxes beside those that it computed.
+    """
+    head = getattr(model, "roi_head", None) or model.bbox_head
     with contextlib.ExitStack() as stack:
-        for module in {sys.modules[kind.__module__] for kind in kinds if hasattr(sys.modules[kind.__module__], name)}:
-            stack.enter_context(changed(module, **{name: attached}))
+        if "SparseRoIHead" in [kind.__name__ for kind in type(head).__mro__]:
+            head._bbox_forward = _last_attached(head)
+            stack.callback(delattr, head, "_bbox_forward")
+        modules = {sys.modules[kind.__module__] for kind in type(head).__mro__}
+        for module in [one for one in modules if hasattr(one, "select_single_mlvl")]:
+            stack.enter_context(changed(module, select_single_mlvl=_select_attached))
         yield
+
+
+def _select_attached(tensors: list[Tensor], index: int, detach: bool = False) -> list[Tensor]:
+    return [one[index] for one in tensors]
+
+
+def _last_attached(head: Any) -> Any:
+    """Sparse R-CNN's stage; the last one's boxes, (images * proposals, 4), are given image by image."""
+    forward = head._bbox_forward
+
+    def attached(stage: int, *given: Any, **more: Any) -> Any:
+        found = forward(stage, *given, **more)
+        if stage == head.num_stages - 1:
+            counts = [len(one) for one in found["detached_proposals"]]
+            found["detached_proposals"] = found["decoded_bboxes"].split(counts)
+        return found
+
+    return attached
 
 
 def _limited(holder: Any, score: float, iou: float, most: int | None) -> Any:

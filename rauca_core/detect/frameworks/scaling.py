@@ -1,4 +1,4 @@
-"""How a transformers model wants its images, as differentiable torch operations."""
+"""How a model of a framework wants its images, as differentiable torch operations."""
 
 from __future__ import annotations
 
