@@ -116,7 +116,9 @@ def seeded(model: Any) -> Any:
     """Weights that keep activations moderate and let scores differ."""
     draw = torch.Generator().manual_seed(0)
     for name, one in model.named_parameters():
-        if one.dim() > 1:
+        if "init_proposal_bboxes" in name:  # centers and sizes, which compiled operators want positive
+            one.data.uniform_(0.3, 0.8, generator=draw)
+        elif one.dim() > 1:
             gain = 3.0 if "cls" in name and not name.startswith("bbox_head.cls_convs") else 1.0  # four in a row
             one.data.normal_(0, gain / one[0].numel() ** 0.5, generator=draw)
     return model
