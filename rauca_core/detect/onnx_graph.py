@@ -149,6 +149,8 @@ def to_torch(graph: OnnxGraph, shape: Sequence[int | None] | None = None) -> Gra
             module: GraphModule = onnx2torch.convert(convertible(folded(graph.model, shape) if shape else graph.model))
     except Exception as error:  # every converter has its own
         raise RaucaError(f"{graph.path}: onnx2torch cannot convert this graph ({first_line(error)})") from error
+    # Its slices index by a list, of which torch warns at the first image; conversions are compared with onnxruntime.
+    warnings.filterwarnings("ignore", "Using a non-tuple sequence for multidimensional indexing", UserWarning)
     module.eval().requires_grad_(False)
     return module
 

@@ -27,6 +27,8 @@ from rauca_core.detect.frameworks.mmdet_config import read_config
 from rauca_core.detect.frameworks.mmdet_detector import PLAIN, MmdetDetector, import_registry
 from tests.detect.gradients import checked_gradient
 
+# MMDetection's releases and torch's tell each other what is deprecated, ninety times.
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore:torch.meshgrid")
 PACKAGES = Path(sys.prefix) / "mmdetection"  # the Makefile fills it
 NAMES = ("vehicle.car", "vehicle.bus")
 SMALL = {
