@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import rauca_core as rauca
+from rauca_core.detect import weights_folder
 from rauca_core.study.views import HeldOut
 from tests.published import published_weights
 
@@ -41,7 +42,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     published_weights("yolov3-tiny", "yolov4-tiny")
     monkeypatch.chdir(folder)
-    monkeypatch.setenv("RAUCA_CACHE", str(folder / "cache"))
+    # A cache of its own, but for the weights, so that the user's keeps nothing of a test.
+    kept, ours = weights_folder(), folder / "cache" / "rauca" / "weights"
+    if not ours.exists():
+        ours.parent.mkdir(parents=True)
+        ours.symlink_to(kept, target_is_directory=True)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
 
 
 def smaller(source: str) -> str:
