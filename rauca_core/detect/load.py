@@ -74,6 +74,14 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         return _by_path(_existing(mine), family, named)
     if name_or_path not in SOURCES:
         refuse_unread(mine)
+        if mine.exists():
+            what = (
+                "folder that is read: it needs transformers' config.json, or MMDetection's configuration and checkpoint"
+            )
+            what = (
+                what if mine.is_dir() else f"file that is read: give {', '.join(sorted(_FAMILY_OF))} or NETWORK={mine}"
+            )
+            raise RaucaError(f"{mine}: no kind of {what}")
     source = find_source(name_or_path)
     if source.family == "synth":
         return _of_source(source, (shipped_path(source),))

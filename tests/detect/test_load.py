@@ -180,3 +180,11 @@ def test_a_device_that_is_not_here_is_one_error(cfg, weights):
         load_detector(str(weights), device="cuda:7")
     with pytest.raises(RaucaError, match="device toaster: "):
         load_detector(str(weights), device="toaster")
+
+
+def test_what_is_there_and_no_detector_is_told_apart_from_an_unknown_name(tmp_path: Path) -> None:
+    (tmp_path / "mine.foo").touch()
+    with pytest.raises(RaucaError, match=r"mine\.foo: no kind of file that is read: give .*\.onnx.* or NETWORK="):
+        load_detector(tmp_path / "mine.foo")
+    with pytest.raises(RaucaError, match="no kind of folder that is read"):
+        load_detector(tmp_path)
