@@ -74,14 +74,7 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         return _by_path(_existing(mine), family, named)
     if name_or_path not in SOURCES:
         refuse_unread(mine)
-        if mine.exists():
-            what = (
-                "folder that is read: it needs transformers' config.json, or MMDetection's configuration and checkpoint"
-            )
-            what = (
-                what if mine.is_dir() else f"file that is read: give {', '.join(sorted(_FAMILY_OF))} or NETWORK={mine}"
-            )
-            raise RaucaError(f"{mine}: no kind of {what}")
+        _refuse_strange(mine)
     source = find_source(name_or_path)
     if source.family == "synth":
         return _of_source(source, (shipped_path(source),))
@@ -89,6 +82,16 @@ def _find(name_or_path: str, named: bool) -> Resolved:
         raise RaucaError(f"{source.name}: its weights must be given as {source.name}=PATH; get them with: {source.how}")
     verify(source)
     return _of_source(source, stored_paths(source))
+
+
+def _refuse_strange(path: Path) -> None:
+    """Raise for what is there and says of no family that it is one of its detectors; else it may be a name."""
+    if path.is_dir():
+        needed = "transformers' config.json, or MMDetection's configuration and checkpoint"
+        raise RaucaError(f"{path}: no kind of folder that is read: it needs {needed}")
+    if path.exists():
+        suffixes = ", ".join(sorted(_FAMILY_OF))
+        raise RaucaError(f"{path}: no kind of file that is read: give {suffixes} or NETWORK={path}")
 
 
 def _of_source(source: Source, files: tuple[Path, ...]) -> Resolved:
