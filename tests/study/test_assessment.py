@@ -1,0 +1,63 @@
+"""What an assessment says, on disk and as a condition of continuous integration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rauca_core.contract import RaucaError
+from rauca_core.study.assessment import Assessed, Assessment, Condition, Score, load_assessment, save_assessment
+from rauca_core.study.mistakes import Mistakes
+from rauca_core.study.weak_spots import Cell, Range, WorstTenth
+
+DETECTOR = Assessed("mine", "onnx", "0" * 64, True, "", 12.5)
+
+
+def assessment(white_box: Score | None = None) -> Assessment:
+    def score(ap: float) -> Score:
+        return Score(ap, ap - 0.1, ap + 0.1, ap, 24)
+
+    return Assessment(
+        DETECTOR, "assess-1", "quick", 0.25, score(0.9), score(0.7), score(0.4), white_box, "it has no gradient",
+        {"ours-ssd": score(0.4)}, {"normal": Cell(45.0, 8.0, "noon", 0.5, 0.3, ("f1", "f2"))},
+        {"normal": WorstTenth(0.1, 0.0, ("f2",))}, {"normal": Mistakes(24, found=20, missed=4)},
+        {"normal": Range(16.0, beyond=True, never=False)}, {"jpeg": {"normal": score(0.8)}}, {"rendering": 60.5},
+    )  # fmt: skip
+
+
+def test_an_assessment_comes_back_from_disk(tmp_path: Path) -> None:
+    for number, one in enumerate((assessment(), assessment(Score(0.1, 0.0, 0.2, 0.05, 24)))):
+        save_assessment(tmp_path / f"{number}.json", one)
+        assert load_assessment(tmp_path / f"{number}.json") == one
+
+
+def test_the_headline_is_one_line_with_the_white_box_where_there_is_one() -> None:
+    assert "\n" not in assessment().headline
+    assert "made for it" not in assessment().headline
+    assert assessment(Score(0.12, 0.0, 0.2, 0.05, 24)).headline.endswith("0.12 in one made for it")
+
+
+@pytest.mark.parametrize(
+    ("condition", "failure"),
+    [
+        ("transfer_ap=0.5", "transfer_ap is 0.400, below 0.5"),
+        ("transfer_ap=0.4", None),
+        ("clean_recall=0.95", "clean_recall is 0.900, below 0.95"),
+        ("white_box_ap=0.1", "white_box_ap was not measured: it has no gradient"),
+    ],
+)
+def test_conditions_fail_below_their_limit_and_when_nothing_was_measured(condition: str, failure: str | None) -> None:
+    assert Condition.parse(condition).failure(assessment()) == failure
+
+
+def test_a_measured_white_box_meets_its_condition() -> None:
+    measured = replace(assessment(), white_box=Score(0.6, 0.5, 0.7, 0.6, 24))
+    assert Condition.parse("white_box_low=0.5").failure(measured) is None
+
+
+@pytest.mark.parametrize("text", ["transfer_ap", "transfer=0.5", "speed_ap=0.5", "transfer_ap=2", "transfer_ap=..", ""])
+def test_a_condition_that_cannot_be_read_says_how_to_write_one(text: str) -> None:
+    with pytest.raises(RaucaError, match="write FIGURE=LIMIT"):
+        Condition.parse(text)
