@@ -1,0 +1,91 @@
+"""Entries of a study taken together: all vehicles, views and weathers as one sample, places drawn as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..detect import canonical
+from .assessment import Score
+from .average_precision import IOU_THRESHOLD, Sample
+from .bootstrap import Clusters, Ranking, box_overlaps, interval
+from .mistakes import Mistakes, mistakes_in, summed
+from .recorded import Recorded
+from .results import FrameRow
+from .scores import Draws
+from .study import Entry
+
+
+class Pool:
+    """One detector's findings in several entries that hold the same paints.
+
+    Frames of one place stand together, whichever vehicle and weather they show: entries of one town have the same
+    places, which `town_of` tells.
+
+    Attributes:
+        rows: every frame, in the order of the entries.
+        paints: that all entries have.
+    """
+
+    def __init__(
+        self, entries: Sequence[Entry], detector: str, town_of: Callable[[Entry], int], resamples: int
+    ) -> None:
+        self._entries = tuple(entries)
+        self._recorded = [Recorded(entry) for entry in entries]
+        self._detector, self._resamples = detector, resamples
+        self._towns = [town_of(entry) for entry in entries]
+        self.rows: tuple[FrameRow, ...] = tuple(row for entry in entries for row in entry.results.frames)
+        shared = set.intersection(*(set(entry.results.paints) for entry in entries))
+        self.paints = tuple(paint for paint in entries[0].results.paints if paint in shared)
+
+    def samples(self, paint: str) -> list[Sample]:
+        """The target and the detections of its class, frame by frame."""
+        return [
+            recorded.sample(self._detector, paint, index)
+            for recorded, entry in zip(self._recorded, self._entries, strict=True)
+            for index in range(len(entry.results.frames))
+        ]
+
+    def scores(self, paint: str) -> NDArray[np.float64]:
+        """(F,) best score of a detection that finds the target, 0 where there is none."""
+        return np.array([_best(sample) for sample in self.samples(paint)])
+
+    def score(self, paints: Sequence[str], threshold: float) -> Score:
+        """AP@0.5 and recall at a deployed score, the mean over some paints; its interval draws places."""
+        curves = [self._draws.curve(Ranking.of(self.samples(paint))) for paint in paints]
+        curve = np.mean(curves, axis=0)
+        recall = float(np.mean([(self.scores(paint) >= threshold).mean() for paint in paints]))
+        return Score(float(curve[0]), *interval(curve[1:]), recall, len(self.rows) * len(paints))
+
+    def mistakes(self, paint: str, threshold: float) -> Mistakes:
+        """What is wrong at a deployed score, over all frames."""
+        return summed(
+            mistakes_in(
+                recorded.found(self._detector, paint, index),
+                np.array(row.box_xyxy, np.float64),
+                canonical(entry.results.settings.category),
+                threshold,
+            )
+            for recorded, entry in zip(self._recorded, self._entries, strict=True)
+            for index, row in enumerate(entry.results.frames)
+        )
+
+    @cached_property
+    def _draws(self) -> Draws:
+        places = [
+            (town, row.location)
+            for town, entry in zip(self._towns, self._entries, strict=True)
+            for row in entry.results.frames
+        ]
+        numbers = {place: number for number, place in enumerate(dict.fromkeys(places))}
+        clusters = Clusters.of([numbers[place] for place in places], list(range(len(places))))
+        drawn = clusters.resample(self._resamples, seed=0)
+        return Draws(clusters, np.concatenate([np.ones_like(drawn[:1]), drawn]))
+
+
+def _best(sample: Sample) -> float:
+    on_target = box_overlaps(sample.boxes, sample.truth) >= IOU_THRESHOLD
+    return float(sample.scores[on_target].max(initial=0.0))
