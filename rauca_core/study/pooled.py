@@ -13,9 +13,8 @@ from .assessment import Score
 from .average_precision import IOU_THRESHOLD, Sample
 from .bootstrap import Clusters, Ranking, box_overlaps, interval
 from .mistakes import Mistakes, mistakes_in, summed
-from .recorded import Recorded
 from .results import FrameRow
-from .scores import Draws
+from .scores import Draws, Recorded
 from .study import Entry
 
 
