@@ -3,56 +3,57 @@ one that is made against the detector itself.
 
 Folder, run again to resume; views and renders lie in the user's cache, where the next detector finds them::
 
-    assess.json                       what `assessment` describes
-    study.json, <vehicle>/<views>/    as of `evaluate`
-    white-box/<vehicle>/              links to the optimizations against the detector
+    assess.json                         what `assessment` describes
+    study.json, <vehicle>/<views>/      as of `evaluate`
+    attacks/<vehicle>/white-box         links to the optimizations against the detector; one that knows of a defence is
+                                        called informed-<defence>
 """
 
 from __future__ import annotations
 
-import statistics
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
-import torch
-
 from ..attack import make_settings, settings_of
-from ..contract import RaucaError, balanced_frames
-from ..detect import Detector, family_of
+from ..contract import load_camouflage
+from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from . import recipes
-from .assessment import Assessed, Assessment, Score, save_assessment
+from .assessment import Assessed, Assessment, Defended, Score, save_assessment
 from .battery import LATEST, Battery, load_battery
 from .candidates import NORMAL, RANDOM, VehicleChoice
 from .defences import NO_DEFENCE, make_defence
+from .defences.informed import DefendedDetector
 from .detectors import Chosen, detectors_for
 from .engine import Engine, Means, open_engine
 from .evaluate import keep_paints
 from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
+from .preflight import preflight
 from .store import link, user_cache
 from .study import Study
 from .weak_spots import half_recall_range, worst_cell, worst_tenth
 
 FILE_NAME = "assess.json"
-WHITE_BOX = "white-box"
+WHITE_BOX, INFORMED = "white-box", "informed-"
 THRESHOLD = 0.25  # the score that Ultralytics and most others deploy with
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What the attack on the detector itself may cost: ``steps`` on ``frames`` views of each vehicle."""
+    """What an attack on the detector may cost: on each vehicle ``frames`` views, and ``steps`` in each of ``runs``."""
 
     frames: int
     steps: int
+    runs: int = 1
 
 
-EFFORTS = {"quick": Effort(48, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 3000)}
-TOWN_SEED = 31_500  # where attacks are optimized: neither the battery's places nor the library's
+EFFORTS = {"quick": Effort(48, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
 
 
 def assess(
@@ -61,6 +62,7 @@ def assess(
     *,
     battery: str = LATEST,
     budget: str = "quick",
+    vehicles: Sequence[str] = (),
     white_box: bool = True,
     defences: Sequence[str] = (),
     threshold: float = THRESHOLD,
@@ -74,28 +76,40 @@ def assess(
         detector: a loaded one, or a name or file.
         battery: name of a shipped one.
         budget: ``quick``, ``standard`` or ``overnight``: how much of the battery, and of an attack.
+        vehicles: only these of the battery.
         white_box: attack the detector itself, too, if it has gradients.
         defences: to look through beside none.
         threshold: score at which the detector is deployed, for recall and mistakes.
         command: what was typed, for the report.
         means: see :class:`~rauca_core.study.engine.Means`.
 
+    Returns:
+        The assessment, as it lies in ``out``, and the study behind it.
+
     Raises:
         RaucaError: a mistake, before anything is rendered; another process at work in ``out``.
     """
     began, out, frozen = time.monotonic(), Path(out), load_battery(battery)
+    choices = frozen.choices(vehicles)
+    looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
     engine = open_engine(user_cache(), [], **means)
     (chosen,) = detectors_for([detector], [frozen.category], engine.machine)[frozen.category]
-    loaded = chosen[1]
-    why_not = _why_no_white_box(loaded) if white_box else "it was not asked for"
-    choices = frozen.choices()
-    looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
+    checked = preflight(chosen[1], frozen.category)
+    assessed = Assessed(
+        checked.name, checked.family, chosen[1].fingerprint, not checked.no_gradient, checked.no_gradient,
+        checked.milliseconds,
+    )  # fmt: skip
+    attacked = {WHITE_BOX: chosen} if white_box and assessed.differentiable else {}
+    for defence in looked_through[1:] if attacked else ():
+        behind = DefendedDetector(chosen[1], defence)
+        engine.machine.loaded[behind.fingerprint] = behind
+        attacked[informed(defence.name)] = behind.name, behind
     with alone_in(out):
         paints = {}
         for vehicle, choice in choices.items():
             worn = dict(frozen.camouflages_of(vehicle))
-            if not why_not:
-                worn[WHITE_BOX] = _attack(engine, out, choice, frozen, chosen, EFFORTS[budget])
+            for label, target in attacked.items():
+                worn[label] = _attack(engine, out, choice, frozen, target, EFFORTS[budget], label)
             paints[choice] = keep_paints(engine, out, choice, worn, frozen.random)
         places = [
             Place(name, choice, views)
@@ -104,58 +118,43 @@ def assess(
         ]
         judges = Judges({frozen.category: [chosen]}, looked_through, resamples)
         study = judge(engine, out, places, paints, judges, command)
-        assessed = Assessed(
-            loaded.name, family_of(loaded), loaded.fingerprint, not _why_no_white_box(loaded), why_not,
-            milliseconds(loaded, places[0].views.settings["plan"]["size"], engine.machine.device),
-        )  # fmt: skip
-        found = summarize(assessed, frozen, budget, threshold, study, why_not, resamples)
+        found = summarize(assessed, frozen, budget, threshold, study, resamples)
+        note = told_of_attack(found, EFFORTS[budget], white_box, assessed)
         spent = {**engine.seconds, "all, this time": round(time.monotonic() - began, 1)}
-        found = replace(found, seconds=spent)
+        found = replace(found, white_box_note=note, seconds=spent)
         save_assessment(out / FILE_NAME, found)
     return found, study
 
 
-def _attack(engine: Engine, out: Path, choice: VehicleChoice, battery: Battery, chosen: Chosen, effort: Effort) -> Path:
-    """A camouflage (JSON) made against the detector, on views of a town that nobody is judged in."""
-    typed, detector = chosen
-    body = recipes.vehicle_in(choice.folder)
-    judged = battery.views[0].plan
-    plan = replace(
-        judged, vehicle_name=choice.name, atlas_id=choice.atlas_id, light=True, seed=TOWN_SEED,
-        quality=replace(judged.quality, composed_fog=True),
-    )  # fmt: skip
-    views = recipes.data_set(f"attack-{choice.name}", plan, body, balanced_frames(plan, effort.frames), exact=True)
+def informed(defence: str) -> str:
+    """Label of the camouflage made against the detector behind a defence."""
+    return INFORMED + re.sub(r"[^A-Za-z0-9.]+", "-", defence)
+
+
+def _attack(
+    engine: Engine, out: Path, choice: VehicleChoice, battery: Battery, target: Chosen, effort: Effort, label: str
+) -> Path:
+    """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on."""
+    typed, detector = target
+    views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": 512, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
-    settings = make_settings(**settings_of("ours", **wanted, target=choice.target, name=WHITE_BOX))
-    (folder,) = engine.make(recipes.paint(views, settings, [detector], [typed]))
-    link(out / WHITE_BOX / choice.name, folder)
-    return folder / CAMOUFLAGE
+    runs = []
+    for seed in range(effort.runs):
+        settings = make_settings(**settings_of("ours", **wanted, seed=seed, target=choice.target, name=label))
+        runs += engine.make(recipes.paint(views, settings, [detector], [typed]))
+    best = min(runs, key=lambda folder: final_score(folder / CAMOUFLAGE))
+    link(out / "attacks" / choice.name / label, best)
+    return best / CAMOUFLAGE
 
 
-def _why_no_white_box(detector: Detector) -> str:
-    """Empty where gradients flow from the detector's predictions to the image."""
-    image = torch.full((1, 3, 64, 64), 0.5, requires_grad=True)
-    try:
-        found = detector.dense(image)
-    except RaucaError as error:
-        return str(error)
-    scores = found.objectness[..., None] * found.classes
-    return "" if scores.requires_grad else f"{detector.name}: no gradient flows from its predictions to the image"
-
-
-def milliseconds(detector: Detector, size: int, device: str, repeats: int = 5) -> float:
-    """Median time of an image of ``size`` x ``size`` pixels, the first one left out."""
-    image = torch.rand(1, 3, size, size, generator=torch.Generator().manual_seed(0)).to(device)
-    spent = []
-    for _ in range(repeats + 1):
-        began = time.perf_counter()
-        detector.detect(image)
-        spent.append(1000 * (time.perf_counter() - began))
-    return round(statistics.median(spent[1:]), 2)
+def final_score(camouflage: Path) -> float:
+    """The detector's mean best score on the views that a camouflage was optimized on, at the end."""
+    made = load_camouflage(camouflage)[0].made
+    return float(made["final_losses"]["score"])
 
 
 def summarize(
-    assessed: Assessed, battery: Battery, budget: str, threshold: float, study: Study, note: str, resamples: int
+    assessed: Assessed, battery: Battery, budget: str, threshold: float, study: Study, resamples: int
 ) -> Assessment:
     """The figures of an assessment, from what the detector found."""
     towns = {views.name: views.plan.seed for views in battery.views}
@@ -163,30 +162,59 @@ def summarize(
         defence: Pool(study.of(defence=defence), assessed.name, lambda entry: towns[entry.weathers], resamples)
         for defence in dict.fromkeys(entry.defence for entry in study.entries)
     }
-    plain = pools[NO_DEFENCE]
-    library = [paint for paint in plain.paints if paint not in (NORMAL, RANDOM, WHITE_BOX)]
+    plain, told = pools[NO_DEFENCE], [NORMAL, RANDOM]
+    library = [label for label in battery.made_against if label in plain.paints]
+    others = [label for label in library if assessed.sha256 not in battery.made_against[label]]
+    told += [*library, *([WHITE_BOX] if WHITE_BOX in plain.paints else [])]
+    groups = {"clean": [NORMAL], "random": [RANDOM], "transfer": others, "white_box": told[len(library) + 2 :]}
 
-    def score(pool: Pool, *paints: str) -> Score:
+    def score(pool: Pool, *paints: str) -> Score | None:
+        return pool.score(paints, threshold) if paints else None
+
+    def needed(pool: Pool, *paints: str) -> Score:
         return pool.score(paints, threshold)
 
+    scores = {paint: plain.scores(paint) for paint in told}
     return Assessment(
         detector=assessed,
         battery=battery.name,
         budget=budget,
+        vehicles=tuple(dict.fromkeys(entry.vehicle for entry in study.entries)),
         threshold=threshold,
-        clean=score(plain, NORMAL),
-        random=score(plain, RANDOM),
-        transfer=score(plain, *library),
-        white_box=score(plain, WHITE_BOX) if WHITE_BOX in plain.paints else None,
-        white_box_note=note,
-        transfer_by_camouflage={paint: score(plain, paint) for paint in library},
-        worst_cell={paint: worst_cell(plain.rows, plain.scores(paint), threshold) for paint in plain.paints},
-        worst_tenth={paint: worst_tenth(plain.rows, plain.scores(paint), threshold) for paint in plain.paints},
-        errors={paint: plain.mistakes(paint, threshold) for paint in plain.paints},
-        range_m={paint: half_recall_range(plain.rows, plain.scores(paint), threshold) for paint in plain.paints},
+        clean=needed(plain, NORMAL),
+        random=needed(plain, RANDOM),
+        transfer=needed(plain, *others),
+        white_box=score(plain, *groups["white_box"]),
+        white_box_note="",
+        transfer_by_camouflage={paint: needed(plain, paint) for paint in library},
+        worst_cell={paint: worst_cell(plain.rows, scores[paint], threshold) for paint in told},
+        worst_tenth={paint: worst_tenth(plain.rows, scores[paint], threshold) for paint in told},
+        errors={paint: plain.mistakes(paint, threshold) for paint in told},
+        range_m={paint: half_recall_range(plain.rows, scores[paint], threshold) for paint in told},
         defences={
-            name: {paint: score(pool, paint) for paint in pool.paints}
+            name: Defended(
+                needed(pool, NORMAL), needed(pool, RANDOM), needed(pool, *others), score(pool, *groups["white_box"]),
+                score(pool, *(paint for paint in pool.paints if paint == informed(name))),
+            )
             for name, pool in pools.items()
             if name != NO_DEFENCE
         },
+        draws={
+            name: tuple(round(float(ap), 5) for ap in plain.curve(paints)[1:])
+            for name, paints in groups.items()
+            if paints
+        },
+    )  # fmt: skip
+
+
+def told_of_attack(found: Assessment, effort: Effort, wanted: bool, assessed: Assessed) -> str:
+    """What the attack on the detector itself consisted of, or why there was none."""
+    if not wanted:
+        return "it was not asked for"
+    if not assessed.differentiable:
+        return assessed.why_not
+    runs = "one run" if effort.runs == 1 else f"the best of {effort.runs} runs"
+    return (
+        f"{runs} of {effort.steps} steps on {effort.frames} views of each vehicle; more steps, views or runs may find "
+        "worse: this is an upper bound of the detector's robustness"
     )

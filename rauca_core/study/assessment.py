@@ -51,22 +51,40 @@ class Score(Record):
 
 
 @dataclass(frozen=True)
+class Defended(Record):
+    """What a defence in front of the detector gives: the same scores as without it.
+
+    Attributes:
+        white_box: in camouflages made against the detector alone, which do not know of the defence.
+        informed: in camouflages made against the detector behind this very defence.
+    """
+
+    clean: Score
+    random: Score
+    transfer: Score
+    white_box: Score | None
+    informed: Score | None
+
+
+@dataclass(frozen=True)
 class Assessment(Record):
     """What one battery says of one detector.
 
     Attributes:
-        battery: name of the frozen battery, such as ``assess-1``.
-        budget: how much of it was used.
+        battery: name of the frozen battery, such as ``assess-1``; ``budget`` is how much of it was used, and
+            ``vehicles`` which of its vehicles.
         threshold: the deployed score.
         clean: in the vehicles' own paint.
         random: in random paint.
-        transfer: over the library's camouflages, made against other detectors.
+        transfer: over the library's camouflages that were not made against this detector.
         white_box: in camouflages made against this very detector; None when that was not asked for or is impossible.
         white_box_note: what the attack did not get through, or why there is none.
         transfer_by_camouflage: for each of the library.
         worst_cell, worst_tenth, errors, range_m: by paint.
-        defences: by defence, then by paint.
+        defences: by defence.
         seconds: by stage.
+        draws: AP@0.5 of ``clean``, ``random``, ``transfer`` and ``white_box`` in every resample of the places. Those of
+            one battery are the same for every detector, so that differences can be told from chance.
     """
 
     FORMAT = ("rauca-assessment", 1)
@@ -74,6 +92,7 @@ class Assessment(Record):
     detector: Assessed
     battery: str
     budget: str
+    vehicles: tuple[str, ...]
     threshold: Annotated[float, (0, 1)]
     clean: Score
     random: Score
@@ -85,8 +104,9 @@ class Assessment(Record):
     worst_tenth: dict[str, WorstTenth]
     errors: dict[str, Mistakes]
     range_m: dict[str, Range]
-    defences: dict[str, dict[str, Score]] = field(default_factory=dict)
+    defences: dict[str, Defended] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    draws: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def headline(self) -> str:

@@ -5,13 +5,15 @@ number. Its places were never chosen, trained or optimized on, and its camouflag
 
     {"format": "rauca-battery", "version": 1, "name": "assess-1", "category": "car",
      "vehicles": [{"name": "sedan", "content": "<digest>", "camouflages": {"ours-ssd": "<sha256 of the UV map>"}}, ...],
+     "made_against": {"ours-ssd": ["<fingerprint of a detector>", ...], ...},
      "random": {"seed": 1, "cell": 8, "size": 1024},
+     "attack": {...},
      "views": [{"name": "street-seen", "plan": {...}, "frames": {"quick": 8, "standard": 32, "overnight": 128}}, ...]}
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -23,6 +25,7 @@ from ..contract.schema import Record, read_json
 from . import recipes
 from .artifact import Artifact
 from .candidates import VehicleChoice, find_vehicles
+from .evaluate import RandomPaint
 
 LATEST = "assess-1"
 BUDGETS = ("quick", "standard", "overnight")
@@ -43,15 +46,6 @@ class BatteryVehicle(Record):
 
 
 @dataclass(frozen=True)
-class RandomPaint(Record):
-    """The random baseline: seed, side of a cell and side of the map in texels."""
-
-    seed: int = 1
-    cell: int = 8
-    size: int = 1024
-
-
-@dataclass(frozen=True)
 class BatteryViews(Record):
     """Held-out views of every vehicle.
 
@@ -67,28 +61,42 @@ class BatteryViews(Record):
 
 @dataclass(frozen=True)
 class Battery(Record):
-    """What every detector is shown; see this module."""
+    """What every detector is shown; see this module.
+
+    Attributes:
+        category: the class that detectors are asked for.
+        made_against: fingerprints of the detectors that each camouflage of the library was optimized against.
+        attack: plan of the views with light maps that camouflages against the detector itself are optimized on, in a
+            town that nobody is judged in.
+    """
 
     FORMAT = ("rauca-battery", 1)
 
     name: str
     category: str
     vehicles: tuple[BatteryVehicle, ...]
+    made_against: dict[str, tuple[str, ...]]
     random: RandomPaint
+    attack: Plan
     views: tuple[BatteryViews, ...]
 
     def _check_whole(self, where: str) -> None:
         if not self.vehicles or not self.views or any(set(v.frames) != set(BUDGETS) for v in self.views):
             raise RaucaError(f"{where}: needs vehicles, and views with frames for {', '.join(BUDGETS)}")
+        if any(set(vehicle.camouflages) != set(self.made_against) for vehicle in self.vehicles):
+            raise RaucaError(f"{where}: every vehicle needs the same camouflages, those of made_against")
 
-    def choices(self) -> dict[BatteryVehicle, VehicleChoice]:
-        """The shipped vehicles, checked to be those that the battery was made for.
+    def choices(self, names: Sequence[str] = ()) -> dict[BatteryVehicle, VehicleChoice]:
+        """The shipped vehicles, or some of them, checked to be those that the battery was made for.
 
         Raises:
-            RaucaError: one has changed since.
+            RaucaError: one has changed since, or is not of this battery.
         """
+        known = {vehicle.name: vehicle for vehicle in self.vehicles}
+        if unknown := set(names) - set(known):
+            raise RaucaError(f"--vehicle {min(unknown)}: not one of {self.name}; choose of {', '.join(known)}")
         found = {}
-        for vehicle in self.vehicles:
+        for vehicle in (known[name] for name in names or known):
             (choice,) = find_vehicles([vehicle.name])
             if recipes.vehicle_in(choice.folder).settings["content"] != vehicle.content:
                 raise RaucaError(
@@ -100,13 +108,16 @@ class Battery(Record):
 
     def views_of(self, choice: VehicleChoice, budget: str) -> dict[str, Artifact]:
         """The views of a vehicle to be rendered, by name."""
-        body = recipes.vehicle_in(choice.folder)
-        found = {}
-        for views in self.views:
-            plan = replace(views.plan, vehicle_name=choice.name, atlas_id=choice.atlas_id)
-            frames = balanced_frames(plan, views.frames[budget])
-            found[views.name] = recipes.data_set(f"{self.name}-{choice.name}-{views.name}", plan, body, frames)
-        return found
+        return {views.name: self._views(choice, views.name, views.plan, views.frames[budget]) for views in self.views}
+
+    def attack_views(self, choice: VehicleChoice, frames: int) -> Artifact:
+        """Views of a vehicle to optimize on; as many as are asked for, and no others."""
+        return self._views(choice, "attack", self.attack, frames, exact=True)
+
+    def _views(self, choice: VehicleChoice, name: str, plan: Plan, frames: int, exact: bool = False) -> Artifact:
+        worn = replace(plan, vehicle_name=choice.name, atlas_id=choice.atlas_id)
+        label, body = f"{self.name}-{choice.name}-{name}", recipes.vehicle_in(choice.folder)
+        return recipes.data_set(label, worn, body, balanced_frames(worn, frames), exact=exact)
 
     def camouflages_of(self, vehicle: BatteryVehicle) -> Mapping[str, Path]:
         """The library's camouflages of a vehicle (JSON), by label.
@@ -130,9 +141,9 @@ def library_folder() -> Path:
 
 
 def load_battery(name: str = LATEST) -> Battery:
-    """A shipped battery by name; raises :class:`RaucaError` listing all when there is none of that name."""
+    """A shipped battery by name, or one in a file; raises :class:`RaucaError` listing all when there is none."""
     folder = assets_folder() / "batteries"
-    path = folder / f"{name}.json"
+    path = Path(name) if name.endswith(".json") else folder / f"{name}.json"
     if not path.is_file():
         known = ", ".join(sorted(one.stem for one in folder.glob("*.json")))
         raise RaucaError(f"--battery {name}: unknown; choose {known}")

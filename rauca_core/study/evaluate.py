@@ -19,6 +19,7 @@ from typing import Any, Unpack
 
 from ..attack.paint import Paint
 from ..contract import Dataset, RaucaError, Scenery, balanced_frames, load_vehicle
+from ..contract.schema import Record
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
@@ -48,8 +49,8 @@ AnyPaint = Paint | Path | str
 
 
 @dataclass(frozen=True)
-class RandomPaint:
-    """The random baseline: seed, and side of a cell in texels."""
+class RandomPaint(Record):
+    """The random baseline: seed, and sides of a cell and of the map in texels."""
 
     seed: int = 1
     cell: int = 8

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,8 +14,7 @@ from .assessment import Score
 from .average_precision import IOU_THRESHOLD, Sample
 from .bootstrap import Clusters, Ranking, box_overlaps, interval
 from .mistakes import Mistakes, mistakes_in, summed
-from .results import FrameRow
-from .scores import Draws, Recorded
+from .scores import Curve, Draws, Recorded
 from .study import Entry
 
 
@@ -25,7 +25,7 @@ class Pool:
     places, which `town_of` tells.
 
     Attributes:
-        rows: every frame, in the order of the entries.
+        rows: every frame, in the order of the entries, under an id with its vehicle and weathers.
         paints: that all entries have.
     """
 
@@ -36,7 +36,12 @@ class Pool:
         self._recorded = [Recorded(entry) for entry in entries]
         self._detector, self._resamples = detector, resamples
         self._towns = [town_of(entry) for entry in entries]
-        self.rows: tuple[FrameRow, ...] = tuple(row for entry in entries for row in entry.results.frames)
+        self.rows = tuple(
+            replace(row, id=f"{entry.vehicle}/{entry.weathers}/{row.id}")
+            for entry in entries
+            for row in entry.results.frames
+        )
+        self._curves: dict[str, Curve] = {}
         shared = set.intersection(*(set(entry.results.paints) for entry in entries))
         self.paints = tuple(paint for paint in entries[0].results.paints if paint in shared)
 
@@ -54,10 +59,15 @@ class Pool:
 
     def score(self, paints: Sequence[str], threshold: float) -> Score:
         """AP@0.5 and recall at a deployed score, the mean over some paints; its interval draws places."""
-        curves = [self._draws.curve(Ranking.of(self.samples(paint))) for paint in paints]
-        curve = np.mean(curves, axis=0)
+        curve = self.curve(paints)
         recall = float(np.mean([(self.scores(paint) >= threshold).mean() for paint in paints]))
         return Score(float(curve[0]), *interval(curve[1:]), recall, len(self.rows) * len(paints))
+
+    def curve(self, paints: Sequence[str]) -> Curve:
+        """(1 + R,) AP@0.5 of the frames as they are, then of each resample of the places; the mean over some paints."""
+        for paint in set(paints) - set(self._curves):
+            self._curves[paint] = self._draws.curve(Ranking.of(self.samples(paint)))
+        return np.mean([self._curves[paint] for paint in paints], axis=0, dtype=np.float64)
 
     def mistakes(self, paint: str, threshold: float) -> Mistakes:
         """What is wrong at a deployed score, over all frames."""
