@@ -94,10 +94,10 @@ def assess(
     looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
     engine = open_engine(user_cache(), [], **means)
     (chosen,) = detectors_for([detector], [frozen.category], engine.machine)[frozen.category]
-    checked = preflight(chosen[1], frozen.category)
+    checked = preflight(chosen[1], frozen.category, device=engine.machine.device)
     assessed = Assessed(
-        checked.name, checked.family, chosen[1].fingerprint, not checked.no_gradient, checked.no_gradient,
-        checked.milliseconds,
+        checked.name, checked.family, chosen[1].fingerprint, checked.differentiable, checked.why_not,
+        round(checked.ms_forward, 2),
     )  # fmt: skip
     attacked = {WHITE_BOX: chosen} if white_box and assessed.differentiable else {}
     for defence in looked_through[1:] if attacked else ():
