@@ -20,6 +20,7 @@ from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
 from rauca_core.runtime.blender import run_blender
 
 from .ablate import ablate
+from .assess import assess
 from .bench_commands import bench_app
 from .cache import cache_app
 from .console import console, output, progress_bar
@@ -54,7 +55,7 @@ GROUPS = {
 }  # fmt: skip
 for name, group in GROUPS.items():
     app.add_typer(group, name=name)
-for command in (optimize, evaluate, tradeoff, ablate, harden, demo, report):
+for command in (assess, optimize, evaluate, tradeoff, ablate, harden, demo, report):
     app.command()(command)
 
 

@@ -26,6 +26,7 @@ from . import recipes
 from .assessment import Assessed, Assessment, Defended, Score, save_assessment
 from .battery import LATEST, Battery, load_battery
 from .candidates import NORMAL, RANDOM, VehicleChoice
+from .cost import Work
 from .defences import NO_DEFENCE, make_defence
 from .defences.informed import DefendedDetector
 from .detectors import Chosen, detectors_for
@@ -34,7 +35,7 @@ from .evaluate import keep_paints
 from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
-from .preflight import preflight
+from .preflight import Preflight, preflight
 from .store import link, user_cache
 from .study import Study
 from .weak_spots import half_recall_range, worst_cell, worst_tenth
@@ -53,13 +54,14 @@ class Effort:
     runs: int = 1
 
 
-EFFORTS = {"quick": Effort(48, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
+EFFORTS = {"quick": Effort(32, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
 
 
 def assess(
     detector: Detector | str,
     out: Path | str,
     *,
+    checked: Preflight | None = None,
     battery: str = LATEST,
     budget: str = "quick",
     vehicles: Sequence[str] = (),
@@ -74,6 +76,7 @@ def assess(
 
     Args:
         detector: a loaded one, or a name or file.
+        checked: what a first look at it said; made here if left out.
         battery: name of a shipped one.
         budget: ``quick``, ``standard`` or ``overnight``: how much of the battery, and of an attack.
         vehicles: only these of the battery.
@@ -94,7 +97,7 @@ def assess(
     looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
     engine = open_engine(user_cache(), [], **means)
     (chosen,) = detectors_for([detector], [frozen.category], engine.machine)[frozen.category]
-    checked = preflight(chosen[1], frozen.category, device=engine.machine.device)
+    checked = checked or preflight(chosen[1], frozen.category, device=engine.machine.device)
     assessed = Assessed(
         checked.name, checked.family, chosen[1].fingerprint, checked.differentiable, checked.why_not,
         round(checked.ms_forward, 2),
@@ -124,6 +127,28 @@ def assess(
         found = replace(found, white_box_note=note, seconds=spent)
         save_assessment(out / FILE_NAME, found)
     return found, study
+
+
+def works_of(
+    battery: str = LATEST, vehicles: Sequence[str] = (), white_box: bool = True, defences: int = 0
+) -> dict[str, Work]:
+    """What each budget consists of, for an estimate of its cost.
+
+    Args:
+        defences: how many are looked through; an attack of its own knows of each.
+    """
+    frozen = load_battery(battery)
+    count, attacks = len(frozen.choices(vehicles)), (1 + defences) * white_box
+    paints = 2 + len(frozen.made_against) + attacks
+    return {
+        budget: Work(
+            views=count * sum(views.frames[budget] for views in frozen.views),
+            paints=paints,
+            lit_views=count * effort.frames * bool(attacks),
+            steps=count * effort.steps * effort.runs * attacks,
+        )
+        for budget, effort in EFFORTS.items()
+    }
 
 
 def informed(defence: str) -> str:

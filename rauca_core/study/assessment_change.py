@@ -66,5 +66,7 @@ def changes(before: Assessment, after: Assessment) -> tuple[Change, ...]:
 def _interval(before: Assessment, after: Assessment, paint: str) -> tuple[float, float]:
     old, new = np.array(before.draws[paint]), np.array(after.draws[paint])
     if old.shape != new.shape:
-        raise RaucaError(f"--before: {len(old)} resamples there, {len(new)} here; assess both with the same --resamples")
+        raise RaucaError(
+            f"--before: {len(old)} resamples there, {len(new)} here; assess both with the same --resamples"
+        )
     return interval(new - old)

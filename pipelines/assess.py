@@ -1,0 +1,136 @@
+"""``rauca assess``: how robust a detector is, from one command to one headline, a page and an exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from rauca_core.contract import RaucaError, format_duration
+
+from .console import command_line, console, output
+from .evaluate import split_defences
+from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, split_names
+
+if TYPE_CHECKING:
+    from rauca_core.study.cost import Work
+    from rauca_core.study.preflight import Preflight
+
+    from rauca_core.detect import Detector
+    from rauca_core.study.assessment import Assessment, Condition
+
+Classes = Annotated[
+    str | None, typer.Option(help="own class names and those of data sets, such as vehicle.car=car,vehicle.van=car")
+]
+Names = Annotated[Path | None, typer.Option(help="file of class names, one a line, of a network that holds none")]
+Conditions = Annotated[
+    list[str] | None,
+    typer.Option("--fail-below", help="exit with 1 if a figure is lower, such as transfer_ap=0.5; repeat for more"),
+]
+
+
+def assess(
+    detectors: Annotated[list[str], typer.Argument(metavar="DETECTOR...", help="names or files; several are compared")],
+    out: Annotated[Path, typer.Option(help="folder of the assessment; run again to resume")],
+    classes: Classes = None,
+    names: Names = None,
+    budget: Annotated[
+        Literal["quick", "standard", "overnight"], typer.Option(help="how much of the battery, and of an attack")
+    ] = "quick",
+    battery: Annotated[str, typer.Option(help="frozen set of views and camouflages")] = "assess-1",
+    vehicle: Annotated[list[str] | None, typer.Option(help="only these of the battery, comma separated")] = None,
+    white_box: Annotated[
+        bool, typer.Option("--white-box/--no-white-box", help="make a camouflage against the detector itself, too")
+    ] = True,
+    defences: Annotated[list[str] | None, typer.Option(help="to look through: lgs, pad, jpeg, bits, median")] = None,
+    threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="score at which the detector is deployed")] = 0.25,
+    before: Annotated[Path | None, typer.Option(help="assess.json of an earlier one: say what changed")] = None,
+    fail_below: Conditions = None,
+    json: Annotated[Path | None, typer.Option("--json", help="write the assessment here, too")] = None,
+    latex: Annotated[bool, typer.Option("--latex", help="write the tables as LaTeX, too")] = False,
+    resamples: Resamples = 1000,
+    threads: Threads = None,
+    device: Device = "cpu",
+    slurm: Slurm = None,
+    blender: Blender = None,
+    render_device: RenderDevice = "cpu",
+) -> None:
+    """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
+    from rauca_core.report import write_assessment, write_comparison
+    from rauca_core.study.assess import FILE_NAME, works_of
+    from rauca_core.study.assess import assess as assess_one
+    from rauca_core.study.assessment import Condition, load_assessment, save_assessment
+
+    conditions = [Condition.parse(one) for one in fail_below or ()]
+    earlier = None if before is None else load_assessment(before)
+    folders = _folders(detectors, out)
+    if json is not None and len(folders) > 1:
+        raise RaucaError(f"--json {json}: is for one detector; with several, each has {FILE_NAME} in its own folder")
+    looked_through, vehicles = split_defences(defences), split_names(vehicle)
+    works = works_of(battery, vehicles, white_box, len(looked_through))
+    found = []
+    for name, folder in folders.items():
+        detector = _load(name, classes, names, device)
+        checked = _check(detector, works[budget], budget, device)
+        with means_of(device, slurm, blender, render_device, threads) as means:
+            one, study = assess_one(
+                detector, folder, checked=checked, battery=battery, budget=budget, vehicles=vehicles,
+                white_box=white_box, defences=looked_through, threshold=threshold, resamples=resamples,
+                command=command_line(), **means,
+            )  # fmt: skip
+        found.append(one)
+        page = write_assessment(one, study, folder / "report.html", earlier, latex=latex)[0]
+        console.print(f"report: {page}", soft_wrap=True)
+        if json is not None:
+            save_assessment(json, one)
+    if len(found) > 1:
+        console.print(f"comparison: {write_comparison(found, out / 'report.html')[0]}", soft_wrap=True)
+    for one in found:
+        output().print(one.headline, soft_wrap=True)
+    _stop_unless(conditions, found)
+
+
+def _folders(detectors: Sequence[str], out: Path) -> dict[str, Path]:
+    """Where each detector's assessment lies: in ``out`` itself if there is but one."""
+    if len(detectors) == 1:
+        return {detectors[0]: out}
+    stems = [Path(name.partition("=")[0]).stem for name in detectors]
+    if len(set(stems)) < len(stems):
+        raise RaucaError(f"two of {', '.join(detectors)} have one name; rename a file, or assess them one by one")
+    return {name: out / stem for name, stem in zip(detectors, stems, strict=True)}
+
+
+def _load(name: str, classes: str | None, names: Path | None, device: str) -> Detector:
+    from rauca_core.detect import load_detector, parse_classes
+    from rauca_core.detect.classes import read_names
+
+    listed = None if names is None else read_names(names)
+    return load_detector(name, device=device, names=listed, classes=parse_classes(classes) if classes else None)
+
+
+def _check(detector: Detector, work: Work, budget: str, device: str) -> Preflight:
+    """Look at the detector for a minute, and say what hours of work would come to."""
+    from rauca_core.study.preflight import preflight
+
+    checked = preflight(detector, "car", {budget: work}, device)
+    cost = checked.costs[budget]
+    console.print(
+        f"{checked.name}: {checked.family}, AP@0.5 {checked.ap:.2f} on {checked.pictures} plain cars, "
+        f"{checked.ms_forward:.0f} ms an image; {budget} takes about {format_duration(cost.seconds)} "
+        f"and {cost.disk_bytes / 1e6:.0f} MB, less what is in the cache",
+        soft_wrap=True,
+    )
+    for warning in checked.warnings:
+        console.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+    return checked
+
+
+def _stop_unless(conditions: Sequence[Condition], found: Sequence[Assessment]) -> None:
+    """Exit with 1 and the reasons if a condition is not met."""
+    failures = [f"{one.detector.name}: {why}" for one in found for c in conditions if (why := c.failure(one))]
+    for failure in failures:
+        console.print(f"failed: {failure}", style="red", soft_wrap=True)
+    if failures:
+        raise typer.Exit(1)

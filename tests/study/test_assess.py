@@ -1,0 +1,121 @@
+"""An assessment over a small battery; a stand-in draws what Blender would render."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import Plan, RaucaError, Ring, load_vehicle
+from rauca_core.contract.files import file_digest, write_json
+from rauca_core.runtime.images import read_image
+from rauca_core.study import assess as assessing
+from rauca_core.study import battery as batteries
+from rauca_core.study import recipes
+from rauca_core.study.assess import INFORMED, WHITE_BOX, Effort, assess
+from rauca_core.study.assessment import load_assessment
+from rauca_core.study.battery import Battery, BatteryVehicle, BatteryViews
+from rauca_core.study.candidates import NORMAL, RANDOM, find_vehicles
+from rauca_core.study.evaluate import RandomPaint
+from rauca_core.study.views import weathers_named
+from tests.study.drawn_blender import DrawnBlender, drawn_blender  # noqa: F401  a fixture
+
+LABELS, AGAINST = ("theirs", "mine"), {"theirs": ("f" * 16,), "mine": ()}
+
+
+@pytest.fixture
+def small_battery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, detectors) -> Path:
+    """One vehicle, two sets of four views, two camouflages, of which one was made against the first detector."""
+    monkeypatch.setattr(batteries, "library_folder", lambda: tmp_path / "library")
+    monkeypatch.setattr(assessing, "user_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(assessing, "EFFORTS", {"quick": Effort(2, 3, runs=2), "standard": Effort(2, 3)})
+    (choice,) = find_vehicles(["sedan"])
+    body = load_vehicle(choice.folder, read_image)
+    maps = {}
+    for seed, label in enumerate(LABELS):
+        path = tmp_path / "library" / "sedan" / f"{label}.json"
+        random_camouflage(path, body, size=64, seed=seed, cell=8)
+        maps[label] = file_digest(path.with_suffix(".png"))
+    ring = Ring((0.0, 90.0), (10.0,), (6.0,))
+    plan = Plan.of(weathers_named("demo")[:2], ring, name="battery", size=192, light=False, locations=2, seed=7)
+    views = [
+        BatteryViews(name, dataclasses.replace(plan, seed=seed), {"quick": 4, "standard": 6, "overnight": 8})
+        for name, seed in (("near", 7), ("far", 8))
+    ]
+    battery = Battery(
+        "small", "car", (BatteryVehicle("sedan", recipes.vehicle_in(choice.folder).settings["content"], maps),),
+        {"theirs": ("f" * 16,), "mine": (detectors[0].fingerprint,)}, RandomPaint(size=64),
+        dataclasses.replace(plan, light=True, seed=9), tuple(views),
+    )  # fmt: skip
+    write_json(tmp_path / "small.json", battery.to_json())
+    return tmp_path / "small.json"
+
+
+def test_an_assessment_holds_all_that_engineers_act_on(
+    small_battery: Path,
+    drawn_blender: DrawnBlender,
+    detectors,
+    tmp_path: Path,  # noqa: F811
+) -> None:
+    found, study = assess(
+        detectors[0], tmp_path / "out", battery=str(small_battery), defences=["jpeg:quality=50"], resamples=50
+    )
+    assert found == load_assessment(tmp_path / "out" / "assess.json")
+    paints = {NORMAL, RANDOM, *LABELS, WHITE_BOX}
+    for by_paint in (found.worst_cell, found.worst_tenth, found.errors, found.range_m):
+        assert set(by_paint) == paints
+    assert found.clean.frames == 8
+    assert found.clean.ap > 0.3  # it sees the drawn car
+    assert found.clean.low <= found.clean.ap <= found.clean.high
+    # What was made against this very detector says nothing of transfer.
+    assert found.transfer == found.transfer_by_camouflage["theirs"]
+    assert found.transfer.frames == 8
+    for mistakes in found.errors.values():
+        assert mistakes.targets == 8
+        assert mistakes.wrong == mistakes.targets - mistakes.found + mistakes.seen_twice + mistakes.invented or (
+            mistakes.badly_placed
+        )
+    (defence,) = found.defences
+    assert found.defences[defence].informed is not None
+    assert (tmp_path / "out" / "attacks" / "sedan" / f"{INFORMED}jpeg-quality-50").is_symlink()
+    assert set(found.draws) == {"clean", "random", "transfer", "white_box"}
+    assert "the best of 2 runs of 3 steps on 2 views" in found.white_box_note
+    assert {entry.weathers for entry in study.entries} == {"near", "far"}
+    assert json.loads((tmp_path / "out" / "assess.json").read_text())["detector"]["differentiable"] is True
+
+
+def test_the_next_detector_finds_the_renders_in_the_cache(
+    small_battery: Path,
+    drawn_blender: DrawnBlender,
+    detectors,
+    tmp_path: Path,  # noqa: F811
+) -> None:
+    options = {"battery": str(small_battery), "white_box": False, "resamples": 50}
+    first, _ = assess(detectors[0], tmp_path / "first", **options)
+    drawn = drawn_blender.frames.copy()
+    assert drawn == {"make_dataset": 8, "render_camouflages": 24}
+    second, _ = assess(detectors[1], tmp_path / "second", **options)
+    assert drawn_blender.frames == drawn
+    assert (first.white_box, first.white_box_note) == (None, "it was not asked for")
+    assert second.detector.sha256 != first.detector.sha256
+    again, _ = assess(detectors[0], tmp_path / "again", **options)
+    assert dataclasses.replace(again, seconds={}, detector=first.detector) == dataclasses.replace(first, seconds={})
+
+
+def test_a_changed_vehicle_or_library_is_refused(small_battery: Path, detectors, tmp_path: Path) -> None:
+    fields = json.loads(small_battery.read_text())
+    other = tmp_path / "other.json"
+    changed = [{**fields["vehicles"][0], "content": "0"}]
+    other.write_text(json.dumps({**fields, "vehicles": changed}))
+    with pytest.raises(RaucaError, match="is another vehicle than the one small was made for"):
+        assess(detectors[0], tmp_path / "out", battery=str(other))
+    (tmp_path / "library" / "sedan" / "mine.png").write_bytes(
+        (tmp_path / "library" / "sedan" / "theirs.png").read_bytes()
+    )
+    with pytest.raises(RaucaError, match=r"mine\.png: is not the map that small was made with"):
+        assess(detectors[0], tmp_path / "out", battery=str(small_battery))
+    with pytest.raises(RaucaError, match="--vehicle boat: not one of small; choose of sedan"):
+        assess(detectors[0], tmp_path / "out", battery=str(small_battery), vehicles=["boat"])
