@@ -109,14 +109,14 @@ def assess(
         attacked[informed(defence.name)] = behind.name, behind
     with alone_in(out):
         paints = {}
-        for vehicle, choice in choices.items():
+        for vehicle, choice in choices:
             worn = dict(frozen.camouflages_of(vehicle))
             for label, target in attacked.items():
                 worn[label] = _attack(engine, out, choice, frozen, target, EFFORTS[budget], label)
             paints[choice] = keep_paints(engine, out, choice, worn, frozen.random)
         places = [
             Place(name, choice, views)
-            for choice in choices.values()
+            for _, choice in choices
             for name, views in frozen.views_of(choice, budget).items()
         ]
         judges = Judges({frozen.category: [chosen]}, looked_through, resamples)
@@ -160,22 +160,24 @@ def _attack(
     engine: Engine, out: Path, choice: VehicleChoice, battery: Battery, target: Chosen, effort: Effort, label: str
 ) -> Path:
     """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on."""
-    typed, detector = target
     views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": 512, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
     runs = []
     for seed in range(effort.runs):
         settings = make_settings(**settings_of("ours", **wanted, seed=seed, target=choice.target, name=label))
-        runs += engine.make(recipes.paint(views, settings, [detector], [typed]))
-    best = min(runs, key=lambda folder: final_score(folder / CAMOUFLAGE))
+        runs += engine.make(recipes.paint(views, settings, [target]))
+    best = strongest(runs)
     link(out / "attacks" / choice.name / label, best)
     return best / CAMOUFLAGE
 
 
-def final_score(camouflage: Path) -> float:
-    """The detector's mean best score on the views that a camouflage was optimized on, at the end."""
-    made = load_camouflage(camouflage)[0].made
-    return float(made["final_losses"]["score"])
+def strongest(runs: Sequence[Path]) -> Path:
+    """Of several optimizations, that whose views the detector scores lowest at the end: a choice on training views."""
+
+    def final_score(folder: Path) -> float:
+        return float(load_camouflage(folder / CAMOUFLAGE)[0].made["final_losses"]["score"])
+
+    return min(runs, key=final_score)
 
 
 def summarize(

@@ -86,7 +86,7 @@ class Battery(Record):
         if any(set(vehicle.camouflages) != set(self.made_against) for vehicle in self.vehicles):
             raise RaucaError(f"{where}: every vehicle needs the same camouflages, those of made_against")
 
-    def choices(self, names: Sequence[str] = ()) -> dict[BatteryVehicle, VehicleChoice]:
+    def choices(self, names: Sequence[str] = ()) -> list[tuple[BatteryVehicle, VehicleChoice]]:
         """The shipped vehicles, or some of them, checked to be those that the battery was made for.
 
         Raises:
@@ -95,7 +95,7 @@ class Battery(Record):
         known = {vehicle.name: vehicle for vehicle in self.vehicles}
         if unknown := set(names) - set(known):
             raise RaucaError(f"--vehicle {min(unknown)}: not one of {self.name}; choose of {', '.join(known)}")
-        found = {}
+        found = []
         for vehicle in (known[name] for name in names or known):
             (choice,) = find_vehicles([vehicle.name])
             if recipes.vehicle_in(choice.folder).settings["content"] != vehicle.content:
@@ -103,7 +103,7 @@ class Battery(Record):
                     f"{choice.folder}: is another vehicle than the one {self.name} was made for, so its results would "
                     "not compare; take the rauca that this folder came with, or a newer battery"
                 )
-            found[vehicle] = choice
+            found.append((vehicle, choice))
         return found
 
     def views_of(self, choice: VehicleChoice, budget: str) -> dict[str, Artifact]:

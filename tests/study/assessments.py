@@ -14,9 +14,22 @@ def assessment(white_box: Score | None = None) -> Assessment:
         return Score(ap, ap - 0.1, ap + 0.1, ap, 24)
 
     return Assessment(
-        DETECTOR, "assess-1", "quick", ("sedan",), 0.25, score(0.9), score(0.7), score(0.4), white_box, "it has no gradient",
-        {"ours-ssd": score(0.4)}, {"normal": Cell(45.0, 8.0, "noon", 0.5, 0.3, ("f1", "f2"))},
-        {"normal": WorstTenth(0.1, 0.0, ("f2",))}, {"normal": Mistakes(24, found=20, missed=4)},
-        {"normal": Range(16.0, beyond=True, never=False)}, {"jpeg": Defended(score(0.9), score(0.8), score(0.5), None, None)}, {"rendering": 60.5},
-        {"clean": (0.9, 0.8), "random": (0.7, 0.7), "transfer": (0.4, 0.3)},
-    )  # fmt: skip
+        detector=DETECTOR,
+        battery="assess-1",
+        budget="quick",
+        vehicles=("sedan",),
+        threshold=0.25,
+        clean=score(0.9),
+        random=score(0.7),
+        transfer=score(0.4),
+        white_box=white_box,
+        white_box_note="it has no gradient",
+        transfer_by_camouflage={"ours-ssd": score(0.4)},
+        worst_cell={"normal": Cell(45.0, 8.0, "noon", 0.5, 0.3, ("f1", "f2"))},
+        worst_tenth={"normal": WorstTenth(0.1, 0.0, ("f2",))},
+        errors={"normal": Mistakes(24, found=20, missed=4)},
+        range_m={"normal": Range(16.0, beyond=True, never=False)},
+        defences={"jpeg": Defended(score(0.9), score(0.8), score(0.5), None, None)},
+        seconds={"rendering": 60.5},
+        draws={"clean": (0.9, 0.8), "random": (0.7, 0.7), "transfer": (0.4, 0.3)},
+    )
