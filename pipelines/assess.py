@@ -69,6 +69,8 @@ def assess(
     if json is not None and len(folders) > 1:
         raise RaucaError(f"--json {json}: is for one detector; with several, each has {FILE_NAME} in its own folder")
     looked_through, vehicles = split_defences(defences), split_names(vehicle)
+    if slurm and (classes or names or looked_through):
+        raise RaucaError("--slurm: its tasks load a detector by its name alone; drop --classes, --names and --defences")
     works = works_of(battery, vehicles, white_box, len(looked_through))
     found = []
     for name, folder in folders.items():
