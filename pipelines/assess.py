@@ -15,11 +15,11 @@ from .evaluate import split_defences
 from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, split_names
 
 if TYPE_CHECKING:
-    from rauca_core.study.cost import Work
-    from rauca_core.study.preflight import Preflight
-
     from rauca_core.detect import Detector
     from rauca_core.study.assessment import Assessment, Condition
+    from rauca_core.study.cost import Work
+    from rauca_core.study.preflight import Preflight
+    from rauca_core.study.study import Study
 
 Classes = Annotated[
     str | None, typer.Option(help="own class names and those of data sets, such as vehicle.car=car,vehicle.van=car")
@@ -46,6 +46,7 @@ def assess(
     ] = True,
     defences: Annotated[list[str] | None, typer.Option(help="to look through: lgs, pad, jpeg, bits, median")] = None,
     threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="score at which the detector is deployed")] = 0.25,
+    harden: Annotated[bool, typer.Option("--harden", help="harden the detector, and assess it again")] = False,
     before: Annotated[Path | None, typer.Option(help="assess.json of an earlier one: say what changed")] = None,
     fail_below: Conditions = None,
     json: Annotated[Path | None, typer.Option("--json", help="write the assessment here, too")] = None,
@@ -58,9 +59,10 @@ def assess(
     render_device: RenderDevice = "cpu",
 ) -> None:
     """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
-    from rauca_core.report import write_assessment, write_comparison
+    from rauca_core.report import write_comparison
     from rauca_core.study.assess import FILE_NAME, works_of
     from rauca_core.study.assess import assess as assess_one
+    from rauca_core.study.assess_hardened import assess_hardened
     from rauca_core.study.assessment import Condition, load_assessment, save_assessment
 
     conditions = [Condition.parse(one) for one in fail_below or ()]
@@ -72,19 +74,21 @@ def assess(
     if slurm and (classes or names or looked_through):
         raise RaucaError("--slurm: its tasks load a detector by its name alone; drop --classes, --names and --defences")
     works = works_of(battery, vehicles, white_box, len(looked_through))
+    asked = {
+        "battery": battery, "budget": budget, "vehicles": vehicles, "white_box": white_box,
+        "defences": looked_through, "threshold": threshold, "resamples": resamples, "command": command_line(),
+    }  # fmt: skip
     found = []
     for name, folder in folders.items():
         detector = _load(name, classes, names, device)
         checked = _check(detector, works[budget], budget, device)
         with means_of(device, slurm, blender, render_device, threads) as means:
-            one, study = assess_one(
-                detector, folder, checked=checked, battery=battery, budget=budget, vehicles=vehicles,
-                white_box=white_box, defences=looked_through, threshold=threshold, resamples=resamples,
-                command=command_line(), **means,
-            )  # fmt: skip
+            one, study = assess_one(detector, folder, checked=checked, **asked, **means)
+            _report(one, study, folder, earlier, latex)
+            if harden:
+                _, after, again = assess_hardened(name, folder / "hardened", **asked, **means)
+                _report(after, again, folder / "hardened", one, latex)
         found.append(one)
-        page = write_assessment(one, study, folder / "report.html", earlier, latex=latex)[0]
-        console.print(f"report: {page}", soft_wrap=True)
         if json is not None:
             save_assessment(json, one)
     if len(found) > 1:
@@ -92,6 +96,13 @@ def assess(
     for one in found:
         output().print(one.headline, soft_wrap=True)
     _stop_unless(conditions, found)
+
+
+def _report(one: Assessment, study: Study, folder: Path, earlier: Assessment | None, latex: bool) -> None:
+    from rauca_core.report import write_assessment
+
+    page = write_assessment(one, study, folder / "report.html", earlier, latex=latex)[0]
+    console.print(f"report: {page}", soft_wrap=True)
 
 
 def _folders(detectors: Sequence[str], out: Path) -> dict[str, Path]:

@@ -24,6 +24,7 @@ from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
 from ..training.settings import HardenSettings
 from . import recipes
+from .artifact import Artifact
 from .candidates import NORMAL, RANDOM, Candidate, VehicleChoice, match, read_candidates, read_vehicle_choice
 from .detectors import detectors_for
 from .engine import Engine, Means, open_engine
@@ -99,23 +100,16 @@ def harden(
         raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
     matched = _vehicles(candidates, data, opened)
     atlases = {vehicle.atlas_id for vehicle in matched}
-    options = {
-        "detector": detector, "datasets": [str(one.absolute()) for one in data],
-        "attacked": [str(one.absolute()) for one in data if read_plan(one).atlas_id in atlases],
-        "camouflages": [str(one.absolute()) for one in trained],
-        "settings": chosen.model_dump(mode="json"), "command": command,
-    }  # fmt: skip
+    attacked = [one for one in data if read_plan(one).atlas_id in atlases]
     means.setdefault("threads", chosen.threads)
     engine = open_engine(out / "store", [*data, *(one.folder for one in opened)], **means)
     _refuse_trained(candidates, trained)
-    recipe = recipes.hardened(detector, data, identity_of(hardening(options, out, engine.machine)), options)
+    recipe = recipe_of(engine, detector, data, attacked, trained, chosen, out, command)
     with alone_in(out):
         _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/camouflage.json"))
         (folder,) = engine.make(recipe)
         _refuse_trained(candidates, folder.glob("round-*/attack/camouflage.json"))
-        weights = next(folder.glob("hardened-*.safetensors"))
-        for made in (weights, weights.with_suffix(".json")):
-            link(out / made.name, made)
+        weights = link_weights(folder, out)
         both = detectors_for([detector, str(weights)], [one.category for one in matched], engine.machine)
         (_, before), (typed, after) = next(iter(both.values()))
         asked = attack_settings(chosen, ADAPTIVE, adaptive_steps or 1, ADAPTIVE, engine.store.folder / "taps")
@@ -139,6 +133,39 @@ def harden(
     }
     origins = _origins(candidates, next(iter(adaptive.values()), None))
     return Hardened(out / weights.name, before.name, after.name, study, gains, origins, facts)
+
+
+def recipe_of(
+    engine: Engine,
+    detector: str,
+    data: Sequence[Path],
+    attacked: Sequence[Path],
+    camouflages: Sequence[Path],
+    settings: HardenSettings,
+    out: Path,
+    command: str,
+) -> Artifact:
+    """A detector hardened on data sets, to be made.
+
+    Args:
+        attacked: those of ``data`` that each round's camouflages are made on.
+        camouflages: to train on beside them.
+    """
+    options = {
+        "detector": detector, "datasets": [str(one.absolute()) for one in data],
+        "attacked": [str(one.absolute()) for one in attacked],
+        "camouflages": [str(one.absolute()) for one in camouflages],
+        "settings": settings.model_dump(mode="json"), "command": command,
+    }  # fmt: skip
+    return recipes.hardened(detector, data, identity_of(hardening(options, out, engine.machine)), options)
+
+
+def link_weights(folder: Path, out: Path) -> Path:
+    """Let a hardened detector be found in ``out``; returns its weights in the store."""
+    weights = next(folder.glob("hardened-*.safetensors"))
+    for made in (weights, weights.with_suffix(".json")):
+        link(out / made.name, made)
+    return weights
 
 
 def _refuse_trained(candidates: Sequence[Candidate], trained: Iterable[Path]) -> None:
