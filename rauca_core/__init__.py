@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .contract import Dataset, RaucaError
     from .dataset_tools import load_vehicle
     from .detect import load_detector
-    from .report import Study, evaluate
+    from .report import Study, assess, evaluate
     from .study.datasets import make_dataset
     from .study.harden import harden
 
@@ -34,6 +34,7 @@ _HOMES = {
     "RaucaError": "contract",
     "Renderer": "attack",
     "Study": "report",
+    "assess": "report",
     "evaluate": "report",
     "harden": "study.harden",
     "load_camouflage": "attack:load_paint",
@@ -51,6 +52,7 @@ __all__ = [
     "Renderer",
     "Study",
     "__version__",
+    "assess",
     "evaluate",
     "harden",
     "load_camouflage",

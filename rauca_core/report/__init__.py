@@ -1,16 +1,24 @@
 """Reports: tables, figures and pages of studies."""
 
 from .ablation_page import write_ablation
+from .assessment_page import write_assessment
+from .comparison_page import comparison_markdown, write_comparison
 from .hardening_page import write_hardening
+from .robustness import Robustness, assess
 from .study_page import ReportNotes, Study, evaluate, save_showcase, write_report
 from .tradeoff_page import write_curve
 
 __all__ = [
     "ReportNotes",
+    "Robustness",
     "Study",
+    "assess",
+    "comparison_markdown",
     "evaluate",
     "save_showcase",
     "write_ablation",
+    "write_assessment",
+    "write_comparison",
     "write_curve",
     "write_hardening",
     "write_report",

@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..study.recall import Around
 from .table import Block, Table, is_normal, is_random
 
 # Okabe and Ito's colors; the second of each pair is for dark pages.
@@ -92,8 +93,8 @@ _FEW_DIRECTIONS = 12  # bands between directions this far apart would cover each
 _NAMES = {0: "front", 90: "left", 180: "rear", 270: "right"}
 
 
-def curve_svg(curve: Table, styles: Mapping[str, Style]) -> str:
-    """AP@0.5 of every paint along the columns of ``curve``, whose names are numbers; intervals as bands.
+def curve_svg(curve: Table, styles: Mapping[str, Style], measure: str = "AP@0.5") -> str:
+    """A measure from 0 to 1 of every paint along the columns of ``curve``, whose names are numbers; intervals as bands.
 
     An azimuth of four values or more becomes a ring, with whiskers where its directions are few.
     """
@@ -105,9 +106,54 @@ def curve_svg(curve: Table, styles: Mapping[str, Style]) -> str:
         axes = figure.add_subplot()
         for paint, line, low, high in _lines(curve.blocks[0]):
             _draw(axes, values, line, low, high, styles[paint])
-        axes.set(ylim=(-0.02, 1.02), yticks=np.linspace(0, 1, 5), xlabel=curve.title, ylabel="AP@0.5")
+        axes.set(ylim=(-0.02, 1.02), yticks=np.linspace(0, 1, 5), xlabel=curve.title, ylabel=measure)
         if len(values) == 1 or np.diff(values).min() > 0.09 * np.ptp(values):  # labels stay clear of each other
             axes.set_xticks(values, [f"{value:g}" for value in values])
+        return _svg(figure)
+
+
+def intervals_svg(table: Table, styles: Mapping[str, Style], measure: str = "AP@0.5") -> str:
+    """A line per row of the table from the top, its scores as marks with their intervals as whiskers.
+
+    ``styles`` has those of the columns to draw; where it has none of them, all are drawn in those of the rows.
+    """
+    rows, scores = table.blocks[0].rows, [place for place, one in enumerate(table.columns) if one.kind == "score"]
+    scores = [place for place in scores if table.columns[place].name in styles] or scores
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(6.6, 0.7 + (0.16 + 0.12 * len(scores)) * len(rows)), layout="constrained")
+        axes = figure.add_subplot()
+        for line, row in enumerate(rows):
+            for number, place in enumerate(scores):
+                cell = row.cells[place]
+                if cell is None or isinstance(cell.value, str):
+                    continue
+                at = line + 0.7 * (number + 1) / (len(scores) + 1)
+                style = styles.get(table.columns[place].name) or styles[row.name]
+                if cell.low is not None and cell.high is not None:
+                    axes.hlines(at, cell.low, cell.high, color=style.light, lw=2.2, alpha=0.45)
+                axes.plot(cell.value, at, style.mark, color=style.light, ms=5.5)
+        axes.set(xlim=(-0.02, 1.02), xticks=np.linspace(0, 1, 6), xlabel=measure, ylim=(len(rows) - 0.1, -0.2))
+        axes.set_yticks(np.arange(len(rows)) + 0.35, [row.name for row in rows])
+        axes.grid(visible=False, axis="y")
+        return _svg(figure)
+
+
+def around_svg(views: Around) -> str:
+    """A cell per side and distance: how many of its views find the target, the darker the fewer."""
+    with mpl.rc_context({**_STYLE, "axes.grid": False}):
+        figure = Figure(figsize=(4.0, 0.8 + 0.36 * len(views.bands)), layout="constrained")
+        axes = figure.add_subplot()
+        for (row, column), count in np.ndenumerate(views.views):
+            if count:
+                missed = 1 - float(views.found[row, column]) / float(count)
+                axes.fill_between([column, column + 1], row, row + 1, color=PALETTE[1][0], alpha=0.85 * missed, lw=0)
+                told = f"{views.found[row, column]}/{count}"
+                axes.text(column + 0.5, row + 0.5, told, ha="center", va="center", fontsize=8)
+        axes.set(xlim=(0, len(views.sides)), ylim=(len(views.bands), 0))
+        axes.set_xticks(
+            np.arange(len(views.sides)) + 0.5, [side.replace(" ", "\n") for side in views.sides], fontsize=7.5
+        )
+        axes.set_yticks(np.arange(len(views.bands)) + 0.5, views.bands, fontsize=8)
         return _svg(figure)
 
 

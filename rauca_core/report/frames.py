@@ -52,6 +52,14 @@ def placed_frames(scores: NDArray[np.float64], places: Sequence[str]) -> list[in
     return [int(order[round(PLACES[place] * (len(order) - 1))]) for place in places]
 
 
+def reading_of(category: str, threshold: float) -> str:
+    """How to read pictures of frames."""
+    return (
+        f"Cut out around the vehicle. Thin white: the true box. Detections that score {threshold:g} or more: blue "
+        f"finds the {category}, red reports one elsewhere, yellow takes it, or something else, for another thing."
+    )
+
+
 @dataclass(frozen=True)
 class Picture:
     """A JPEG; ``alt`` says what it shows."""
@@ -93,11 +101,7 @@ class FramePicker:
     @property
     def reading(self) -> str:
         """How to read the pictures, after how they were chosen."""
-        return (
-            f"{self.rule} Cut out around the vehicle. Thin white: the true box. Detections that score "
-            f"{PICTURE_THRESHOLD} or more: blue finds the {self._entries[0].category}, red reports one elsewhere, "
-            "yellow takes it, or something else, for another thing."
-        )
+        return f"{self.rule} {reading_of(self._entries[0].category, PICTURE_THRESHOLD)}"
 
     @property
     def paints(self) -> list[str]:
@@ -116,7 +120,7 @@ class FramePicker:
         rows = {
             paint: [
                 Picture(
-                    _tile(entry, recorded.found(detector, paint, index), paint, index),
+                    frame_tile(entry, recorded.found(detector, paint, index), paint, index),
                     f"{paint}, {title}, seen by {detector}{when}".replace("\n", ", "),
                 )
                 for title, (entry, recorded, _, index) in zip(titles, self._frames, strict=True)
@@ -138,9 +142,14 @@ class FramePicker:
         return f"{weathers}{place}\n{row.weather}, {row.azimuth_deg:.0f}°, {row.distance_m:g} m"
 
 
-def _tile(entry: Entry, found: Found, paint: str, index: int) -> bytes:
+def frame_tile(entry: Entry, found: Found, paint: str, index: int, threshold: float = PICTURE_THRESHOLD) -> bytes:
+    """A frame of an entry with what was found in it from ``threshold`` on, as JPEG.
+
+    Raises:
+        RaucaError: the image is missing, or has changed since.
+    """
     row, shown = entry.results.frames[index], entry.results.images[paint][index]
     path = entry.folder / shown.path
     if not path.is_file() or file_digest(path) != shown.sha256:
         raise RaucaError(f"{path}: missing or changed since it was evaluated; evaluate again")
-    return frame_picture(path, row.box_xyxy, found, entry.category, PICTURE_THRESHOLD)
+    return frame_picture(path, row.box_xyxy, found, entry.category, threshold)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -22,6 +23,30 @@ from .table import Cell, Column, Place, Row, Source, Table, laid_out, listing
 from .writers import TEMPLATES, tables_csv, tables_json, tables_latex
 
 
+@dataclass(frozen=True)
+class Behind:
+    """What a page tells below its sections, of where its numbers come from.
+
+    Attributes:
+        commands: that led to them, the first one in the JSON and LaTeX files too.
+        settings: name -> value, as the reader should see them.
+        timings_s: stage -> seconds.
+        limits: sentences added to what no page says.
+        fewest: views that a number is of, at least.
+        results, detectors: tables of files and detectors, where there is a study; numbers link to ``anchors``, which
+            are the ids of rows in ``results`` by file.
+    """
+
+    commands: Sequence[str] = ()
+    settings: Mapping[str, object] = field(default_factory=dict)
+    timings_s: Mapping[str, float] = field(default_factory=dict)
+    limits: Sequence[str] = ()
+    fewest: int = 0
+    results: Table | None = None
+    detectors: Table | None = None
+    anchors: Mapping[Path, str] = field(default_factory=dict)
+
+
 def write_study_page(
     study: Study,
     out: Path,
@@ -35,27 +60,16 @@ def write_study_page(
     limits: Sequence[str] = (),
     latex: bool = True,
 ) -> list[Path]:
-    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
-
-    The page is a document of its own: no script, nothing loaded, no date.
+    """Write the page of a study to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
 
     Args:
-        template: file in ``templates/``; extends ``page.html``.
-        told: what it is given: ``title``, ``scope`` (a sentence below the title), ``lead`` (what was found, a paragraph
-            each), ``styles`` (how rows of these names are marked in tables), and what is its own.
-        about: more fields of the JSON.
-        settings: name -> value, as the reader should see them.
         commands: behind the page's numbers, beside the study's own.
-        timings_s: stage -> seconds.
-        limits: sentences added to what no page says.
+        settings, timings_s, limits: see :class:`Behind`; the others are those of :func:`write_page`.
 
     Returns:
         What was written, the page first.
     """
     first, base = study.entries[0].results, out.parent
-    files = {".csv": tables_csv(tables, base), ".json": tables_json(tables, study.command, about, base)}
-    if latex:
-        files[".tex"] = tables_latex(tables, study.command)
     # file of results -> id of the row that tells about it
     anchors = {entry.folder / "results.json": f"data-{i}" for i, entry in enumerate(study.entries, start=1)}
     counted = {
@@ -63,21 +77,57 @@ def write_study_page(
         "overlap of non-maximum suppression": first.settings.iou_threshold,
         "bootstrap": f"{first.resamples} resamples of {first.clusters}, seed {first.seed}, 95 % interval",
     }
+    behind = Behind(
+        commands=unique([study.command, *commands]),
+        settings={**counted, **settings},
+        timings_s=timings_s or {},
+        limits=limits,
+        fewest=min(len(entry.results.frames) for entry in study.entries),
+        results=_results(study, base, anchors),
+        detectors=_detectors(study),
+        anchors=anchors,
+    )
+    return write_page(out, template, told, tables, about, behind, latex)
+
+
+def write_page(
+    out: Path,
+    template: str,
+    told: Mapping[str, Any],
+    tables: Sequence[Table],
+    about: Mapping[str, Any],
+    behind: Behind,
+    latex: bool = True,
+) -> list[Path]:
+    """Write a page to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
+
+    The page is a document of its own: no script, nothing loaded, no date.
+
+    Args:
+        template: file in ``templates/``; extends ``page.html``.
+        told: what it is given: ``title``, ``headline`` (the result in one line), ``scope`` (a sentence below it),
+            ``lead`` (what was found, a paragraph each), ``styles`` (how rows of these names are marked in tables), and
+            what is its own.
+        about: more fields of the JSON.
+        latex: whether to write the .tex.
+
+    Returns:
+        What was written, the page first.
+    """
+    base, command = out.parent, next(iter(behind.commands), "")
+    files = {".csv": tables_csv(tables, base), ".json": tables_json(tables, command, about, base)}
+    if latex:
+        files[".tex"] = tables_latex(tables, command)
     shared = {
+        **{one.name: getattr(behind, one.name) for one in fields(behind)},
         "version": __version__,
+        "headline": "",
         "scope": "",
         "styles": {},
         "colors": Markup(color_rules()),
-        "anchors": anchors,
         "base": base,
-        "commands": unique([study.command, *commands]),
-        "results": _results(study, base, anchors),
         "beside": [out.with_suffix(suffix).name for suffix in files],
-        "detectors": _detectors(study),
-        "settings": {**counted, **settings},
-        "timings": {stage: f"{seconds:.1f} s" for stage, seconds in (timings_s or {}).items()},
-        "fewest": min(len(entry.results.frames) for entry in study.entries),
-        "limits": limits,
+        "timings": {stage: f"{seconds:.1f} s" for stage, seconds in behind.timings_s.items()},
     }
     page = _environment().get_template(template).render({**shared, **told})
     written = {".html": page.encode(), **files}
@@ -128,6 +178,7 @@ def _environment() -> Environment:
         "curve": _curve,
         "is_ring": is_ring,
         "laid_out": laid_out,
+        "recall_curve": _recall_curve,
         "small": _small_interval,
         "source": _source,
         "themed": _themed,
@@ -138,6 +189,10 @@ def _environment() -> Environment:
 
 def _curve(curve: Table, styles: Mapping[str, Style], alt: str) -> Markup:
     return _themed(curve_svg(curve, styles), alt)
+
+
+def _recall_curve(curve: Table, styles: Mapping[str, Style], alt: str) -> Markup:
+    return _themed(curve_svg(curve, styles, "recall"), alt)
 
 
 def _themed(svg: str, alt: str) -> Markup:

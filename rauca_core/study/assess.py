@@ -231,6 +231,7 @@ def summarize(
             for name, paints in groups.items()
             if paints
         },
+        left_out=tuple(label for label in library if label not in others),
     )  # fmt: skip
 
 

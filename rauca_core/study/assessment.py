@@ -85,6 +85,7 @@ class Assessment(Record):
         seconds: by stage.
         draws: AP@0.5 of ``clean``, ``random``, ``transfer`` and ``white_box`` in every resample of the places. Those of
             one battery are the same for every detector, so that differences can be told from chance.
+        left_out: camouflages of the library that count as no transfer: they were made against this very detector.
     """
 
     FORMAT = ("rauca-assessment", 1)
@@ -107,6 +108,7 @@ class Assessment(Record):
     defences: dict[str, Defended] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     draws: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:

@@ -66,7 +66,7 @@ class Pool:
     def curve(self, paints: Sequence[str]) -> Curve:
         """(1 + R,) AP@0.5 of the frames as they are, then of each resample of the places; the mean over some paints."""
         for paint in set(paints) - set(self._curves):
-            self._curves[paint] = self._draws.curve(Ranking.of(self.samples(paint)))
+            self._curves[paint] = self.draws.curve(Ranking.of(self.samples(paint)))
         return np.mean([self._curves[paint] for paint in paints], axis=0, dtype=np.float64)
 
     def mistakes(self, paint: str, threshold: float) -> Mistakes:
@@ -83,7 +83,8 @@ class Pool:
         )
 
     @cached_property
-    def _draws(self) -> Draws:
+    def draws(self) -> Draws:
+        """The places as they are, then resamples of them."""
         places = [
             (town, row.location)
             for town, entry in zip(self._towns, self._entries, strict=True)

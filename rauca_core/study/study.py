@@ -81,15 +81,20 @@ class Study:
             for paint, row in entry.results.table.items()
             for detector, found in row.items()
         ]  # fmt: skip
-        if importlib.util.find_spec("pandas") is None:
-            return rows
-        import pandas
-
-        return pandas.DataFrame(rows)
+        return data_frame(rows)
 
     def of(self, **wanted: str) -> tuple[Entry, ...]:
         """Entries whose fields have the wanted values: ``study.of(defence="none", vehicle="sedan")``."""
         return tuple(e for e in self.entries if all(getattr(e, name) == value for name, value in wanted.items()))
+
+
+def data_frame(rows: list[dict[str, Any]]) -> Any:
+    """The rows as a `pandas.DataFrame` where pandas is installed, else as they are."""
+    if importlib.util.find_spec("pandas") is None:
+        return rows
+    import pandas
+
+    return pandas.DataFrame(rows)
 
 
 @dataclass(frozen=True, eq=False)

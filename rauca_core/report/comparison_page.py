@@ -1,0 +1,113 @@
+"""Several detectors under one battery: one table, sorted by AP in camouflages made for others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..contract import RaucaError
+from ..study.assess import FILE_NAME
+from ..study.assessment import Assessment
+from ..study.assessment_change import changes
+from ..study.candidates import NORMAL
+from .assessment_tables import KINDS, score_cell, shown_range, worst_camouflage
+from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg
+from .page import Behind, write_page
+from .table import Cell, Column, Row, Source, Table, listing, printed
+
+STYLES = dict(
+    zip(
+        KINDS.values(),
+        (Style(*GREY, "o"), Style(*OCHRE, "s"), Style(*PALETTE[0], "^"), Style(*PALETTE[1], "D")),
+        strict=True,
+    )
+)
+_LIMITS = (
+    "Transfer is the mean over camouflages that were not made against the detector itself: where some were, the "
+    "mean is over fewer. Each detector's own page says which.",
+    "The white box is one attack of a given length on each detector: an upper bound of its robustness. Where it is "
+    "missing, the detector could not be attacked, which does not make it robust.",
+)
+
+
+def write_comparison(found: Sequence[Assessment], out: Path, latex: bool = True) -> list[Path]:
+    """Write the page to ``out`` (.html), and its numbers (.csv, .json, .tex) beside it; returns all, the page first.
+
+    Raises:
+        RaucaError: there is none, or they are of different batteries, budgets or vehicles; nothing was written.
+    """
+    table, first = comparison_table(found), found[0]
+    told = {
+        "title": "How robust are these detectors?",
+        "scope": f"Battery {first.battery}, budget {first.budget}: {first.clean.frames} views of "
+        f"{' and '.join(first.vehicles)}, the same for every detector.",
+        "lead": [_lead(table)],
+        "styles": STYLES,
+        "table": table,
+        "drawing": intervals_svg(table, STYLES),
+    }
+    behind = Behind(settings={"deployed scores": _thresholds(found)}, limits=_LIMITS, fewest=first.clean.frames)
+    about = {"battery": first.battery, "budget": first.budget, "detectors": [one.detector.to_json() for one in found]}
+    return write_page(out, "comparison.html", told, [table], about, behind, latex)
+
+
+def comparison_table(found: Sequence[Assessment]) -> Table:
+    """A row per detector, the best under transfer first; errors as of :func:`write_comparison`."""
+    if not found:
+        raise RaucaError("comparison: no assessment was given")
+    for name in ("battery", "budget", "vehicles"):
+        if len(kinds := {str(getattr(one, name)): one.detector.name for one in found}) > 1:
+            told = ", ".join(f"{kind} of {detector}" for kind, detector in kinds.items())
+            raise RaucaError(f"comparison: assessments of different {name} ({told}); assess all on the same")
+    ranked = sorted(found, key=lambda one: -one.transfer.ap)
+    columns = (
+        *(Column(title) for title in KINDS.values()), Column("less the first's transfer", kind="change"),
+        Column("worst tenth's score"), Column("plain", "found up to", kind="text"),
+        Column("worst camouflage", "found up to", kind="text"), Column("ms an image", kind="number"),
+    )  # fmt: skip
+    rows = tuple(_row(one, ranked[0]) for one in ranked)
+    return listing("comparison", "detector", columns, rows, "Detectors under one battery")
+
+
+def _lead(table: Table) -> str:
+    """Who is best under transfer, and who can be told from it."""
+    (best, _), *others = ((row.name, row.cells[len(KINDS)]) for row in table.blocks[0].rows)
+    behind = [name for name, less in others if less is not None and less.high is not None and less.high < 0]
+    level = [name for name, _ in others if name not in behind]
+    parts = [f"In camouflages made for other detectors AP@0.5 is highest for {best}"]
+    parts += [f"beyond chance below it: {', '.join(behind)}"] if behind else []
+    parts += [f"not to be told from it: {', '.join(level)}"] if level else []
+    return f"{'; '.join(parts)}."
+
+
+def _row(one: Assessment, first: Assessment) -> Row:
+    name = one.detector.name
+    file = f"{FILE_NAME} of {name}"
+    scores = (score_cell(getattr(one, kind), kind, file=file) for kind in KINDS)
+    behind = next(change for change in changes(first, one) if change.paint == "transfer")
+    less = None if one is first else Cell(behind.difference, behind.low, behind.high)
+    tenth = Cell(one.worst_tenth[NORMAL].score, source=Source(file, ("worst_tenth", NORMAL, "score")))
+    reach = (Cell(shown_range(one.range_m[paint])) for paint in (NORMAL, worst_camouflage(one)))
+    return Row(name, (*scores, less, tenth, *reach, Cell(one.detector.ms_per_image)))
+
+
+def comparison_markdown(found: Sequence[Assessment]) -> str:
+    """The comparison as a Markdown table, for a README or a page of documentation."""
+    table = comparison_table(found)
+    names = [f"{one.group}, {one.name}" if one.group else one.name for one in table.columns]
+    lines = [f"| {table.corner} | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
+    for row in table.blocks[0].rows:
+        cells = [_told(cell, column) for cell, column in zip(row.cells, table.columns, strict=True)]
+        lines.append(f"| {row.name} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _told(cell: Cell | None, column: Column) -> str:
+    if cell is None or isinstance(cell.value, str):
+        return "–" if cell is None else str(cell.value)
+    between = "" if cell.low is None or cell.high is None else f" ({cell.low:.2f} to {cell.high:.2f})"
+    return printed(cell.value, column.kind) + between
+
+
+def _thresholds(found: Sequence[Assessment]) -> str:
+    return ", ".join(f"{one.detector.name} {one.threshold:g}" for one in found)
