@@ -6,50 +6,17 @@ import csv
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
-import torch
-from torch import Tensor
 
 from benchmarks.stability.drawn import make_dataset
-from rauca_core.contract import Dataset, Vehicle
-from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.detect import DensePredictions, Detections
+from rauca_core.contract import Vehicle
 from rauca_core.report import write_hardening
 from rauca_core.study.harden import Hardened
 from rauca_core.study.hardening import gains_of
 from rauca_core.study.study import Entry, Study
+from tests.study.colored import BLUE, GREEN, RED, SIZE, FindsColors, paint
 from tests.study.measured import measure
 from tests.study.page import whole_page
-
-SIZE = 64
-RED, BLUE, GREEN = (220, 20, 20), (20, 20, 220), (20, 220, 20)
-
-
-class FindsColors:
-    """A detector that takes what has one of its colors for a car."""
-
-    class_names = ("car",)
-
-    def __init__(self, name: str, *colors: tuple[int, int, int]) -> None:
-        self.name, self.colors, self.fingerprint = name, colors, f"f00d{len(colors)}"
-
-    def to(self, device: torch.device | str) -> FindsColors:
-        return self
-
-    def dense(self, images: Tensor) -> DensePredictions:
-        raise NotImplementedError
-
-    def detect(self, images: Tensor, score_threshold: float = 0.0, iou_threshold: float = 0.45) -> list[Detections]:
-        return [self._detect(image) for image in images]
-
-    def _detect(self, image: Tensor) -> Detections:
-        known = [(image - torch.tensor(c)[:, None, None] / 255).abs().amax(0) < 0.02 for c in self.colors]
-        rows, columns = torch.stack(known).any(0).nonzero().unbind(1)
-        if not len(rows):
-            return Detections(torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, dtype=torch.int64))
-        box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]).float()
-        return Detections(box[None], torch.tensor([0.9]), torch.tensor([0]))
 
 
 @pytest.fixture
@@ -62,14 +29,6 @@ def entry(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
     detectors = [FindsColors("before", RED), FindsColors("after", RED, BLUE)]
     results = measure(dataset, paints, detectors, tmp_path / "study", resamples=200)
     return Entry("seen", "none", "box", "car", results, tmp_path / "study")
-
-
-def paint(dataset: Dataset, folder: Path, colors: list[tuple[int, int, int]]) -> None:
-    for frame, color in zip(dataset.frames(), colors, strict=True):
-        pixels = np.zeros((SIZE, SIZE, 3), np.uint8)
-        left, top, right, bottom = (int(v) for v in frame.box_xyxy)
-        pixels[top:bottom, left:right] = color
-        write_bytes(folder / f"{frame.id}.png", png_bytes(pixels))
 
 
 def test_gains_follow_their_formula(entry: Entry) -> None:
