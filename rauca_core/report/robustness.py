@@ -9,6 +9,7 @@ from typing import Any
 
 from torch import Tensor, nn
 
+from ..contract import RaucaError
 from ..detect import Detector, load_detector
 from ..study import assess as assessing
 from ..study.artifact import digest_of
@@ -101,11 +102,7 @@ def assess(
     Raises:
         RaucaError: a mistake, before anything is rendered; another process at work in ``out``.
     """
-    detector: Detector
-    if hasattr(model, "fingerprint") and hasattr(model, "detect"):
-        detector = model
-    else:
-        detector = load_detector(model, device=options.get("device", "cpu"), names=names, classes=classes)
+    detector = _loaded(model, names, classes, options.get("device", "cpu"))
     asked = {"budget": budget, **{name: options[name] for name in sorted(_ASKED & set(options))}}
     folder = out or user_cache() / "assessments" / digest_of([detector.fingerprint, asked])
     found, study = assessing.assess(detector, folder, budget=budget, **options)
@@ -113,3 +110,12 @@ def assess(
 
 
 _ASKED = {"battery", "vehicles", "white_box", "defences", "threshold", "resamples"}
+
+
+def _loaded(model: Any, names: Sequence[str] | None, classes: Mapping[str, str] | None, device: str) -> Detector:
+    if not hasattr(model, "fingerprint"):
+        return load_detector(model, device=device, names=names, classes=classes)
+    if names or classes:
+        raise RaucaError("assess: a loaded detector has its class names; give names and classes to load_detector")
+    detector: Detector = model
+    return detector
