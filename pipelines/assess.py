@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+import rauca_core as rauca
 from rauca_core.contract import RaucaError, format_duration
 
 from .console import command_line, console, output
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from rauca_core.study.assessment import Assessment, Condition
     from rauca_core.study.cost import Work
     from rauca_core.study.preflight import Preflight
-    from rauca_core.study.study import Study
 
 Classes = Annotated[
     str | None, typer.Option(help="own class names and those of data sets, such as vehicle.car=car,vehicle.van=car")
@@ -61,12 +61,12 @@ def assess(
     """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
     from rauca_core.report import write_comparison
     from rauca_core.study.assess import FILE_NAME, works_of
-    from rauca_core.study.assess import assess as assess_one
-    from rauca_core.study.assess_hardened import assess_hardened
     from rauca_core.study.assessment import Condition, load_assessment, save_assessment
+    from rauca_core.study.battery_hardening import harden_on_battery
 
     conditions = [Condition.parse(one) for one in fail_below or ()]
-    earlier = None if before is None else load_assessment(before)
+    if before is not None:
+        load_assessment(before)
     folders = _folders(detectors, out)
     if json is not None and len(folders) > 1:
         raise RaucaError(f"--json {json}: is for one detector; with several, each has {FILE_NAME} in its own folder")
@@ -74,23 +74,25 @@ def assess(
     if slurm and (classes or names or looked_through):
         raise RaucaError("--slurm: its tasks load a detector by its name alone; drop --classes, --names and --defences")
     works = works_of(battery, vehicles, white_box, len(looked_through))
-    asked = {
-        "battery": battery, "budget": budget, "vehicles": vehicles, "white_box": white_box,
-        "defences": looked_through, "threshold": threshold, "resamples": resamples, "command": command_line(),
+    same: dict[str, Any] = {"battery": battery, "budget": budget, "vehicles": vehicles, "command": command_line()}
+    asked = same | {
+        "white_box": white_box, "defences": looked_through, "threshold": threshold, "resamples": resamples,
     }  # fmt: skip
     found = []
     for name, folder in folders.items():
         detector = _load(name, classes, names, device)
         checked = _check(detector, works[budget], budget, device)
         with means_of(device, slurm, blender, render_device, threads) as means:
-            one, study = assess_one(detector, folder, checked=checked, **asked, **means)
-            _report(one, study, folder, earlier, latex)
+            one = rauca.assess(name if slurm else detector, out=folder, checked=checked, **asked, **means)
+            found.append(one.assessment)
+            _tell(one.report(folder / "report.html", before, latex))
             if harden:
-                _, after, again = assess_hardened(name, folder / "hardened", **asked, **means)
-                _report(after, again, folder / "hardened", one, latex)
-        found.append(one)
+                weights = harden_on_battery(name, folder / "hardened", **same, **means)
+                after = rauca.assess(weights, out=folder / "hardened" / "assessed", **asked, **means)
+                _tell(after.report(folder / "hardened" / "report.html", folder / FILE_NAME, latex))
+                console.print(f"hardened: {after.headline}", soft_wrap=True)
         if json is not None:
-            save_assessment(json, one)
+            save_assessment(json, one.assessment)
     if len(found) > 1:
         console.print(f"comparison: {write_comparison(found, out / 'report.html')[0]}", soft_wrap=True)
     for one in found:
@@ -98,10 +100,7 @@ def assess(
     _stop_unless(conditions, found)
 
 
-def _report(one: Assessment, study: Study, folder: Path, earlier: Assessment | None, latex: bool) -> None:
-    from rauca_core.report import write_assessment
-
-    page = write_assessment(one, study, folder / "report.html", earlier, latex=latex)[0]
+def _tell(page: Path) -> None:
     console.print(f"report: {page}", soft_wrap=True)
 
 
