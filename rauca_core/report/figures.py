@@ -146,7 +146,7 @@ def around_svg(views: Around) -> str:
         for (row, column), count in np.ndenumerate(views.views):
             if count:
                 missed = 1 - float(views.found[row, column]) / float(count)
-                axes.fill_between([column, column + 1], row, row + 1, color=PALETTE[1][0], alpha=0.85 * missed, lw=0)
+                axes.fill_between([column, column + 1], row, row + 1, color=PALETTE[1][0], alpha=0.65 * missed, lw=0)
                 told = f"{views.found[row, column]}/{count}"
                 axes.text(column + 0.5, row + 0.5, told, ha="center", va="center", fontsize=8)
         axes.set(xlim=(0, len(views.sides)), ylim=(len(views.bands), 0))

@@ -29,6 +29,7 @@ from rauca_core.contract.plan import FINISHES
 from rauca_core.dataset_tools import FORMATS
 from rauca_core.detect import SOURCES
 from rauca_core.study.ablations.catalogue import experiment_named
+from rauca_core.study.assessment import Condition
 from rauca_core.study.defences import make_defence
 from rauca_core.study.views import weather_sets
 
@@ -185,6 +186,10 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("demo", "vehicle"): _check_vehicle,
     ("bench vehicle", "vehicle"): _check_vehicle,
     ("bench render", "vehicle"): _check_vehicle,
+    ("assess", "detectors"): _each(_check_detectors),
+    ("assess", "fail_below"): lambda given: [Condition.parse(one) for one in given],
+    ("assess", "vehicle"): _each(_check_vehicle),
+    ("assess", "defences"): lambda given: [make_defence(name) for name in split_defences(given)],
     ("optimize", "detector"): _each(_check_detectors),
     ("evaluate", "detectors"): _each(_check_detectors),
     ("evaluate", "weathers"): _check_sets,
