@@ -174,7 +174,7 @@ def _assessed(found: Assessment) -> Mapping[str, Any]:
         "detector": one.name,
         "family": one.family,
         "sha256": one.sha256 or "none: a function cannot be identified",
-        "speed": f"{one.ms_per_image:g} ms an image on the machine that assessed it",
+        "speed": f"{one.ms_per_image:.3g} ms an image on the machine that assessed it",
         "attacked itself": "possible, it has gradients" if one.differentiable else f"not possible: {one.why_not}",
         "deployed score": f"{found.threshold:g}",
     }
