@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import rauca_core as rauca
-from rauca_core.contract import RaucaError, format_duration
+from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output
+from .detector_commands import show_preflight
 from .evaluate import split_defences
 from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, split_names
 
@@ -126,16 +127,8 @@ def _check(detector: Detector, work: Work, budget: str, device: str) -> Prefligh
     """Look at the detector for a minute, and say what hours of work would come to."""
     from rauca_core.study.preflight import preflight
 
-    checked = preflight(detector, "car", {budget: work}, device)
-    cost = checked.costs[budget]
-    console.print(
-        f"{checked.name}: {checked.family}, AP@0.5 {checked.ap:.2f} on {checked.pictures} plain cars, "
-        f"{checked.ms_forward:.0f} ms an image; {budget} takes about {format_duration(cost.seconds)} "
-        f"and {cost.disk_bytes / 1e6:.0f} MB, less what is in the cache",
-        soft_wrap=True,
-    )
-    for warning in checked.warnings:
-        console.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+    checked = preflight(detector, works={budget: work}, device=device)
+    show_preflight(checked, console)
     return checked
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -73,26 +74,32 @@ def detectors_check(
     from rauca_core.detect import load_detector
     from rauca_core.detect.classes import read_names
     from rauca_core.detect.renaming import parse_classes
+    from rauca_core.study.assess import works_of
     from rauca_core.study.preflight import preflight
 
     listed = None if names is None else read_names(names)
     loaded = load_detector(detector, size, device, listed, parse_classes(classes) if classes else None)
     with console.status(f"looking through {loaded.name}"):
-        found = preflight(loaded, device=device)
+        found = preflight(loaded, works=works_of(), device=device)
     if json:
         write_json(json, found.to_json())
-    table = Table("what", "found", title=f"rauca detectors check {loaded.name}")
-    for what, shown in _checked(found).items():
-        table.add_row(what, shown)
-    output(TABLE_WIDTH).print(table)
-    for warning in found.warnings:
-        console.print(Text.assemble(("warning", "yellow"), f": {warning}"), soft_wrap=True)
+    show_preflight(found, output(TABLE_WIDTH))
     if found.warnings:
         raise typer.Exit(1)
 
 
+def show_preflight(found: Preflight, where: Console) -> None:
+    """A preflight as a table, and its warnings below."""
+    table = Table("what", "found", title=f"a look at {found.name}")
+    for what, shown in _checked(found).items():
+        table.add_row(what, shown)
+    where.print(table)
+    for warning in found.warnings:
+        console.print(Text.assemble(("warning", "yellow"), f": {warning}"), soft_wrap=True)
+
+
 def _checked(found: Preflight) -> dict[str, str]:
-    """A preflight for people."""
+    """A preflight in words."""
     size, step, called = found.input_size, found.ms_step, found.class_names[found.class_index]
     return {
         "family": found.family,

@@ -35,7 +35,7 @@ def test_one_command_ends_in_a_headline_a_page_and_an_exit_code(
     passed = run(*asked, "--fail-below", "clean_ap=0.01", "--json", copy)
     assert passed.exit_code == 0, passed.output
     assert passed.stdout.strip().startswith("yolov4-tiny: AP@0.5 ")
-    assert "quick takes about" in passed.stderr
+    assert "quick assessment" in passed.stderr
     page = (out / "report.html").read_text()
     assert passed.stdout.strip() in page
     assert json.loads(copy.read_text()) == json.loads((out / "assess.json").read_text())
