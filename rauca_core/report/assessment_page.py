@@ -80,7 +80,7 @@ def write_assessment(
     about = {"detector": found.detector.to_json(), "battery": found.battery, "budget": found.budget}
     return write_study_page(
         study, out, "assessment.html", told, tables, about, {}, timings_s=found.seconds, limits=_limits(found, seen),
-        latex=latex,
+        latex=latex, fewest=len(seen.pool.rows),
     )  # fmt: skip
 
 

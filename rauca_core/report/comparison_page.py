@@ -30,8 +30,15 @@ _LIMITS = (
 )
 
 
-def write_comparison(found: Sequence[Assessment], out: Path, latex: bool = True) -> list[Path]:
+def write_comparison(
+    found: Sequence[Assessment], out: Path, pages: Sequence[Path] = (), latex: bool = True
+) -> list[Path]:
     """Write the page to ``out`` (.html), and its numbers (.csv, .json, .tex) beside it; returns all, the page first.
+
+    Args:
+        found: at least one.
+        pages: of each detector, to link to; none if left out.
+        latex: whether to write the .tex.
 
     Raises:
         RaucaError: there is none, or they are of different batteries, budgets or vehicles; nothing was written.
@@ -44,6 +51,9 @@ def write_comparison(found: Sequence[Assessment], out: Path, latex: bool = True)
         "lead": [_lead(table)],
         "styles": STYLES,
         "table": table,
+        "pages": [
+            (one.detector.name, Source(page, ()).told(out.parent)) for one, page in zip(found, pages, strict=False)
+        ],
         "drawing": intervals_svg(table, STYLES),
     }
     behind = Behind(settings={"deployed scores": _thresholds(found)}, limits=_LIMITS, fewest=first.clean.frames)

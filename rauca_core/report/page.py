@@ -59,12 +59,14 @@ def write_study_page(
     timings_s: Mapping[str, float] | None = None,
     limits: Sequence[str] = (),
     latex: bool = True,
+    fewest: int | None = None,
 ) -> list[Path]:
     """Write the page of a study to ``out`` (.html) and the numbers of some tables beside it (.csv, .json, .tex).
 
     Args:
         commands: behind the page's numbers, beside the study's own.
         settings, timings_s, limits: see :class:`Behind`; the others are those of :func:`write_page`.
+        fewest: as of :class:`Behind`; frames of the smallest entry if left out.
 
     Returns:
         What was written, the page first.
@@ -82,7 +84,7 @@ def write_study_page(
         settings={**counted, **settings},
         timings_s=timings_s or {},
         limits=limits,
-        fewest=min(len(entry.results.frames) for entry in study.entries),
+        fewest=min(len(entry.results.frames) for entry in study.entries) if fewest is None else fewest,
         results=_results(study, base, anchors),
         detectors=_detectors(study),
         anchors=anchors,

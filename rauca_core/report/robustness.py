@@ -102,10 +102,15 @@ def assess(
     Raises:
         RaucaError: a mistake, before anything is rendered; another process at work in ``out``.
     """
-    detector = _loaded(model, names, classes, options.get("device", "cpu"))
-    asked = {"budget": budget, **{name: options[name] for name in sorted(_ASKED & set(options))}}
-    folder = out or user_cache() / "assessments" / digest_of([detector.fingerprint, asked])
-    found, study = assessing.assess(detector, folder, budget=budget, **options)
+    device = options.get("device", "cpu")
+    # What has a name goes by it: tasks of a cluster load it by that.
+    named = isinstance(model, str | Path) and not (names or classes)
+    detector = str(model) if named else _loaded(model, names, classes, device)
+    if out is None:
+        known = _loaded(model, names, classes, device) if isinstance(detector, str) else detector
+        asked = {"budget": budget, **{name: options[name] for name in sorted(_ASKED & set(options))}}
+        out = user_cache() / "assessments" / digest_of([known.fingerprint, asked])
+    found, study = assessing.assess(detector, out, budget=budget, **options)
     return Robustness(found, Study._of(study))
 
 

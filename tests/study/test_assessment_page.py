@@ -165,8 +165,10 @@ def test_another_process_in_another_folder_writes_the_same_page(
 def test_detectors_are_compared_best_first(found: Assessment, study: Study, tmp_path: Path) -> None:
     other = summarized(study, "other", tmp_path)
     assert other.transfer.ap > found.transfer.ap
-    page, table, *_ = write_comparison([found, other], tmp_path / "comparison.html")
+    own = [write_assessment(one, study, tmp_path / one.detector.name / "report.html")[0] for one in (found, other)]
+    page, table, *_ = write_comparison([found, other], tmp_path / "comparison.html", own)
     read = whole_page(page)
+    assert read.links[-5:-3] == ["mine/report.html", "other/report.html"]
     assert "AP@0.5 is highest for other; beyond chance below it: mine." in read.text
     rows = [row for row in csv.DictReader(table.open()) if row["column"] == "transfer"]
     assert [row["row"] for row in rows] == ["other", "mine"]
@@ -200,6 +202,19 @@ def test_the_face_of_an_assessment(found: Assessment, study: Study, tmp_path: Pa
         found_out.passes("robust")
     page = found_out.report(tmp_path / "out" / "report.html", before=tmp_path / "out" / "assess.json")
     assert "What changed" in whole_page(page).text
+
+
+def test_a_name_stays_a_name_and_what_is_loaded_keeps_its_classes(
+    found: Assessment, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(robustness.assessing, "assess", lambda *given, **options: asked.append(given) or (found, study))
+    rauca.assess("yolov3-tiny", out=tmp_path)  # a task of a cluster loads it by that
+    rauca.assess(FindsColors("mine", RED), out=tmp_path)
+    assert asked[0] == ("yolov3-tiny", tmp_path)
+    assert asked[1][0].name == "mine"
+    with pytest.raises(RaucaError, match="give names and classes to load_detector"):
+        rauca.assess(FindsColors("mine", RED), names=("car",), out=tmp_path)
 
 
 @pytest.mark.usefixtures("drawn_blender")
