@@ -89,15 +89,17 @@ def assess(
             _tell(one.report(folder / "report.html", before, latex))
             if harden:
                 weights = harden_on_battery(name, folder / "hardened", **same, **means)
-                after = rauca.assess(weights, out=folder / "hardened" / "assessed", **asked, **means)
-                _tell(after.report(folder / "hardened" / "report.html", folder / FILE_NAME, latex))
+                assessed = folder / "hardened" / "assessed"
+                after = rauca.assess(weights, out=assessed, **asked, **means)
+                _tell(after.report(assessed / "report.html", folder / FILE_NAME, latex))
                 console.print(f"hardened: {after.headline}", soft_wrap=True)
         if json is not None:
             save_assessment(json, one.assessment)
     if len(found) > 1:
-        console.print(f"comparison: {write_comparison(found, out / 'report.html')[0]}", soft_wrap=True)
-    for one in found:
-        output().print(one.headline, soft_wrap=True)
+        pages = [folder / "report.html" for folder in folders.values()]
+        console.print(f"comparison: {write_comparison(found, out / 'report.html', pages)[0]}", soft_wrap=True)
+    for assessment in found:
+        output().print(assessment.headline, soft_wrap=True)
     _stop_unless(conditions, found)
 
 
@@ -109,7 +111,7 @@ def _folders(detectors: Sequence[str], out: Path) -> dict[str, Path]:
     """Where each detector's assessment lies: in ``out`` itself if there is but one."""
     if len(detectors) == 1:
         return {detectors[0]: out}
-    stems = [Path(name.partition("=")[0]).stem for name in detectors]
+    stems = [Path(name).stem for name in detectors]
     if len(set(stems)) < len(stems):
         raise RaucaError(f"two of {', '.join(detectors)} have one name; rename a file, or assess them one by one")
     return {name: out / stem for name, stem in zip(detectors, stems, strict=True)}

@@ -162,7 +162,7 @@ def _attack(
     """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on."""
     views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": 512, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
-    runs = []
+    runs: list[Path] = []
     for seed in range(effort.runs):
         settings = make_settings(**settings_of("ours", **wanted, seed=seed, target=choice.target, name=label))
         runs += engine.make(recipes.paint(views, settings, [target]))
