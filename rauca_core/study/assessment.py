@@ -19,7 +19,8 @@ class Assessed(Record):
     """The detector that was assessed.
 
     Attributes:
-        sha256: of its weights, network, input size and class names; empty for a callable, which cannot be identified.
+        sha256: of its weights, network, input size and class names; another one each time for a function, which cannot
+            be identified.
         differentiable: whether it could be attacked itself.
         why_not: the reason where it could not.
         ms_per_image: median, at the battery's image size, on the machine that assessed it.
