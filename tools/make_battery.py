@@ -9,10 +9,8 @@ places than those below. A battery that is released is never written again: the 
 from __future__ import annotations
 
 import argparse
-import io
+from dataclasses import replace
 from pathlib import Path
-
-from PIL import Image
 
 from rauca_core.contract import Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
 from rauca_core.contract.assets import assets_folder
@@ -48,11 +46,9 @@ def views_plan(ring: Ring, weathers: tuple, seed: int, light: bool) -> Plan:
 
 
 def keep(folder: Path, label: str, into: Path) -> str:
-    """Copy a camouflage into the library, its picture packed as tightly as PNG can; returns its digest."""
+    """Copy a camouflage into the library; returns the digest of its UV map."""
     record, image = load_camouflage(folder / "camouflage.json")
-    packed = io.BytesIO()
-    Image.open(image).convert("RGB").save(packed, "PNG", optimize=True)
-    save_camouflage(into / f"{label}.json", record, packed.getvalue())
+    save_camouflage(into / f"{label}.json", replace(record, name=label), image.read_bytes())
     return file_digest(into / f"{label}.png")
 
 
