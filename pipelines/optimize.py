@@ -76,6 +76,9 @@ def optimize(
         str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
     ] = "texels",
     start: Annotated[str, typer.Option(help="random or plain")] = "random",
+    begin_with: Annotated[
+        Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle and map size")
+    ] = None,
     limit: Annotated[
         str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
     ] = "project",

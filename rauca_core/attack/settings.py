@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from ..contract import load_camouflage
+from ..contract.files import file_digest
 from ..render import Sampler
 from ..render.sampler import TEXTURE_SIZE
 from ..runtime.settings import Settings
@@ -35,6 +37,7 @@ class OptimizerSettings(Settings):
         extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
         start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels".
+        begin_with: a camouflage (JSON or PNG) of the same vehicle and map size to begin with, in place of ``start``.
         limit: how texels are kept in [0, 1], see `texture`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
@@ -75,6 +78,7 @@ class OptimizerSettings(Settings):
     extractor: Path | None = None
     seed: int = Field(0, ge=0)
     start: Literal["random", "plain", "seed"] = "random"
+    begin_with: Path | None = None
     limit: Literal["project", "clamp", "tanh"] = "project"
     roa: bool = True
     rest: int = Field(0, ge=0, le=1000)
@@ -105,7 +109,8 @@ class OptimizerSettings(Settings):
     def identity(self) -> dict[str, Any]:
         """The settings that a resumed run must share to end as one that never stopped.
 
-        Of a reference picture only the file's name: its contents have a digest, and where it lies changes nothing.
+        Of a reference picture only the file's name: its contents have a digest, and where it lies changes nothing. Of
+        a camouflage to begin with, the digest of its UV map.
         """
         free = {"checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
         if self.decay == 1.0:  # else the learning rate of every step depends on how many there will be
@@ -113,6 +118,10 @@ class OptimizerSettings(Settings):
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
+        if self.begin_with is None:
+            del shared["begin_with"]
+        else:
+            shared["begin_with"] = file_digest(load_camouflage(self.begin_with)[1])
         return shared
 
     def lr_at(self, step: int) -> float:

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..contract import RaucaError
+from ..contract import RaucaError, load_camouflage
+from ..contract.color import to_bytes
 from ..contract.seeding import named_seed
 from ..render import saturate
+from ..runtime.images import read_image
 from .das import seed_paint
 from .frames import FrameStore
 from .layout import PaintLayout
@@ -116,10 +119,17 @@ def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.d
         if settings.limit != "project":
             raise RaucaError(f"--limit {settings.limit}: natural camouflage is kept in range by project; choose that")
         constraints = Constraints(store.vehicle, store.pyramid, settings.natural, settings.seed)
+        if settings.begin_with is not None:
+            given = constraints.of_patches(to_bytes(_given_texels(store, settings.begin_with).numpy()))
+            return NaturalColors(constraints, torch.from_numpy(given.astype(np.float32) / 255).to(device))
         if constraints.home is None or settings.natural.max_delta_e is None:
             return NaturalColors(constraints, first_colors(constraints.count, settings).to(device))
         # Noise of a random start would stay, as loud as the bound allows, wherever no view says otherwise.
         return NaturalColors(constraints, torch.from_numpy(constraints.home.astype(np.float32) / 255).to(device))
+    if settings.begin_with is not None:
+        if settings.paint != "texels":
+            raise RaucaError(f"{settings.begin_with}: a camouflage to begin with is of texels, not {settings.paint}")
+        return FreeColors(store.layout, settings, _given_texels(store, settings.begin_with).to(device))
     if settings.cover == "panels":
         if settings.paint != "facets":
             raise RaucaError(f"cover: panels are painted on facets, not on {settings.paint}; choose cover: all")
@@ -127,6 +137,16 @@ def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.d
     if settings.start == "seed":
         raise RaucaError("start: the seed picture is for cover: panels; choose random or plain")
     return FreeColors(store.layout, settings, first_colors(store.layout.count, settings).to(device))
+
+
+def _given_texels(store: FrameStore, path: Path) -> Tensor:
+    """(P, 3) sRGB: the paintable texels of a camouflage; raises :class:`RaucaError` where it does not fit."""
+    record, image = load_camouflage(path)
+    record.check_fits(store.vehicle.atlas_id, str(path))
+    pixels, size = read_image(image), store.pyramid.size
+    if pixels.shape[:2] != (size, size):
+        raise RaucaError(f"{image}: a camouflage to begin with must be as large as the map, {size} x {size} texels")
+    return store.pyramid.from_map(torch.from_numpy(pixels.transpose(2, 0, 1).astype(np.float32) / 255))
 
 
 def first_colors(count: int, settings: OptimizerSettings) -> Tensor:

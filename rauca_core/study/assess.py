@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
@@ -36,12 +36,14 @@ from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
 from .preflight import Preflight, preflight
+from .ranking import best_of
 from .store import link, user_cache
 from .study import Study
 from .weak_spots import half_recall_range, worst_cell, worst_tenth
 
 FILE_NAME = "assess.json"
 WHITE_BOX, INFORMED = "white-box", "informed-"
+MAP_SIZE = 512  # texels, of the library's maps and of the attacks
 THRESHOLD = 0.25  # the score that Ultralytics and most others deploy with
 
 
@@ -110,9 +112,10 @@ def assess(
     with alone_in(out):
         paints = {}
         for vehicle, choice in choices:
-            worn = dict(frozen.camouflages_of(vehicle))
+            library = frozen.camouflages_of(vehicle)
+            worn = dict(library)
             for label, target in attacked.items():
-                worn[label] = _attack(engine, out, choice, frozen, target, EFFORTS[budget], label)
+                worn[label] = _attack(engine, out, choice, frozen, library, target, EFFORTS[budget], label)
             paints[choice] = keep_paints(engine, out, choice, worn, frozen.random)
         places = [
             Place(name, choice, views)
@@ -157,14 +160,29 @@ def informed(defence: str) -> str:
 
 
 def _attack(
-    engine: Engine, out: Path, choice: VehicleChoice, battery: Battery, target: Chosen, effort: Effort, label: str
+    engine: Engine,
+    out: Path,
+    choice: VehicleChoice,
+    battery: Battery,
+    library: Mapping[str, Path],
+    target: Chosen,
+    effort: Effort,
+    label: str,
 ) -> Path:
-    """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on."""
+    """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on.
+
+    The first run begins with the camouflage of the library that hides the vehicle best from the detector on these
+    views, which saves it the hundreds of steps that noise needs to become a pattern.
+    """
     views = battery.attack_views(choice, effort.frames)
-    wanted = {"steps": effort.steps, "map_size": 512, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
+    wanted = {"steps": effort.steps, "map_size": MAP_SIZE, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
+    known = [recipes.camouflage_in(path, name) for name, path in library.items()]
+    (ranked,) = engine.make(recipes.ranking(views, known, target[1], target[0], choice.target))
+    begun = best_of(ranked, list(library.values()))
     runs: list[Path] = []
     for seed in range(effort.runs):
-        settings = make_settings(**settings_of("ours", **wanted, seed=seed, target=choice.target, name=label))
+        start = {"begin_with": begun} if seed == 0 else {}  # the others begin with noise
+        settings = make_settings(**settings_of("ours", **wanted, **start, seed=seed, target=choice.target, name=label))
         runs += engine.make(recipes.paint(views, settings, [target]))
     best = strongest(runs)
     link(out / "attacks" / choice.name / label, best)

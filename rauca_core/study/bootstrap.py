@@ -146,3 +146,9 @@ def box_overlaps(boxes: NDArray[np.float64], truth: NDArray[np.float64]) -> NDAr
     ends = np.minimum(boxes[:, :2] + sides, truth[:2] + truth_sides)
     shared = np.clip(ends - np.maximum(boxes[:, :2], truth[:2]), 0, None).prod(1)
     return shared / np.maximum(sides.prod(1) + truth_sides.prod() - shared, 1e-12)
+
+
+def best_score(sample: Sample) -> float:
+    """The highest score of a detection that finds the target; 0 where none does."""
+    on_target = box_overlaps(sample.boxes, sample.truth) >= IOU_THRESHOLD
+    return float(sample.scores[on_target].max(initial=0.0))

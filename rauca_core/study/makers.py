@@ -42,6 +42,8 @@ from .defences.interface import to_pixels
 from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, source_of
 from .harden_rounds import run_hardening
 from .job import Job, steps_told
+from .ranking import FILE_NAME as RANKING
+from .ranking import Ranking, rank_camouflages
 
 CAMOUFLAGE = "camouflage.json"
 
@@ -202,6 +204,20 @@ def make_agreement(job: Job) -> None:
     write_json(job.folder / AGREEMENT, asdict(measure_agreement(Dataset(dataset), camouflage, rendered)))
 
 
+def make_ranking(job: Job) -> None:
+    """Show a detector some camouflages on training views, by the neural renderer."""
+    settings, machine = job.artifact.settings, job.machine
+    detector = machine.detector(settings["fingerprint"], job.artifact.options["detector"])
+    data, *maps = job.inputs
+
+    def tell(done: int, total: int) -> None:
+        job.report(Progress(done, total, maps[done].stem))
+
+    with threads(machine.threads):
+        means = rank_camouflages(data, maps, detector, settings["category"], machine.device, tell)
+    write_json(job.folder / RANKING, Ranking(tuple(means)).to_json())
+
+
 def has_hardened(artifact: Artifact, folder: Path) -> bool:
     return any(path.with_suffix(".json").is_file() for path in folder.glob("hardened-*.safetensors"))
 
@@ -275,5 +291,6 @@ KINDS = {
     "agreement": Kind(
         "neural renders against Cycles", "comparing renderers", make_agreement, AGREEMENT, heavy=False
     ),
+    "ranking": Kind("camouflages by what hides best", "comparing camouflages", make_ranking, RANKING),
     "hardened": Kind("hardened detectors", "hardening", make_hardened, has_hardened),
 }  # fmt: skip

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ..detect import canonical
 from .assessment import Score
-from .average_precision import IOU_THRESHOLD, Sample
-from .bootstrap import Clusters, Ranking, box_overlaps, interval
+from .average_precision import Sample
+from .bootstrap import Clusters, Ranking, best_score, interval
 from .mistakes import Mistakes, mistakes_in, summed
 from .scores import Curve, Draws, Recorded
 from .study import Entry
@@ -55,7 +55,7 @@ class Pool:
 
     def scores(self, paint: str) -> NDArray[np.float64]:
         """(F,) best score of a detection that finds the target, 0 where there is none."""
-        return np.array([_best(sample) for sample in self.samples(paint)])
+        return np.array([best_score(sample) for sample in self.samples(paint)])
 
     def score(self, paints: Sequence[str], threshold: float) -> Score:
         """AP@0.5 and recall at a deployed score, the mean over some paints; its interval draws places."""
@@ -94,8 +94,3 @@ class Pool:
         clusters = Clusters.of([numbers[place] for place in places], list(range(len(places))))
         drawn = clusters.resample(self._resamples, seed=0)
         return Draws(clusters, np.concatenate([np.ones_like(drawn[:1]), drawn]))
-
-
-def _best(sample: Sample) -> float:
-    on_target = box_overlaps(sample.boxes, sample.truth) >= IOU_THRESHOLD
-    return float(sample.scores[on_target].max(initial=0.0))

@@ -124,6 +124,14 @@ def agreement(views: Artifact, camouflage: Artifact, reference: Artifact) -> Art
     return Artifact("agreement", camouflage.label, {}, (views, camouflage, reference))
 
 
+def ranking(
+    training: Artifact, camouflages: Sequence[Artifact], detector: Detector, typed: str, category: str
+) -> Artifact:
+    """How well finished camouflages hide the vehicle of a data set from a detector."""
+    settings = {"fingerprint": detector.fingerprint, "category": category}
+    return Artifact("ranking", detector.name, settings, (training, *camouflages), {"detector": typed})
+
+
 def defended(images: Artifact, defence: Defence, frames: Sequence[str]) -> Artifact:
     """Images of views or renders after a defence."""
     options = {"defence": defence.name, "frames": list(frames)}

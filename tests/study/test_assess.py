@@ -33,6 +33,7 @@ def small_battery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, detectors) ->
     """One vehicle, two sets of four views, two camouflages, of which one was made against the first detector."""
     monkeypatch.setattr(batteries, "library_folder", lambda: tmp_path / "library")
     monkeypatch.setattr(assessing, "user_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(assessing, "MAP_SIZE", 64)
     monkeypatch.setattr(assessing, "EFFORTS", {"quick": Effort(2, 2)})
     (choice,) = find_vehicles(["sedan"])
     body = load_vehicle(choice.folder, read_image)
@@ -80,6 +81,10 @@ def test_an_assessment_holds_all_that_engineers_act_on(
     (defence,) = found.defences
     assert found.defences[defence].informed is not None
     assert (tmp_path / "out" / "attacks" / "sedan" / f"{INFORMED}jpeg-quality-50").is_symlink()
+    (ranked, _) = (tmp_path / "cache" / "ranking").glob("*/ranking.json")  # plain, and behind the defence
+    means = json.loads(ranked.read_text())["means"]
+    assert len(means) == len(LABELS)
+    assert all(0 <= mean <= 1 for mean in means)
     assert set(found.draws) == {"clean", "random", "transfer", "white_box"}
     assert "one run of 2 steps on 2 views" in found.white_box_note
     assert {entry.weathers for entry in study.entries} == {"near", "far"}

@@ -47,7 +47,7 @@ class Constraints:
         self.palette = Palette(wanted.palette) if wanted.palette else None
         self.bound = wanted.max_delta_e if self.palette is None else None
         self.reference = None if wanted.reference is None else reference_texels(vehicle, atlas, wanted)
-        self.home = None if self.reference is None else self._of_patches(self.reference)
+        self.home = None if self.reference is None else self.of_patches(self.reference)
         self.allowed = self._allowed()
 
     @property
@@ -70,7 +70,8 @@ class Constraints:
                 draw_back(near.numpy(), self.home.astype(np.float32) / 255, self.bound)
                 free.copy_(near)
 
-    def _of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def of_patches(self, texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """(M, 3) 8-bit sRGB: the mean of the light of each patch's texels (P, 3)."""
         if self.patches is None:
             return texels
         light = color.srgb_to_linear(texels / 255.0) * self.points.areas[:, None]
