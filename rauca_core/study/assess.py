@@ -176,12 +176,15 @@ def _attack(
     """
     views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": MAP_SIZE, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
-    known = [recipes.camouflage_in(path, name) for name, path in library.items()]
-    (ranked,) = engine.make(recipes.ranking(views, known, target[1], target[0], choice.target))
-    begun = best_of(ranked, list(library.values()))
+    fitting = {name: path for name, path in library.items() if load_camouflage(path)[0].size == MAP_SIZE}
+    first: dict[str, Path] = {}
+    if fitting:
+        maps = [recipes.camouflage_in(path, name) for name, path in fitting.items()]
+        (ranked,) = engine.make(recipes.ranking(views, maps, target[1], target[0], choice.target))
+        first["begin_with"] = best_of(ranked, list(fitting.values()))
     runs: list[Path] = []
     for seed in range(effort.runs):
-        start = {"begin_with": begun} if seed == 0 else {}  # the others begin with noise
+        start = first if seed == 0 else {}  # the others begin with noise
         settings = make_settings(**settings_of("ours", **wanted, **start, seed=seed, target=choice.target, name=label))
         runs += engine.make(recipes.paint(views, settings, [target]))
     best = strongest(runs)
