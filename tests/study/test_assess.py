@@ -6,11 +6,14 @@ import dataclasses
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Camouflage, Plan, RaucaError, Ring, load_vehicle, save_camouflage
 from rauca_core.contract.files import file_digest, write_json
+from rauca_core.detect import load_detector
 from rauca_core.runtime.images import read_image
 from rauca_core.study import assess as assessing
 from rauca_core.study import battery as batteries
@@ -131,3 +134,22 @@ def test_a_changed_vehicle_or_library_is_refused(small_battery: Path, detectors,
         assess(detectors[0], tmp_path / "out", battery=str(small_battery))
     with pytest.raises(RaucaError, match="--vehicle boat: not one of small; choose of sedan"):
         assess(detectors[0], tmp_path / "out", battery=str(small_battery), vehicles=["boat"])
+
+
+def test_a_function_gets_the_figures_of_the_detector_that_it_wraps(
+    small_battery: Path, drawn_blender: DrawnBlender, detectors, tmp_path: Path
+) -> None:
+    inner = detectors[0]
+
+    def black_box(images: torch.Tensor) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        return [(f.boxes.numpy(), f.scores.numpy(), f.labels.numpy()) for f in inner.detect(images)]
+
+    options = {"battery": str(small_battery), "resamples": 50}
+    wrapped = load_detector(black_box, names=inner.class_names, name="wrapped")
+    outside, _ = assess(wrapped, tmp_path / "outside", **options)
+    inside, _ = assess(inner, tmp_path / "inside", white_box=False, **options)
+    assert outside.transfer_by_camouflage == inside.transfer_by_camouflage
+    assert outside.errors == inside.errors
+    assert outside.white_box is None
+    assert not outside.detector.differentiable
+    assert "gradient" in outside.white_box_note
