@@ -12,7 +12,7 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output
-from .detector_commands import show_preflight
+from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
 from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, split_names
 
@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from rauca_core.study.cost import Work
     from rauca_core.study.preflight import Preflight
 
-Classes = Annotated[
-    str | None, typer.Option(help="own class names and those of data sets, such as vehicle.car=car,vehicle.van=car")
-]
-Names = Annotated[Path | None, typer.Option(help="file of class names, one a line, of a network that holds none")]
 Conditions = Annotated[
     list[str] | None,
     typer.Option("--fail-below", help="exit with 1 if a figure is lower, such as transfer_ap=0.5; repeat for more"),
@@ -36,7 +32,7 @@ def assess(
     detectors: Annotated[list[str], typer.Argument(metavar="DETECTOR...", help="names or files; several are compared")],
     out: Annotated[Path, typer.Option(help="folder of the assessment; run again to resume")],
     classes: Classes = None,
-    names: Names = None,
+    names: ClassNames = None,
     budget: Annotated[
         Literal["quick", "standard", "overnight"], typer.Option(help="how much of the battery, and of an attack")
     ] = "quick",
@@ -81,7 +77,7 @@ def assess(
     }  # fmt: skip
     found = []
     for name, folder in folders.items():
-        detector = _load(name, classes, names, device)
+        detector = open_detector(name, classes, names, None, device)
         checked = _check(detector, works[budget], budget, device)
         with means_of(device, slurm, blender, render_device, threads) as means:
             one = rauca.assess(name if slurm else detector, out=folder, checked=checked, **asked, **means)
@@ -115,14 +111,6 @@ def _folders(detectors: Sequence[str], out: Path) -> dict[str, Path]:
     if len(set(stems)) < len(stems):
         raise RaucaError(f"two of {', '.join(detectors)} have one name; rename a file, or assess them one by one")
     return {name: out / stem for name, stem in zip(detectors, stems, strict=True)}
-
-
-def _load(name: str, classes: str | None, names: Path | None, device: str) -> Detector:
-    from rauca_core.detect import load_detector, parse_classes
-    from rauca_core.detect.classes import read_names
-
-    listed = None if names is None else read_names(names)
-    return load_detector(name, device=device, names=listed, classes=parse_classes(classes) if classes else None)
 
 
 def _check(detector: Detector, work: Work, budget: str, device: str) -> Preflight:

@@ -17,6 +17,7 @@ from .console import command_line, console, output, progress_bar
 from .options import Device
 
 if TYPE_CHECKING:
+    from rauca_core.detect import Detector
     from rauca_core.study.cost import Cost
     from rauca_core.study.preflight import Preflight
     from rauca_core.training.loop import RoundReport
@@ -26,6 +27,12 @@ detectors_app = typer.Typer(help="Detectors: what is ready, what the others need
 weights_app = typer.Typer(help="Get detector weights.", no_args_is_help=True)
 
 Names = Annotated[list[str] | None, typer.Argument(help="names from `rauca weights list`")]
+Classes = Annotated[
+    str | None, typer.Option(help="which of its classes are what data sets call them: vehicle.car=car,vehicle.van=car")
+]
+ClassNames = Annotated[
+    Path | None, typer.Option("--names", help="file of the network's classes in its order, one a line")
+]
 Every = Annotated[bool, typer.Option("--all", help="the seven of the standard evaluation")]
 From = Annotated[
     Path | None,
@@ -61,8 +68,8 @@ def detectors_list() -> None:
 @detectors_app.command("check")
 def detectors_check(
     detector: Annotated[str, typer.Argument(help="a name of `rauca detectors list`, or a file of yours")],
-    classes: Annotated[str, typer.Option(help="OWN=NAME,...: which of its classes are cars, as vehicle=car")] = "",
-    names: Annotated[Path | None, typer.Option(help="file of the network's classes in its order, one per line")] = None,
+    classes: Classes = None,
+    names: ClassNames = None,
     size: Annotated[int | None, typer.Option(help="side of the network's input, pixels; its own by default")] = None,
     device: Device = "cpu",
     json: Annotated[Path | None, typer.Option(help="write what was found to this file too")] = None,
@@ -71,14 +78,10 @@ def detectors_check(
 
     Exit code 1 where something should be seen to first.
     """
-    from rauca_core.detect import load_detector
-    from rauca_core.detect.classes import read_names
-    from rauca_core.detect.renaming import parse_classes
     from rauca_core.study.assess import works_of
     from rauca_core.study.preflight import preflight
 
-    listed = None if names is None else read_names(names)
-    loaded = load_detector(detector, size, device, listed, parse_classes(classes) if classes else None)
+    loaded = open_detector(detector, classes, names, size, device)
     with console.status(f"looking through {loaded.name}"):
         found = preflight(loaded, works=works_of(), device=device)
     if json:
@@ -86,6 +89,15 @@ def detectors_check(
     show_preflight(found, output(TABLE_WIDTH))
     if found.warnings:
         raise typer.Exit(1)
+
+
+def open_detector(name: str, classes: str | None, names: Path | None, size: int | None, device: str) -> Detector:
+    """The detector that a command names, under the classes that it is to have."""
+    from rauca_core.detect import load_detector, parse_classes
+    from rauca_core.detect.classes import read_names
+
+    listed = None if names is None else read_names(names)
+    return load_detector(name, size, device, listed, parse_classes(classes) if classes else None)
 
 
 def show_preflight(found: Preflight, where: Console) -> None:

@@ -58,27 +58,24 @@ def render_camouflages(
 
     Only the vehicle and what is near it is rendered, some 30 % of a full frame's work; the rest is the data set's own
     image, which has the same noise. A session of another quality renders whole frames. Frames already there are kept
-    if they come from the same plan, UV map and sample count, and are rendered again otherwise.
+    if they come from the same plan, UV map and sample count, and are rendered again otherwise. Every paint of a frame
+    is rendered before the next frame, as moving the vehicle to another place costs as much as a frame.
     """
     frames = dataset.frames() if frames is None else frames
     for paintwork in paintworks:
         _claim(out / paintwork.name, paintwork, session.plan)
-    absent = {p: [f for f in frames if not (out / p.name / f"{f.id}.png").is_file()] for p in paintworks}
-    files.require_space(out, sum(map(len, absent.values())) * dataset.plan.size**2 * 4)
-    total, done = len(frames) * len(paintworks), 0
-    for paintwork, missing in absent.items():
-        folder = out / paintwork.name
-        done += len(frames) - len(missing)
-        progress(done, total, paintwork.name)
-        if missing:
-            session.vehicle.paint.set_map(paintwork.uv_map_srgb)
-        for frame in missing:
-            session.enter(frame.location)
-            session.set_weather(frame.weather)
-            pixels = _in_paint(session, dataset, frame)
-            files.write_bytes(folder / f"{frame.id}.png", files.png_bytes(pixels))
-            done += 1
-            progress(done, total, f"{paintwork.name}/{frame.id}")
+    wanted = [(frame, paintwork) for frame in frames for paintwork in paintworks]
+    missing = [(f, p) for f, p in wanted if not (out / p.name / f"{f.id}.png").is_file()]
+    files.require_space(out, len(missing) * dataset.plan.size**2 * 4)
+    there = len(wanted) - len(missing)
+    progress(there, len(wanted), out.name)
+    for done, (frame, paintwork) in enumerate(missing, there + 1):
+        session.vehicle.paint.set_map(paintwork.uv_map_srgb)
+        session.enter(frame.location)
+        session.set_weather(frame.weather)
+        pixels = _in_paint(session, dataset, frame)
+        files.write_bytes(out / paintwork.name / f"{frame.id}.png", files.png_bytes(pixels))
+        progress(done, len(wanted), f"{paintwork.name}/{frame.id}")
 
 
 def _in_paint(session: Session, dataset: contract.Dataset, frame: contract.Frame) -> NDArray[np.uint8]:

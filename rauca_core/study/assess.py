@@ -35,7 +35,7 @@ from .evaluate import keep_paints
 from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
-from .preflight import Preflight, preflight
+from .preflight import DEPLOYED, Preflight, preflight
 from .ranking import best_of
 from .store import link, user_cache
 from .study import Study
@@ -44,7 +44,6 @@ from .weak_spots import half_recall_range, worst_cell, worst_tenth
 FILE_NAME = "assess.json"
 WHITE_BOX, INFORMED = "white-box", "informed-"
 MAP_SIZE = 512  # texels, of the library's maps and of the attacks
-THRESHOLD = 0.25  # the score that Ultralytics and most others deploy with
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Effort:
     runs: int = 1
 
 
-EFFORTS = {"quick": Effort(32, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
+EFFORTS = {"quick": Effort(24, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
 
 
 def assess(
@@ -69,7 +68,7 @@ def assess(
     vehicles: Sequence[str] = (),
     white_box: bool = True,
     defences: Sequence[str] = (),
-    threshold: float = THRESHOLD,
+    threshold: float = DEPLOYED,
     resamples: int = 1000,
     command: str = "",
     **means: Unpack[Means],

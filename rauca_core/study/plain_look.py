@@ -8,13 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ..detect import Detections, Detector
-from ..detect.nms import box_iou
-from .average_precision import IOU_THRESHOLD, Sample
+from .average_precision import Sample
+from .bootstrap import best_score
 
 Reading = Callable[[Tensor], Tensor]
 """From what a detector calls boxes (M, 4) to xyxy in pixels."""
@@ -45,21 +44,17 @@ class Look:
             said.append(Detections(one.boxes.detach().cpu(), one.scores.detach().cpu(), one.labels.detach().cpu()))
         return Look(images.shape[-1], truths[: len(images)], said, statistics.median(spent))
 
-    def samples(self, label: int) -> list[Sample]:
-        """For average precision of the cars as one class."""
+    def samples(self, label: int, read: Reading = lambda boxes: boxes) -> list[Sample]:
+        """Of the cars as one class, for average precision."""
+        said = [(read(one.boxes.double()), one.scores.double(), one.labels == label) for one in self.said]
         return [
-            Sample(truth, *(values[one.labels == label].double().numpy() for values in (one.boxes, one.scores)))
-            for truth, one in zip(self.truths, self.said, strict=True)
+            Sample(truth, boxes[chosen].numpy(), scores[chosen].numpy())
+            for truth, (boxes, scores, chosen) in zip(self.truths, said, strict=True)
         ]
 
     def scores(self, label: int, read: Reading = lambda boxes: boxes) -> NDArray[np.float64]:
         """(N,) the best score of the class on each car, 0 where nothing overlaps it by half."""
-        best = []
-        for truth, one in zip(self.truths, self.said, strict=True):
-            on_it = box_iou(read(one.boxes.double()), torch.from_numpy(truth)[None])[:, 0] >= IOU_THRESHOLD
-            chosen = one.scores[on_it & (one.labels == label)]
-            best.append(float(chosen.max()) if len(chosen) else 0.0)
-        return np.array(best)
+        return np.array([best_score(sample) for sample in self.samples(label, read)])
 
     def found(self, label: int, threshold: float, read: Reading = lambda boxes: boxes) -> int:
         """Cars that are found as a class at a score."""
