@@ -16,7 +16,14 @@ CARRIED = (  # of rauca_core; the rest needs torch
     *("__init__.py", "version.py", "contract", "geometry"),
     *("runtime/__init__.py", "runtime/child_process.py", "runtime/folder_lock.py"),
 )
-UNUSED = ("detectors", "environment", "ablations", "paper")  # assets of the rooms that are not carried
+UNUSED = (
+    "detectors",
+    "environment",
+    "paper",
+    "batteries",
+    "camouflages",
+    "preflight",
+)  # assets of the rooms that are not carried
 
 
 def build_extension(out: Path) -> Path:

@@ -2,20 +2,22 @@
 
     python tools/make_battery.py assess-1 LIBRARY
 
-``LIBRARY/<vehicle>/<label>/camouflage.json`` are the camouflages, the same labels for every vehicle, made on other
-places than those below. A battery that is released is never written again: the next one gets another name.
+``LIBRARY/<vehicle>/<label>/camouflage.json`` are the camouflages, the same labels for every vehicle, made on
+``LIBRARY/<vehicle>/data``, in other places than those below. A battery that is released is never written again: the
+next one gets another name.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rauca_core.contract import Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
+from rauca_core.contract import Dataset, Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
 from rauca_core.contract.assets import assets_folder
-from rauca_core.contract.files import file_digest, write_json
-from rauca_core.detect import load_detector
+from rauca_core.contract.files import file_digest, write_bytes, write_json
+from rauca_core.detect import SOURCES, load_detector
 from rauca_core.study import recipes
 from rauca_core.study.battery import Battery, BatteryVehicle, BatteryViews, library_folder
 from rauca_core.study.candidates import find_vehicles
@@ -58,6 +60,37 @@ def fingerprints(folder: Path) -> tuple[str, ...]:
     return tuple(load_detector(name).fingerprint for name in names)
 
 
+CARD = """# Library of camouflages
+
+UV maps of rauca's own vehicles, which batteries show to detectors ([what for](../../docs/assess.md)). Each was
+optimized on rendered streets that no battery judges in (town {town}), against the detectors below and no others.
+They are licensed as rauca is, as the vehicles are; [responsible use](../../docs/responsible-use.md) is asked for.
+Settings and last losses stand in each JSON file.
+
+| vehicle | camouflage | method | against | licence of the weights | steps | views |
+|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+def card_row(folder: Path) -> str:
+    """What is known of a camouflage, as a row of a Markdown table."""
+    record, _ = load_camouflage(folder / "camouflage.json")
+    against = record.made["detector"].split("+")
+    licences = ", ".join(dict.fromkeys(SOURCES[name].licence for name in against))
+    views = len(Dataset(folder.parent / "data").frames())
+    told = (record.method, ", ".join(against), licences, record.made["steps"], views)
+    return f"| {folder.parent.name} | {folder.name} | {' | '.join(map(str, told))} |"
+
+
+def write_card(library: Path, labels: Sequence[str]) -> None:
+    """A page beside the camouflages that says what each is."""
+    folders = [library / vehicle / label for vehicle in VEHICLES for label in labels]
+    town = Dataset(library / VEHICLES[0] / "data").plan.seed
+    text = CARD.format(town=town, rows="\n".join(map(card_row, folders)))
+    write_bytes(library_folder() / "README.md", text.encode())
+
+
 def main() -> None:
     """Write the battery; refuse to change one that is there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -88,6 +121,7 @@ def main() -> None:
         ),
     )
     write_json(path, battery.to_json())
+    write_card(given.library, labels)
 
 
 if __name__ == "__main__":
