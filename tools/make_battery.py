@@ -32,8 +32,8 @@ ATTACK = Ring(STREET.azimuths_deg, (0.0, 8.0, 16.0, 24.0, 45.0), (5.0, 8.0, 12.0
 SEEN, UNSEEN = weathers_named("seen"), weathers_named("unseen")
 # Towns that nothing else in this project uses: not the library's (31000), nor preflight's (31700).
 VIEWS = {
-    "street-seen": (STREET, SEEN, 31_600, {"quick": 6, "standard": 48, "overnight": 192}),
-    "street-unseen": (STREET, UNSEEN, 31_601, {"quick": 6, "standard": 48, "overnight": 192}),
+    "street-seen": (STREET, SEEN, 31_600, {"quick": 5, "standard": 48, "overnight": 192}),
+    "street-unseen": (STREET, UNSEEN, 31_601, {"quick": 5, "standard": 48, "overnight": 192}),
     "high": (HIGH, (*SEEN, *UNSEEN), 31_602, {"quick": 4, "standard": 32, "overnight": 128}),
 }
 ATTACK_TOWN = 31_500

@@ -55,7 +55,7 @@ class Effort:
     runs: int = 1
 
 
-EFFORTS = {"quick": Effort(24, 300), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
+EFFORTS = {"quick": Effort(16, 200), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
 
 
 def assess(
