@@ -10,6 +10,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from rauca_core.contract import Dataset
 from rauca_core.detect import load_detector
 from rauca_core.runtime.images import read_image
 from rauca_core.study import recipes
@@ -19,7 +20,7 @@ from rauca_core.study.store import Store
 
 SHRUNK = 8  # pixels a side become one: noise of single pixels is no machine's mark
 SEEN = Path(__file__).with_name("assess-1.png")
-SCORES = {"own paint": 0.0, "camouflage": 0.0}
+SCORES = {"own paint": 0.988, "camouflage": 0.412}  # of our own detector
 
 
 def shrink(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -29,15 +30,17 @@ def shrink(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def render_anew(folder: Path) -> dict[str, NDArray[np.uint8]]:
-    """The first view of the battery, by Blender: the vehicle in its own paint and in a camouflage."""
+    """A view of the battery, by Blender: the vehicle in its own paint and in a camouflage."""
     battery = load_battery("assess-1")
     (vehicle, choice), *_ = battery.choices()
-    views = battery.views_of(choice, "quick")["street-seen"]
-    frame = views.options["frames"][0]
-    one = recipes.Artifact(views.kind, views.label, views.settings, views.inputs, {**views.options, "frames": [frame]})
+    views = battery.views_of(choice, "quick")["street-unseen"]
+    some = {**views.options, "frames": views.options["frames"][:2]}
+    few = recipes.Artifact(views.kind, views.label, views.settings, views.inputs, some)
     worn = recipes.camouflage_in(battery.camouflages_of(vehicle)["ours-ssd"], "ours-ssd")
     engine = Engine(Store(folder))
-    made, rendered = engine.make(one, recipes.renders(one, worn, [frame]))
+    (made,) = engine.make(few)
+    frame = Dataset(made).frames()[0].id  # of those that show the vehicle
+    (rendered,) = engine.make(recipes.renders(few, worn, [frame]))
     return {
         "own paint": read_image(made / "frames" / frame / "image.png"),
         "camouflage": read_image(rendered / f"{frame}.png"),
@@ -48,6 +51,6 @@ def render_anew(folder: Path) -> dict[str, NDArray[np.uint8]]:
 def test_a_view_is_what_it_was_where_the_battery_was_frozen(tmp_path):
     detector, kept = load_detector("frcnn-synth"), np.split(read_image(SEEN).astype(float), len(SCORES))
     for (paint, picture), then in zip(render_anew(tmp_path).items(), kept, strict=True):
-        assert np.abs(shrink(picture) - then).mean() < 1.0, paint
-        (found,) = detector.detect(torch.from_numpy(picture).permute(2, 0, 1)[None] / 255)
-        assert float(found.scores.max()) == pytest.approx(SCORES[paint], abs=0.02), paint
+        assert np.abs(shrink(picture) - then).mean() < 0.5, paint
+        (found,) = detector.detect(torch.from_numpy(picture.copy()).permute(2, 0, 1)[None] / 255)
+        assert float(found.scores.max()) == pytest.approx(SCORES[paint], abs=0.05), paint
