@@ -3,9 +3,8 @@
 A frame's bytes depend on the plan alone, never on the frames rendered before it or by whom. The rain's drops are the
 same whatever the paint.
 
-The camera opens up in a street's shade: the weather's exposure suits open ground. Light is linear, so a frame is
-exposed anew by one multiplication after the render, of image, A and B alike. What is metered does not hold the vehicle:
-every paint gets the same exposure.
+The camera opens up in a street's shade, as `contract/exposure.py` says. Light is linear, so a frame is exposed anew by
+one multiplication after the render, of image, A and B alike.
 """
 
 from __future__ import annotations
@@ -19,19 +18,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract, seeding, semantics
+from ..core import color, contract, seeding
 from ..jobs.workers import News
 from .annotate import Annotation
 from .light_maps import light_maps
 from .session import Session
-
-TARGET = 0.07  # median radiance, display white 1, of streets in the open: asphalt and walls under a sun at 45 degrees
-COMPENSATED = 0.75  # of what is missing in stops: shade stays darker than sun
-MOST_STOPS = 2.5
-LEAST_SHARE = 0.05  # of the frame must be metered
-DARK_ALTITUDE_DEG = -6.0  # the sun at which nothing is compensated: nights are to stay dark
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-
 
 Tell = Callable[[News], None]
 
@@ -124,7 +115,8 @@ def render_frame(session: Session, folder: Path, task: contract.PlannedFrame, an
     fog come first (:func:`contract.in_rendering_order`), so that the session's memory holds what they share.
     """
     light = render_light(session, task, annotation)
-    stops = metered_stops(light.image, annotation.semantic, annotation.instances, task.weather.sun_altitude_angle)
+    sun = task.weather.sun_altitude_angle
+    stops = contract.exposure.metered_stops(light.image, annotation.semantic, annotation.instances, sun)
     rain = rain_before(session, task.location, task.view, task.weather, annotation.distance)
     light = light.exposed(stops).behind(rain)
     frame = describe(session, task, annotation, stops)
@@ -201,28 +193,6 @@ def rain_before(
         return None
     seed = seeding.named_seed(session.plan.seed, "rain", location, view, weather.name)
     return contract.rain.streaks(weather, session.viewpoint(location, view).camera, distance.astype(np.float16), seed)
-
-
-def metered_stops(
-    image_linear: NDArray[np.float32],
-    semantic: NDArray[np.uint8],
-    instances: NDArray[np.uint8],
-    sun_altitude_deg: float,
-) -> float:
-    """Powers of two by which a frame is brightened, from 0 to :data:`MOST_STOPS`.
-
-    Args:
-        image_linear: (H, W, 3) as the weather exposes it.
-        semantic, instances: (H, W) ids; sky and the data set's vehicle are not metered.
-        sun_altitude_deg: of the weather; below the horizon compensation fades.
-    """
-    metered = (semantic != semantics.CLASS_IDS["sky"]) & (instances != semantics.TARGET_INSTANCE)
-    if metered.mean() < LEAST_SHARE:
-        return 0.0
-    median = float(np.median(image_linear[metered] @ LUMINANCE))
-    missing = COMPENSATED * np.log2(TARGET / max(median, 1e-6))
-    by_day = np.clip(1.0 - sun_altitude_deg / DARK_ALTITUDE_DEG, 0.0, 1.0)
-    return round(float(by_day * np.clip(missing, 0.0, MOST_STOPS)), 3)
 
 
 def expose(light: NDArray[np.float32], stops: float) -> NDArray[np.float32]:

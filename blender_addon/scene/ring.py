@@ -1,4 +1,4 @@
-"""The camera ring: where the camera of a view stands, jitter included, and the ring as lines to draw. NumPy only."""
+"""The camera ring as lines to draw. NumPy only."""
 
 from __future__ import annotations
 
@@ -9,72 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, seeding
-
-GROUND_CLEARANCE_M = 0.3
-HIGHEST_DEG = 89.0  # straight down there is no telling which way is up
-
-
-@dataclass(frozen=True)
-class Shots:
-    """What of a plan places the cameras, before there is a plan."""
-
-    ring: contract.Ring
-    size: int
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """A camera in world space and the polar coordinates it came from (degrees and metres, after jitter)."""
-
-    camera: contract.Camera
-    azimuth_deg: float
-    elevation_deg: float
-    distance_m: float
-
-
-def viewpoint(
-    plan: contract.Plan | Shots,
-    location: int,
-    view: int,
-    vehicle_to_world: NDArray[np.float64],
-    center: NDArray[np.float64],
-) -> Viewpoint:
-    """The camera of one view.
-
-    Jitter depends on the plan's seed, the location and the view, not on the weather: weathers share cameras, so they
-    share coverage renders and renderer taps.
-
-    Args:
-        vehicle_to_world: (4, 4) rigid transform.
-        center: (3,) the point looked at, in the vehicle's frame, metres.
-    """
-    ring = plan.ring
-    rng = seeding.named_rng(plan.seed, "ring", location, view)
-    azimuth, elevation, distance = ring.nominal(view)
-    azimuth += rng.uniform(-1, 1) * ring.jitter_azimuth_deg
-    elevation = min(elevation + rng.uniform(-1, 1) * ring.jitter_elevation_deg, HIGHEST_DEG)
-    distance *= 1 + rng.uniform(-1, 1) * ring.jitter_distance
-    aim = center + rng.uniform(-1, 1, 3) * ring.jitter_aim_m
-    roll = rng.uniform(-1, 1) * ring.jitter_roll_deg
-
-    eye = eye_at(azimuth, elevation, distance, center)
-    world = np.stack([eye, aim]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
-    camera = contract.Camera.look_at(world[0], world[1], ring.fov_deg, plan.size, plan.size, roll)
-    return Viewpoint(camera, azimuth % 360.0, elevation, distance)
-
-
-def eye_at(
-    azimuth_deg: float, elevation_deg: float, distance_m: float, center: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Where a camera of these polar coordinates stands, (3,) in the vehicle's frame; never in the ground."""
-    flat = distance_m * math.cos(math.radians(elevation_deg))
-    azimuth, up = math.radians(azimuth_deg), distance_m * math.sin(math.radians(elevation_deg))
-    eye: NDArray[np.float64] = center + np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), up])
-    eye[2] = max(eye[2], GROUND_CLEARANCE_M)
-    return eye
-
+from ..core import contract, viewpoints
 
 Segments = NDArray[np.float32]  # (N, 2, 3) world space, metres
 
@@ -103,13 +38,17 @@ class RingLines:
 
 
 def ring_lines(
-    shots: Shots, location: int, chosen: int, vehicle_to_world: NDArray[np.float64], center: NDArray[np.float64]
+    shots: viewpoints.Shots,
+    location: int,
+    chosen: int,
+    vehicle_to_world: NDArray[np.float64],
+    center: NDArray[np.float64],
 ) -> RingLines:
-    """The lines of a ring around a vehicle placed as for :func:`viewpoint`; the view ``chosen`` is drawn large."""
+    """The lines of a ring around a vehicle placed as for :func:`viewpoints.viewpoint`; the ``chosen`` view is large."""
     ring, count = shots.ring, len(shots.ring)
 
-    def at(view: int) -> Viewpoint:
-        return viewpoint(shots, location, view, vehicle_to_world, center)
+    def at(view: int) -> viewpoints.Viewpoint:
+        return viewpoints.viewpoint(shots, location, view, vehicle_to_world, center)
 
     def world(segments: list[NDArray[np.float64]]) -> Segments:
         turned = np.concatenate([NONE, *segments]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
@@ -124,7 +63,7 @@ def ring_lines(
     sight = np.stack([picked.camera.position, target])[None]
     straying = range(count) if count <= MOST_RANGES else (chosen,)
     return RingLines(
-        circles=world([_joined([eye_at(turn, up, away, center) for turn in turns]) for up, away in rings]),
+        circles=world([_joined([viewpoints.eye_at(turn, up, away, center) for turn in turns]) for up, away in rings]),
         ranges=world([edge for view in straying for edge in _range(ring, view, center)]),
         cameras=np.concatenate([NONE, *cameras]).astype(np.float32),
         chosen=np.concatenate([_frustum(picked, CHOSEN_SIZE), sight]).astype(np.float32),
@@ -136,16 +75,16 @@ def _range(ring: contract.Ring, view: int, center: NDArray[np.float64]) -> list[
     nominal = ring.nominal(view)
     halves = (ring.jitter_azimuth_deg, ring.jitter_elevation_deg, ring.jitter_distance * nominal[2])
     spans = [(middle - half, middle + half) for middle, half in zip(nominal, halves, strict=True)]
-    spans[1] = (min(spans[1][0], HIGHEST_DEG), min(spans[1][1], HIGHEST_DEG))
+    spans[1] = (min(spans[1][0], viewpoints.HIGHEST_DEG), min(spans[1][1], viewpoints.HIGHEST_DEG))
     edges = []
     for along in (axis for axis in range(3) if halves[axis]):
         for corner in itertools.product(*(sorted(set(span)) for axis, span in enumerate(spans) if axis != along)):
             places = [np.insert(corner, along, value) for value in np.linspace(*spans[along], EDGE_STEPS + 1)]
-            edges.append(_joined([eye_at(place[0], place[1], place[2], center) for place in places]))
+            edges.append(_joined([viewpoints.eye_at(place[0], place[1], place[2], center) for place in places]))
     return edges
 
 
-def _frustum(view: Viewpoint, size: float) -> NDArray[np.float64]:
+def _frustum(view: viewpoints.Viewpoint, size: float) -> NDArray[np.float64]:
     """A camera's frustum and a roof that shows which way is up, (11, 2, 3)."""
     camera, depth = view.camera, size * view.distance_m
     half = depth * camera.width / 2 / camera.K[0, 0]

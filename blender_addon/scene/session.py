@@ -12,11 +12,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, seeding
+from ..core import contract, seeding, viewpoints
 from . import camera, composed_fog, render
 from .annotate import Annotation, PaintVisibility, geometry_only
 from .composed_fog import is_composed
-from .ring import Viewpoint, viewpoint
 from .town import Town
 from .user_scene import UserScene
 from .vehicle import SceneVehicle
@@ -120,9 +119,9 @@ class Session:
         self._entered: int | None = None
         self._weather: contract.Weather | None = None
 
-    def viewpoint(self, location: int, view: int) -> Viewpoint:
+    def viewpoint(self, location: int, view: int) -> viewpoints.Viewpoint:
         """The camera of a view, jitter included."""
-        return viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.center)
+        return viewpoints.viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.center)
 
     def enter(self, location: int) -> None:
         """Put the vehicle at a location, if it is not there; its weather is to be set anew."""

@@ -4,7 +4,7 @@ NumPy and the standard library only, relative imports only: the Blender add-on c
 Nobody else parses or writes these files.
 """
 
-from . import rain
+from . import exposure, rain, viewpoints
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_states, read_ledger
@@ -40,9 +40,9 @@ __all__ = [
     "Material", "OptimizeProgress", "Plan", "PlannedFrame", "Progress", "Quality", "RaucaError",
     "RenderCamouflages", "RenderFrames", "Ring", "Scenery", "Shard", "StoppedError", "UnwrapVehicle",
     "Vehicle", "VehicleSource", "Weather", "append_entry", "balanced_frames", "cameras_of", "chunks",
-    "claim_folder", "find_preset", "format_duration", "frame_folder", "frame_states",
+    "claim_folder", "exposure", "find_preset", "format_duration", "frame_folder", "frame_states",
     "in_rendering_order", "load_camouflage", "load_frame", "load_job", "load_passes", "load_vehicle",
     "parse_optimize_progress", "parse_progress", "planned_frames", "preset_notes", "rain",
     "read_ledger", "read_plan", "save_camouflage", "save_frame", "save_job", "save_weathers",
-    "seal_dataset", "weather_from_carla",
+    "seal_dataset", "viewpoints", "weather_from_carla",
 ]  # fmt: skip

@@ -22,7 +22,7 @@ import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class Frame(Record):
         instances: the other vehicles in view.
         check_srgb: 8-bit sRGB paint of ``check.png``; None when the frame has none.
         exposure_stops: powers of two by which the frame is brighter than its weather's exposure makes it.
+        composed: the frames that this one was composed from; empty for a rendered one. To learn from, never to judge
+            by: its background is approximated.
     """
 
     FORMAT = ("rauca-frame", 2)
@@ -73,6 +75,12 @@ class Frame(Record):
     instances: tuple[Instance, ...] = ()
     check_srgb: Rgb8 | None = None
     exposure_stops: Annotated[float, (-16, 16)] = 0.0
+    composed: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As of any record; a rendered frame says nothing of ``composed``, and stays what older versions read."""
+        told = super().to_json()
+        return told if self.composed else {name: value for name, value in told.items() if name != "composed"}
 
     @property
     def camera_in_vehicle(self) -> Camera:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_addon.scene.frame import MOST_STOPS, TARGET, expose, metered_stops
+from blender_addon.scene.frame import expose
 from blender_addon.scene.light_maps import refine_edges
+from rauca_core.contract.exposure import MOST_STOPS, TARGET, metered_stops
 from rauca_core.contract.semantics import CLASS_IDS, TARGET_INSTANCE
 
 SIZE = 20

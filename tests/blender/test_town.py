@@ -9,7 +9,6 @@ from mathutils.bvhtree import BVHTree
 
 from blender_addon.scene.blocks import values_of
 from blender_addon.scene.massing import BOX_FACES
-from blender_addon.scene.ring import eye_at
 from blender_addon.scene.town import Town
 from blender_addon.scene.town.sides import ROWS
 from blender_addon.scene.town.site import layout
@@ -17,6 +16,7 @@ from blender_addon.scene.town.tables import DISTRICTS, FURNITURE, GLAZINGS, PARK
 from rauca_core.contract import Quality, Ring, Weather
 from rauca_core.contract.color import linear_to_srgb
 from rauca_core.contract.semantics import CLASS_IDS, CLASSES
+from rauca_core.contract.viewpoints import eye_at
 
 from .conftest import small_session
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blender_addon.scene.mesh_edits import Surface, mark_faces
-from blender_addon.scene.ring import ring_lines, viewpoint
+from blender_addon.scene.ring import ring_lines
 from blender_addon.scene.vehicle import SceneVehicle
 from blender_addon.scene.vehicle_arrays import read_objects
 from blender_addon.scene.vehicle_reading import find_anchor
@@ -19,6 +19,7 @@ from blender_addon.steps.cameras.properties import anchor
 from blender_addon.steps.cameras.timing import Pace, learn, recall
 from rauca_core.contract import LedgerEntry, Plan, RaucaError, Ring, append_entry
 from rauca_core.contract.files import write_json
+from rauca_core.contract.viewpoints import viewpoint
 from tests.blender.conftest import refusal, small_plan
 
 JITTERY = Ring((0.0, 90.0, 200.0), (10.0, 85.0), (6.0, 9.0), 12.0, 8.0, 0.1, 0.2, 5.0, 70.0)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blender_addon.scene.ring import viewpoint
 from rauca_core.contract import (
     Dataset,
     Frame,
@@ -28,6 +27,7 @@ from rauca_core.contract import (
 )
 from rauca_core.contract.color import check_color, recolor, srgb_to_linear
 from rauca_core.contract.semantics import CLASS_IDS, find_instances, mask_box
+from rauca_core.contract.viewpoints import viewpoint
 from rauca_core.render import rasterize
 
 SIZE = 48

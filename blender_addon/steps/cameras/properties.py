@@ -8,10 +8,9 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...core import contract
+from ...core import contract, viewpoints
 from ...scene.blocks import rendered
 from ...scene.camera import look
-from ...scene.ring import Shots, Viewpoint, viewpoint
 from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ..panel import angle
 
@@ -101,20 +100,20 @@ class RaucaCameras(bpy.types.PropertyGroup):
             fov_deg=_degrees(self.fov),
         )
 
-    def shots(self) -> Shots:
+    def shots(self) -> viewpoints.Shots:
         """Ring, picture size and seed, as the job gets them."""
         dataset = self.id_data.rauca.dataset
-        return Shots(self.ring(), dataset.size, dataset.seed)
+        return viewpoints.Shots(self.ring(), dataset.size, dataset.seed)
 
     def chosen(self) -> int:
         """Index of the chosen view."""
         return min(int(self.view), len(self.ring())) - 1
 
-    def viewpoint(self, context: bpy.types.Context) -> Viewpoint:
+    def viewpoint(self, context: bpy.types.Context) -> viewpoints.Viewpoint:
         """The chosen view's camera at the street of step 2, jitter included: what the job renders."""
         around = anchor(context)
         place = context.scene.rauca.weather.place - 1
-        return viewpoint(self.shots(), place, self.chosen(), around.vehicle_to_world, around.center)
+        return viewpoints.viewpoint(self.shots(), place, self.chosen(), around.vehicle_to_world, around.center)
 
     @property
     def looking(self) -> bool:

@@ -1,0 +1,118 @@
+"""The rendered views of one place in one weather, as other cameras there are composed from them.
+
+Of every source rain and exposure are taken out: both are put on a frame at the end of its making, rain by a seed that
+the plan names, so that both can be undone to the bits that half precision keeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract import Dataset, Frame, RaucaError, Vehicle, Weather, load_passes, rain
+from ...contract.semantics import Instance
+from ...contract.seeding import named_seed
+from ...runtime.images import read_image
+from ..exact import load_exact
+from .warp import Lens, Sources, depth_of, mixed
+
+SOLID = 252  # of 255: coverage from which a pixel is no edge
+THINNEST = 0.05  # of what rain leaves: behind more of it nothing is recovered
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """N source frames of one location and weather.
+
+    Attributes:
+        frames: of the sources.
+        around: everything but the vehicle: values B (3), labels semantic class and instance.
+        painted: the vehicle's paint: values A per coverage (3) and B (3).
+        rest: the vehicle's other parts: values B (3).
+        categories: COCO class of the other vehicles by instance.
+    """
+
+    frames: tuple[Frame, ...]
+    around: Sources
+    painted: Sources
+    rest: Sources
+    categories: dict[int, str]
+
+    @property
+    def weather(self) -> Weather:
+        return self.frames[0].weather
+
+    @staticmethod
+    def of(dataset: Dataset, frames: Sequence[Frame], vehicle: Vehicle) -> Place:
+        """Read the sources.
+
+        Raises:
+            RaucaError: they are not of one place and weather, are composed themselves, or their light maps are missing
+                or damaged.
+        """
+        _check(dataset, frames)
+        lenses = tuple(Lens.of(frame.camera) for frame in frames)
+        around, painted, rest, gains, light, labels = [], [], [], [], [], []
+        for frame, lens in zip(frames, lenses, strict=True):
+            folder = dataset.frame_folder(frame.id)
+            covers, paint, semantic, instances = (
+                read_image(folder / f"{name}.png") for name in ("vehicle", "paint", "semantic", "instances")
+            )
+            stored = load_passes(folder, ("distance",))["distance"]
+            A, B = _undone(dataset, frame, stored)
+            depth = depth_of(stored.astype(np.float32), lens)
+            clean = ~mixed(depth)
+            around.append(np.where(clean & (covers == 0), depth, 0))
+            painted.append(np.where(clean & (paint >= SOLID), depth, 0))
+            rest.append(np.where(clean & (covers >= SOLID) & (paint == 0), depth, 0))
+            gains.append(np.concatenate([A, B], -1))
+            light.append(B)
+            labels.append(np.stack([semantic, instances], -1))
+        ids, whole = np.stack(labels), np.stack(light)
+        others: list[Instance] = [other for frame in frames for other in frame.instances]
+        return Place(
+            tuple(frames),
+            Sources(lenses, np.stack(around).astype(np.float32), whole, ids),
+            Sources(lenses, np.stack(painted).astype(np.float32), np.stack(gains), ids),
+            Sources(lenses, np.stack(rest).astype(np.float32), whole, ids),
+            {other.id: other.category for other in others},
+        )
+
+    def nearest(self, eye: NDArray[np.float64], number: int) -> NDArray[np.int64]:
+        """The ``number`` sources whose cameras see the vehicle from the directions nearest to that of ``eye`` (3,)."""
+        center = self.frames[0].vehicle_to_world[:3, 3]
+        to = np.stack([lens.eye - center for lens in self.around.lenses] + [eye - center])
+        to /= np.linalg.norm(to, axis=1, keepdims=True)
+        return np.argsort(-(to[:-1] @ to[-1]), kind="stable")[:number]
+
+
+def _check(dataset: Dataset, frames: Sequence[Frame]) -> None:
+    if not frames:
+        raise RaucaError(f"{dataset.folder}: no frame of this place is there; make the data set first")
+    if composed := [frame.id for frame in frames if frame.composed]:
+        told = f"{dataset.folder}: frame {composed[0]} was composed from others; give the data set that was rendered"
+        raise RaucaError(f"{told}: new views are composed from rendered ones alone")
+    if len({(frame.location, frame.weather) for frame in frames}) > 1:
+        raise ValueError("sources are of one location and weather")
+
+
+def _undone(dataset: Dataset, frame: Frame, distance: NDArray[np.float16]) -> tuple[NDArray[np.float32], ...]:
+    """A per coverage and B of a frame without its rain and exposure, (H, W, 3) each."""
+    light, paint = load_exact(dataset, frame.id), read_image(dataset.frame_folder(frame.id) / "paint.png")
+    A, B = light.A, light.B
+    if frame.weather.precipitation > 0.0:
+        seed = rain_seed(dataset.plan.seed, frame)
+        drops = rain.streaks(frame.weather, frame.camera, distance, seed)
+        left = np.maximum(1.0 - drops.alpha, THINNEST)[..., None]
+        A, B = A / left, np.maximum(B - drops.alpha[..., None] * drops.radiance, 0.0) / left
+    dark = np.float32(2.0**-frame.exposure_stops)
+    share = np.maximum(paint.astype(np.float32) / 255, 1 / 255)[..., None]
+    return (A * dark / share).astype(np.float32), (B * dark).astype(np.float32)
+
+
+def rain_seed(seed: int, frame: Frame) -> int:
+    """Names the drops of a frame, of a data set's ``seed``."""
+    return named_seed(seed, "rain", frame.location, frame.view, frame.weather.name)
