@@ -99,6 +99,23 @@ def dataset_view(
     console.print(f"page: {page}")
 
 
+@dataset_app.command("densify")
+def dataset_densify(
+    folder: Folder,
+    views: Annotated[int, typer.Option(help="how many new cameras, over all places and weathers")],
+    out: Annotated[Path, typer.Option(help="folder of the new data set; run again to go on")],
+    seed: Annotated[int, typer.Option(help="names the cameras' jitter")] = 0,
+    threads: Annotated[int, typer.Option(help="frames composed at once", min=1)] = 2,
+) -> None:
+    """Write frames of new cameras in the rendered places, composed in milliseconds, to learn from, not to judge by."""
+    from rauca_core.contract import Dataset
+    from rauca_core.environment.views import Views, densify
+
+    with goes_on_by_itself(), progress_bar("composing") as move:
+        made = densify(Views(Dataset(folder), views, seed=seed), out, move, threads)
+    console.print(f"{len(made.begun())} frames: {out}")
+
+
 @dataset_app.command("export")
 def dataset_export(
     folder: Folder,

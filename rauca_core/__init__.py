@@ -21,15 +21,15 @@ from .version import __version__
 if TYPE_CHECKING:
     from .attack import Paint, Renderer, optimize
     from .attack import load_paint as load_camouflage
-    from .contract import Dataset, RaucaError
+    from .contract import RaucaError
     from .dataset_tools import load_vehicle
     from .detect import load_detector
     from .report import Study, assess, evaluate
-    from .study.datasets import make_dataset
+    from .study.datasets import Dataset, make_dataset
     from .study.harden import harden
 
 _HOMES = {
-    "Dataset": "contract",
+    "Dataset": "study.datasets",
     "Paint": "attack",
     "RaucaError": "contract",
     "Renderer": "attack",

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
+from .errors import RaucaError
 from .files import append_line
 from .frame import Frame, load_frame
 from .plan import read_plan
@@ -47,6 +48,15 @@ class Dataset:
         there = self.begun()
         planned = (self.frame_folder(frame.id) for frame in self.plan.frames() if frame.id in there)
         return [load_frame(folder) for folder in planned if (folder / "frame.json").is_file()]
+
+    def require_rendered(self, purpose: str) -> None:
+        """Raise :class:`RaucaError` for a data set with composed frames; ``purpose`` says what wants rendered ones."""
+        composed = next((frame.id for frame in self.frames() if frame.composed), None)
+        if composed is not None:
+            raise RaucaError(
+                f"{self.folder}: frame {composed} was composed from other frames, to learn from; {purpose} rendered "
+                "ones alone: give a data set of `rauca dataset make`"
+            )
 
     def begun(self) -> frozenset[str]:
         """Names of all there is among the frames: one look, where a plan may have thousands that are not rendered."""

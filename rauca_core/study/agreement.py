@@ -61,8 +61,9 @@ def measure_agreement(dataset: Dataset, camouflage: Path, renders: Path, samples
         samples: subsamples per pixel along each axis.
 
     Raises:
-        RaucaError: no frames, or a camouflage of another vehicle.
+        RaucaError: no frames, composed ones, or a camouflage of another vehicle.
     """
+    dataset.require_rendered("renderers are compared on")
     vehicle = load_vehicle(dataset.vehicle_folder, read_image)
     record, image = load_camouflage(camouflage)
     record.check_fits(vehicle.atlas_id, str(camouflage))

@@ -1,4 +1,4 @@
-"""Making a data set from Python, as ``rauca dataset make`` does."""
+"""A data set from Python: opened, made as ``rauca dataset make`` does, its new cameras drawn."""
 
 from __future__ import annotations
 
@@ -6,11 +6,38 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..contract import Dataset, MakeDataset, Plan, Quality, Ring, Scenery, VehicleSource, balanced_frames
+from .. import contract
+from ..contract import MakeDataset, Plan, Quality, Ring, Scenery, VehicleSource, balanced_frames
 from ..runtime.blender import run_blender
 from .job import OnProgress, quiet
 from .views import weathers_named
+
+if TYPE_CHECKING:
+    from ..environment.views import Views
+
+
+class Dataset(contract.Dataset):
+    """A data set folder opened for reading: its plan, its finished frames, new cameras in its places."""
+
+    def views(self, n: int, ring: Ring | None = None, jitter: Ring | None = None, seed: int = 0) -> Views:
+        """``n`` frames of new cameras in the rendered places, each composed from rendered ones when it is asked for.
+
+        View i is a function of the data set, the ring, the seed and i. They are to learn from: evaluation refuses them.
+
+        Args:
+            ring: of the new cameras; by default one that fills the space between the data set's own.
+            jitter: a ring whose jitters are taken in place of those of ``ring``.
+            seed: names the jitter.
+
+        Raises:
+            RaucaError: no light maps, no finished frames, frames that are composed themselves, n below 1, or a ring of
+                fewer cameras than the views need.
+        """
+        from ..environment.views import Views
+
+        return Views(self, n, ring, jitter, seed)
 
 
 def make_dataset(

@@ -41,7 +41,9 @@ def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
     views = folder
     while not (views / "dataset.json").is_file():
         views = source_of(views)
-    known = {frame.id: frame for frame in Dataset(views).frames()}
+    dataset = Dataset(views)
+    dataset.require_rendered("detectors are judged on")
+    known = {frame.id: frame for frame in dataset.frames()}
     return Pictures.of([known[frame] for frame in ids], [image_of(folder, frame) for frame in ids])
 
 

@@ -151,10 +151,11 @@ def given_places(datasets: Sequence[Dataset], vehicles: Iterable[VehicleChoice],
 
 
 def open_views(folders: Sequence[Dataset | Path | str]) -> list[Dataset]:
-    """Rendered views; raises :class:`RaucaError` for two of one name on a vehicle."""
+    """Rendered views; raises :class:`RaucaError` for composed ones, and for two of one name on a vehicle."""
     opened = [one if isinstance(one, Dataset) else Dataset(Path(one)) for one in folders]
     seen: dict[tuple[str, str], Dataset] = {}
     for dataset in opened:
+        dataset.require_rendered("detectors are judged on")
         if seen.setdefault((dataset.plan.atlas_id, dataset.folder.absolute().name), dataset) is not dataset:
             raise RaucaError(f"{dataset.folder}: two data sets of one name; results are told apart by it, rename one")
     return opened

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Camera, Frame, FramePasses, RaucaError, Vehicle, rain
+from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
@@ -88,7 +89,7 @@ def compose(
     body = see_body(vehicle, view.camera.relative_to(pose))
     around, depth = _surroundings(place.around, chosen, lens)
     hidden = (around.weight > 0) & (depth > 0) & (depth < body.depth - IN_FRONT_M) & (body.vehicle > 0)
-    share, paint = np.where(hidden, 0, body.vehicle), np.where(hidden, 0, body.paint)
+    share, paint = (_in_bytes(np.where(hidden, 0, covered)) for covered in (body.vehicle, body.paint))
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
     fill_holes(around.values, around.weight > 0)
@@ -99,10 +100,18 @@ def compose(
                    reference_linear, seed)  # fmt: skip
 
 
+def _in_bytes(coverage: Image) -> Image:
+    """Coverage as a frame's PNG keeps it: light maps are exactly those of the stored coverage."""
+    return to_bytes(coverage).astype(np.float32) / np.float32(255)
+
+
 def _surroundings(sources: Sources, chosen: NDArray[np.int64], lens: Lens) -> tuple[Gathered, Image]:
     """What lies around the vehicle, and its depth (H, W)."""
     height, width = sources.depth.shape[1:]
     depth = splat(sources, chosen, lens, height, width)
+    found = gather(sources, chosen, depth, lens, SHARPNESS)
+    # A splat's depth is that of a pixel's middle, off by half a pixel's slope: one step towards what the sources say.
+    depth *= np.where(found.weight > 0, found.ratio, np.float32(1))
     found = gather(sources, chosen, depth, lens, SHARPNESS)
     for _ in range(ROUNDS):
         other = farther(depth, found.weight)

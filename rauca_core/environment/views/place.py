@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contract import Dataset, Frame, RaucaError, Vehicle, Weather, load_passes, rain
-from ...contract.semantics import Instance
+from ...contract import Dataset, Frame, Weather, load_passes, rain
 from ...contract.seeding import named_seed
+from ...contract.semantics import Instance
 from ...runtime.images import read_image
 from ..exact import load_exact
 from .warp import Lens, Sources, depth_of, mixed
@@ -45,15 +45,22 @@ class Place:
     def weather(self) -> Weather:
         return self.frames[0].weather
 
+    @property
+    def nbytes(self) -> int:
+        """Of memory; parts of the vehicle and what surrounds it share their light."""
+        arrays = (self.around.values, self.around.labels, self.painted.values)
+        return sum(a.nbytes for a in arrays) + sum(s.depth.nbytes for s in (self.around, self.painted, self.rest))
+
     @staticmethod
-    def of(dataset: Dataset, frames: Sequence[Frame], vehicle: Vehicle) -> Place:
+    def of(dataset: Dataset, frames: Sequence[Frame]) -> Place:
         """Read the sources.
 
         Raises:
-            RaucaError: they are not of one place and weather, are composed themselves, or their light maps are missing
-                or damaged.
+            RaucaError: files are missing or damaged.
+            ValueError: frames of several places or weathers, or none.
         """
-        _check(dataset, frames)
+        if len({(frame.location, frame.weather) for frame in frames}) != 1:
+            raise ValueError("sources are of one location and weather")
         lenses = tuple(Lens.of(frame.camera) for frame in frames)
         around, painted, rest, gains, light, labels = [], [], [], [], [], []
         for frame, lens in zip(frames, lenses, strict=True):
@@ -87,16 +94,6 @@ class Place:
         to = np.stack([lens.eye - center for lens in self.around.lenses] + [eye - center])
         to /= np.linalg.norm(to, axis=1, keepdims=True)
         return np.argsort(-(to[:-1] @ to[-1]), kind="stable")[:number]
-
-
-def _check(dataset: Dataset, frames: Sequence[Frame]) -> None:
-    if not frames:
-        raise RaucaError(f"{dataset.folder}: no frame of this place is there; make the data set first")
-    if composed := [frame.id for frame in frames if frame.composed]:
-        told = f"{dataset.folder}: frame {composed[0]} was composed from others; give the data set that was rendered"
-        raise RaucaError(f"{told}: new views are composed from rendered ones alone")
-    if len({(frame.location, frame.weather) for frame in frames}) > 1:
-        raise ValueError("sources are of one location and weather")
 
 
 def _undone(dataset: Dataset, frame: Frame, distance: NDArray[np.float16]) -> tuple[NDArray[np.float32], ...]:

@@ -191,11 +191,13 @@ class Gathered:
         values: (H, W, C) float32 their weighted mean; 0 where none sees the point.
         labels: (H, W, L) uint8 of the nearest pixel of the source that counts most.
         weight: (H, W) float32, 0 where no source sees the point.
+        ratio: (H, W) float32 of the depth that the sources have there to the one that was asked for.
     """
 
     values: Image
     labels: NDArray[np.uint8]
     weight: Image
+    ratio: Image
 
 
 def gather(
@@ -216,24 +218,23 @@ def gather(
     height, width = depth.shape
     values = np.zeros((height, width, sources.values.shape[-1]), np.float32)
     labels = np.zeros((height, width, sources.labels.shape[-1]), np.uint8)
-    weight, best = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    weight, best, ratio = (np.zeros((height, width), np.float32) for _ in range(3))
     for n in chosen:
         source = sources.lenses[n]
         _gather(
             (sources.depth[n], sources.values[n], sources.labels[n]), source.matrix, source.eye,
-            depth, lens.rays, lens.eye, (sharpness, same_point), (values, labels, weight, best),
+            depth, lens.rays, lens.eye, (sharpness, same_point), (values, labels, weight, best, ratio),
         )  # fmt: skip
     values /= np.maximum(weight, np.float32(1e-20))[..., None]
-    return Gathered(values, labels, weight)
+    ratio /= np.maximum(weight, np.float32(1e-20))
+    return Gathered(values, labels, weight, ratio)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(
-    source: Any, matrix: Any, source_eye: Any, depth: Any, rays: Any, eye: Any, rule: Any, found: Any
-) -> None:
+def _gather(source: Any, matrix: Any, source_eye: Any, depth: Any, rays: Any, eye: Any, rule: Any, found: Any) -> None:
     sharpness, same_point = rule
     depths, colors, ids = source
-    values, labels, weight, best = found
+    values, labels, weight, best, ratio = found
     height, width = depths.shape
     agreed = np.zeros(4)
     for row in range(depth.shape[0]):
@@ -291,6 +292,7 @@ def _gather(
                     continue
                 r, c = top + k // 2, left + k % 2
                 factor = strength * agreed[k] / total
+                ratio[row, column] += factor * depths[r, c] / w
                 for channel in range(values.shape[2]):
                     values[row, column, channel] += factor * colors[r, c, channel]
             weight[row, column] += strength

@@ -1,0 +1,157 @@
+"""New cameras in the places of a data set, and their frames: composed when they are asked for, nothing kept on disk."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+
+from ...contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Ring, load_vehicle
+from ...contract.color import srgb_to_linear
+from ...contract.seeding import named_seed
+from ...contract.viewpoints import Shots, viewpoint
+from ...runtime.images import read_image
+from ..exact import require_light
+from .compose import NEAREST, Composed, View, compose
+from .place import Place
+
+MEMORY_MB = 2048
+JITTERS = ("jitter_azimuth_deg", "jitter_elevation_deg", "jitter_distance", "jitter_aim_m", "jitter_roll_deg")
+
+
+class Views(Sequence[Composed]):
+    """Frames of new cameras in the rendered places of a data set; each is composed when it is asked for.
+
+    View i is a function of the data set, the ring, the seed and i: any number of processes compose the same frames, in
+    any order. ``views[i]`` may be called from several threads.
+
+    Attributes:
+        plan: of the new frames, as a data set of them has it.
+        tasks: what is composed, view after view through all places and weathers.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        n: int,
+        ring: Ring | None = None,
+        jitter: Ring | None = None,
+        seed: int = 0,
+        nearest: int = NEAREST,
+        memory_mb: int = MEMORY_MB,
+    ) -> None:
+        """Draw the cameras.
+
+        Args:
+            dataset: rendered, with light maps.
+            n: how many views.
+            ring: of the new cameras; by default one that fills the space between the data set's own.
+            jitter: a ring whose jitters are taken in place of those of ``ring``.
+            seed: names the jitter.
+            nearest: sources that a view is composed from.
+            memory_mb: of the sources that are kept in memory.
+
+        Raises:
+            RaucaError: no light maps, no finished frames, frames that are composed themselves, n below 1, or a ring of
+                fewer cameras than the views need.
+        """
+        require_light(dataset)
+        self._sources = _by_place(dataset)
+        if n < 1:
+            raise RaucaError(f"views: {n} is too few; ask for 1 or more")
+        number = math.ceil(n / len(self._sources))
+        chosen = ring or ring_between(dataset.plan.ring, number)
+        if jitter is not None:
+            chosen = replace(chosen, **{name: getattr(jitter, name) for name in JITTERS})
+        if len(chosen) < number:
+            told = f"{n} views of {len(self._sources)} places and weathers need a ring of {number} cameras"
+            raise RaucaError(f"views: {told}, this one has {len(chosen)}; give it more azimuths")
+        there = {weather for _, weather in self._sources}
+        weathers = tuple(weather for weather in dataset.plan.weathers if weather.name in there)
+        self.plan = replace(dataset.plan, ring=chosen, weathers=weathers, recolor_share=0.0)
+        self.dataset, self.seed = dataset, seed
+        self.vehicle = load_vehicle(dataset.vehicle_folder, read_image)
+        self.tasks = _tasks(self.plan, frozenset(self._sources), n)
+        self._shots = Shots(chosen, self.plan.size, named_seed(self.plan.seed, "views", seed))
+        self._center = (self.vehicle.positions.min(axis=0) + self.vehicle.positions.max(axis=0)).astype(np.float64) / 2
+        self._reference = srgb_to_linear(np.array(self.plan.reference_srgb) / 255.0)
+        self._nearest, self._budget = nearest, memory_mb * 2**20
+        self._places: OrderedDict[tuple[int, str], Place] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self.tasks)
+
+    def __iter__(self) -> Iterator[Composed]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: int) -> Composed:  # type: ignore[override]
+        """The frame of one view; raises :class:`RaucaError` when files of its sources are missing or damaged."""
+        task = self.tasks[index]
+        place = self.place(task)
+        return compose(place, self.view(task), self.vehicle, self._reference, self.plan.seed, nearest=self._nearest)
+
+    def view(self, task: PlannedFrame) -> View:
+        """The camera of a task."""
+        pose = self._sources[task.location, task.weather.name][0].vehicle_to_world
+        seen_by = viewpoint(self._shots, task.location, task.view, pose, self._center)
+        return View(
+            task.id, task.location, task.view, seen_by.camera, seen_by.azimuth_deg, seen_by.elevation_deg,
+            seen_by.distance_m, named_seed(self._shots.seed, task.id) % 2**31,
+        )  # fmt: skip
+
+    def place(self, task: PlannedFrame) -> Place:
+        """The sources of a task, from memory or read."""
+        key = task.location, task.weather.name
+        with self._lock:
+            found = self._places.pop(key, None) or Place.of(self.dataset, self._sources[key])
+            self._places[key] = found
+            while sum(place.nbytes for place in self._places.values()) > self._budget and len(self._places) > 1:
+                self._places.popitem(last=False)
+        return found
+
+
+def ring_between(own: Ring, number: int) -> Ring:
+    """A ring of at least ``number`` cameras whose jitter fills the space between the cameras of ``own``.
+
+    Elevations and distances lie between the lowest and the highest of its own; where there is but one, they stray as
+    far as its own do.
+    """
+    low, high = min(own.elevations_deg), max(own.elevations_deg)
+    near, far = min(own.distances_m), max(own.distances_m)
+    up, away = len(own.elevations_deg), len(own.distances_m)
+    around = math.ceil(number / (up * away))
+    elevations = tuple(low + (high - low) * (k + 0.5) / up for k in range(up))
+    distances = tuple(near + (far - near) * (k + 0.5) / away for k in range(away))
+    lifted = (high - low) / (2 * up) if high > low else own.jitter_elevation_deg
+    moved = (far - near) / (2 * away * distances[-1]) if far > near else own.jitter_distance
+    return replace(
+        own, azimuths_deg=tuple(360.0 * k / around for k in range(around)), elevations_deg=elevations,
+        distances_m=distances, jitter_azimuth_deg=180.0 / around, jitter_elevation_deg=lifted,
+        jitter_distance=moved,
+    )  # fmt: skip
+
+
+def _by_place(dataset: Dataset) -> dict[tuple[int, str], list[Frame]]:
+    """Finished frames by location and weather."""
+    frames = dataset.frames()
+    if not frames:
+        raise RaucaError(f"{dataset.folder}: no frame is finished; run `rauca dataset make --out {dataset.folder}`")
+    dataset.require_rendered("new views are composed from")
+    keyed = sorted(frames, key=_place_of)
+    return {key: list(some) for key, some in groupby(keyed, _place_of)}
+
+
+def _place_of(frame: Frame) -> tuple[int, str]:
+    return frame.location, frame.weather.name
+
+
+def _tasks(plan: Plan, places: frozenset[tuple[int, str]], n: int) -> list[PlannedFrame]:
+    """The first n of all views, one of every place and weather after the other."""
+    tasks = [task for task in plan.frames() if (task.location, task.weather.name) in places]
+    return sorted(tasks, key=lambda task: task.view)[:n]
