@@ -74,6 +74,22 @@ def bench_environment_command(
     start("environment", json, quick, docs=docs, weights=weights)
 
 
+@bench_app.command("views")
+def bench_views_command(
+    quick: Annotated[bool, typer.Option("--quick", help="one car, one weather, small frames: minutes, not hours")] = (
+        False
+    ),
+    sources: Annotated[
+        Path | None, typer.Option(help="data set to compose from, in place of one rendered anew")
+    ] = None,
+    truth: Annotated[Path | None, typer.Option(help="data set of other cameras in the same places")] = None,
+    docs: Docs = None,
+    json: Json = Path("reports/views.json"),
+) -> None:
+    """Composed frames of new cameras against renders of them: error by part of the picture, and speed."""
+    start("views", json, quick, docs=docs, sources=sources, truth=truth)
+
+
 @bench_app.command("dataset")
 def bench_dataset_command(
     quick: Annotated[bool, typer.Option("--quick", help="one view, fewer settings: three minutes, not twenty")] = False,

@@ -17,7 +17,7 @@ from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
 from .place import Place, rain_seed
-from .warp import FAR_M, Gathered, Lens, Sources, farther, fill_holes, gather, splat
+from .warp import FAR_M, Gathered, Lens, Sources, farther, fill_holes, gather, refine, splat
 
 NEAREST = 6  # sources that a view is composed from
 SHARPNESS = 8.0  # of the weights of what surrounds the vehicle: a half at 7 degrees
@@ -108,10 +108,7 @@ def _in_bytes(coverage: Image) -> Image:
 def _surroundings(sources: Sources, chosen: NDArray[np.int64], lens: Lens) -> tuple[Gathered, Image]:
     """What lies around the vehicle, and its depth (H, W)."""
     height, width = sources.depth.shape[1:]
-    depth = splat(sources, chosen, lens, height, width)
-    found = gather(sources, chosen, depth, lens, SHARPNESS)
-    # A splat's depth is that of a pixel's middle, off by half a pixel's slope: one step towards what the sources say.
-    depth *= np.where(found.weight > 0, found.ratio, np.float32(1))
+    depth = refine(sources, chosen, splat(sources, chosen, lens, height, width), lens)
     found = gather(sources, chosen, depth, lens, SHARPNESS)
     for _ in range(ROUNDS):
         other = farther(depth, found.weight)

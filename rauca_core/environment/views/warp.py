@@ -23,6 +23,10 @@ MIXED_JUMP = 0.06  # of the inverse depth, relative: pixels on such an edge may 
 MIXED_SHARE = 0.15  # of the jump: nearer to one side than this, a pixel belongs to it
 LARGEST_SPLAT = 3  # pixels to each side
 SAME_POINT = 0.02  # of the depth, by which two views of one point may differ
+SAME_POINT_M = 0.01  # and so many metres more
+SLOPES = 1.5  # and so many steps to the next pixel of a slope
+FADE = 8.0  # pixels over which a source fades out towards its border
+ASKED = 3  # sources that make a pixel, at most
 LEAST_SHARE = 0.1  # of a lookup's four pixels that must see the point
 
 Image = NDArray[np.float32]
@@ -126,7 +130,7 @@ def _splat(depth: Any, rays: Any, eye: Any, axis: Any, matrix: Any, nearest: Any
             py = eye[1] + z * (rays[1, 0] * x + rays[1, 1] * y + rays[1, 2])
             pz = eye[2] + z * (rays[2, 0] * x + rays[2, 1] * y + rays[2, 2])
             w = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + matrix[2, 3]
-            if w < 0.02:
+            if w < NEAR_M:
                 continue
             u = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + matrix[0, 3]) / w
             v = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + matrix[1, 3]) / w
@@ -191,13 +195,11 @@ class Gathered:
         values: (H, W, C) float32 their weighted mean; 0 where none sees the point.
         labels: (H, W, L) uint8 of the nearest pixel of the source that counts most.
         weight: (H, W) float32, 0 where no source sees the point.
-        ratio: (H, W) float32 of the depth that the sources have there to the one that was asked for.
     """
 
     values: Image
     labels: NDArray[np.uint8]
     weight: Image
-    ratio: Image
 
 
 def gather(
@@ -208,35 +210,49 @@ def gather(
     sharpness: float,
     same_point: float = SAME_POINT,
 ) -> Gathered:
-    """Look up the points of a new view's ``depth`` (H, W) in the ``chosen`` sources.
+    """Look up the points of a new view's ``depth`` (H, W) in the first :data:`ASKED` of ``chosen`` that see them.
 
     Args:
         depth: metres along z; 0 where nothing is to be looked up.
         sharpness: how fast a source's weight falls with the angle between its line of sight and the new one: at
-            1 / sharpness radians it is a half, squared beyond.
+            1 / sharpness radians it is a half.
+        same_point: of the depth, by which that of a source may differ.
     """
     height, width = depth.shape
     values = np.zeros((height, width, sources.values.shape[-1]), np.float32)
     labels = np.zeros((height, width, sources.labels.shape[-1]), np.uint8)
-    weight, best, ratio = (np.zeros((height, width), np.float32) for _ in range(3))
-    for n in chosen:
-        source = sources.lenses[n]
-        _gather(
-            (sources.depth[n], sources.values[n], sources.labels[n]), source.matrix, source.eye,
-            depth, lens.rays, lens.eye, (sharpness, same_point), (values, labels, weight, best, ratio),
-        )  # fmt: skip
+    weight, best = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    _gather(
+        (sources.depth, sources.values, sources.labels), _packed(sources, chosen), depth, (lens.rays, lens.eye),
+        (sharpness**2, same_point, ASKED), (values, labels, weight, best),
+    )  # fmt: skip
     values /= np.maximum(weight, np.float32(1e-20))[..., None]
-    ratio /= np.maximum(weight, np.float32(1e-20))
-    return Gathered(values, labels, weight, ratio)
+    return Gathered(values, labels, weight)
+
+
+def refine(sources: Sources, chosen: NDArray[np.int64], depth: Image, lens: Lens) -> Image:
+    """A splat's depth (H, W) is that of a source pixel's middle, off by half a pixel's slope: one step towards the
+    depth that the first source which sees the point has there."""
+    found = depth.copy()
+    _refine(sources.depth, _packed(sources, chosen), depth, (lens.rays, lens.eye), SAME_POINT, found)
+    return found
+
+
+def _packed(sources: Sources, chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], Any, Any]:
+    """Numbers, matrices (n, 3, 4) and eyes (n, 3) of sources."""
+    lenses = [sources.lenses[n] for n in chosen.tolist()]
+    return chosen, np.stack([lens.matrix for lens in lenses]), np.stack([lens.eye for lens in lenses])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(source: Any, matrix: Any, source_eye: Any, depth: Any, rays: Any, eye: Any, rule: Any, found: Any) -> None:
-    sharpness, same_point = rule
+def _gather(source: Any, packed: Any, depth: Any, lens: Any, rule: Any, found: Any) -> None:
     depths, colors, ids = source
-    values, labels, weight, best, ratio = found
-    height, width = depths.shape
-    agreed = np.zeros(4)
+    chosen, matrices, eyes = packed
+    rays, eye = lens
+    sharpness, same_point, asked = rule
+    values, labels, weight, best = found
+    height, width = depths.shape[1:]
+    shares = np.zeros(4)
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
             z = depth[row, column]
@@ -247,59 +263,104 @@ def _gather(source: Any, matrix: Any, source_eye: Any, depth: Any, rays: Any, ey
             dy = z * (rays[1, 0] * x + rays[1, 1] * y + rays[1, 2])
             dz = z * (rays[2, 0] * x + rays[2, 1] * y + rays[2, 2])
             px, py, pz = eye[0] + dx, eye[1] + dy, eye[2] + dz
-            w = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + matrix[2, 3]
-            if w < 0.02:
+            here, met = dx * dx + dy * dy + dz * dz, 0
+            for k in range(chosen.shape[0]):
+                n = chosen[k]
+                u, v, w = _project(matrices[k], px, py, pz)
+                if w < NEAR_M or not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
+                    continue
+                total = _agreed(depths[n], u, v, w, same_point, shares)
+                if total < LEAST_SHARE:
+                    continue
+                sx, sy, sz = px - eyes[k, 0], py - eyes[k, 1], pz - eyes[k, 2]
+                there = sx * sx + sy * sy + sz * sz
+                cosine = (dx * sx + dy * sy + dz * sz) / np.sqrt(here * there)
+                angle = max(2.0 - 2.0 * cosine, 0.0) * sharpness  # squared
+                border = min(min(u, width - 1 - u), min(v, height - 1 - v)) / FADE
+                strength = total * min(max(border, 0.02), 1.0) / ((1.0 + angle * angle) * max(there / here, 1.0))
+                left, top = int(np.floor(u)), int(np.floor(v))
+                largest = 0
+                for i in range(4):
+                    if shares[i] > 0.0:
+                        factor = strength * shares[i] / total
+                        for channel in range(values.shape[2]):
+                            values[row, column, channel] += factor * colors[n, top + i // 2, left + i % 2, channel]
+                        if shares[i] > shares[largest]:
+                            largest = i
+                weight[row, column] += strength
+                if strength > best[row, column]:
+                    best[row, column] = strength
+                    for channel in range(labels.shape[2]):
+                        labels[row, column, channel] = ids[n, top + largest // 2, left + largest % 2, channel]
+                met += 1
+                if met == asked:
+                    break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _refine(depths: Any, packed: Any, depth: Any, lens: Any, same_point: float, found: Any) -> None:
+    chosen, matrices, _ = packed
+    rays, eye = lens
+    height, width = depths.shape[1:]
+    shares = np.zeros(4)
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            z = depth[row, column]
+            if z <= 0.0:
                 continue
-            u = (matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + matrix[0, 3]) / w - 0.5
-            v = (matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + matrix[1, 3]) / w - 0.5
-            if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
-                continue
-            left, top = int(np.floor(u)), int(np.floor(v))
-            share_x, share_y = u - left, v - top
-            # Four pixels; each counts if its own depth, carried along a slope, is that of the point.
-            limit = same_point * w + 0.01
-            total, largest, at_row, at_column = 0.0, 0.0, 0, 0
-            agreed[:] = 0.0
-            shares = (
-                (1 - share_x) * (1 - share_y), share_x * (1 - share_y), (1 - share_x) * share_y, share_x * share_y,
-            )  # fmt: skip
-            for k in range(4):
-                r, c = top + k // 2, left + k % 2
-                if r < 0 or c < 0 or r >= height or c >= width or shares[k] <= 0.0:
+            x, y = column + 0.5, row + 0.5
+            px = eye[0] + z * (rays[0, 0] * x + rays[0, 1] * y + rays[0, 2])
+            py = eye[1] + z * (rays[1, 0] * x + rays[1, 1] * y + rays[1, 2])
+            pz = eye[2] + z * (rays[2, 0] * x + rays[2, 1] * y + rays[2, 2])
+            for k in range(chosen.shape[0]):
+                n = chosen[k]
+                u, v, w = _project(matrices[k], px, py, pz)
+                if w < NEAR_M or not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
                     continue
-                there = depths[r, c]
-                if there <= 0.0:
+                total = _agreed(depths[n], u, v, w, same_point, shares)
+                if total < LEAST_SHARE:
                     continue
-                # On a slope neighbors differ by more: allowed is what the step to the pixel beyond is.
-                off = abs(there - w)
-                if off > limit and off > limit + 1.5 * _slope(depths, r, c):
-                    continue
-                agreed[k] = shares[k]
-                total += shares[k]
-                if shares[k] > largest:
-                    largest, at_row, at_column = shares[k], r, c
-            if total < LEAST_SHARE:
-                continue
-            sx, sy, sz = px - source_eye[0], py - source_eye[1], pz - source_eye[2]
-            here, far = np.sqrt(dx * dx + dy * dy + dz * dz), np.sqrt(sx * sx + sy * sy + sz * sz)
-            cosine = (dx * sx + dy * sy + dz * sz) / (here * far)
-            angle = np.arccos(min(max(cosine, -1.0), 1.0)) * sharpness
-            coarse = max(far / here, 1.0)
-            border = min(min(u, width - 1 - u), min(v, height - 1 - v)) / 8.0  # sources fade out at their edges
-            strength = total * min(max(border, 0.02), 1.0) / ((1.0 + angle**4) * coarse**2)
-            for k in range(4):
-                if agreed[k] <= 0.0:
-                    continue
-                r, c = top + k // 2, left + k % 2
-                factor = strength * agreed[k] / total
-                ratio[row, column] += factor * depths[r, c] / w
-                for channel in range(values.shape[2]):
-                    values[row, column, channel] += factor * colors[r, c, channel]
-            weight[row, column] += strength
-            if strength > best[row, column]:
-                best[row, column] = strength
-                for channel in range(labels.shape[2]):
-                    labels[row, column, channel] = ids[at_row, at_column, channel]
+                left, top, mean = int(np.floor(u)), int(np.floor(v)), 0.0
+                for i in range(4):
+                    if shares[i] > 0.0:
+                        mean += shares[i] * depths[n, top + i // 2, left + i % 2]
+                found[row, column] = z * mean / (total * w)
+                break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(matrix: Any, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Places among pixels' middles, and depth."""
+    w = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
+    if w < NEAR_M:
+        return 0.0, 0.0, w
+    u = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]) / w - 0.5
+    v = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]) / w - 0.5
+    return u, v, w
+
+
+@njit(cache=True, nogil=True)
+def _agreed(depths: Any, u: float, v: float, w: float, same_point: float, shares: Any) -> float:
+    """Bilinear shares of the four pixels around a place, 0 for those that do not see a point of depth w; their sum."""
+    height, width = depths.shape
+    left, top, total = int(np.floor(u)), int(np.floor(v)), 0.0
+    right_share, low_share = u - left, v - top
+    limit = same_point * w + SAME_POINT_M
+    for i in range(4):
+        shares[i] = 0.0
+        r, c = top + i // 2, left + i % 2
+        if r < 0 or c < 0 or r >= height or c >= width:
+            continue
+        there = depths[r, c]
+        if there <= 0.0:
+            continue
+        off = abs(there - w)
+        # On a slope neighbors differ by more: allowed is what the step to the pixel beyond is.
+        if off > limit and off > limit + SLOPES * _slope(depths, r, c):
+            continue
+        shares[i] = (right_share if i % 2 else 1.0 - right_share) * (low_share if i // 2 else 1.0 - low_share)
+        total += shares[i]
+    return total
 
 
 @njit(cache=True, nogil=True)
