@@ -102,8 +102,8 @@ def dataset_view(
 @dataset_app.command("densify")
 def dataset_densify(
     folder: Folder,
-    views: Annotated[int, typer.Option(help="how many new cameras, over all places and weathers")],
     out: Annotated[Path, typer.Option(help="folder of the new data set; run again to go on")],
+    views: Annotated[int, typer.Option(help="how many new cameras, over all places and weathers")] = 1024,
     seed: Annotated[int, typer.Option(help="names the cameras' jitter")] = 0,
     threads: Annotated[int, typer.Option(help="frames composed at once", min=1)] = 2,
 ) -> None:
