@@ -131,10 +131,11 @@ def _on_vehicle(
     painted = gather(place.painted, chosen, on_paint, lens, MIRROR_SHARPNESS, SAME_BODY)
     rest = gather(place.rest, chosen, off_paint, lens, MIRROR_SHARPNESS, SAME_BODY)
     seen = (painted.weight > 0) | (rest.weight > 0)
-    B = np.ascontiguousarray(painted.values[..., 3:] + rest.values)
-    gain = np.ascontiguousarray(painted.values[..., :3])
-    fill_holes(gain, painted.weight > 0)
-    fill_holes(B, seen)
+    fill_holes(painted.values, painted.weight > 0)
+    fill_holes(rest.values, rest.weight > 0)
+    gain, mirrored = painted.values[..., :3], painted.values[..., 3:]
+    share = (body.paint / np.maximum(body.vehicle, np.float32(1e-3)))[..., None]
+    B = rest.values + np.minimum(share, 1) * (mirrored - rest.values)
     return gain, B, seen
 
 
