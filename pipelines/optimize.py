@@ -71,6 +71,9 @@ def optimize(
     sampler: Annotated[
         str, typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)")
     ] = "area",
+    views: Annotated[
+        str, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
+    ] = "rendered",
     light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
     paint: Annotated[
         str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")

@@ -178,7 +178,7 @@ def background_colors(dataset: Dataset, store: FrameStore, count: int, seed: int
         RaucaError: a frame's picture is missing or damaged.
     """
     rng, found = named_rng(seed, "background"), []
-    for index in rng.permutation(len(store))[:FRAMES]:
+    for index in rng.permutation(len(store.frames))[:FRAMES]:
         folder = dataset.frame_folder(store.frames[int(index)].id)
         image, vehicle = read_image(folder / "image.png"), read_image(folder / "vehicle.png")
         around = image.reshape(-1, 3)[vehicle.reshape(len(image) * image.shape[1], -1)[:, 0] == 0]

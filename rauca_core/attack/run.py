@@ -19,6 +19,7 @@ from ..runtime.devices import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
 from ..runtime.tensor_files import Checkpoint
 from .augmentation import RANGES, Augmentation
+from .drawn_frames import frame_store
 from .ensemble import Attacked, DetectorEnsemble
 from .frame_order import FrameOrder
 from .frames import FrameStore, ReadyFrame, boxes_of, shade
@@ -54,7 +55,7 @@ class Run:
             told = f"batch: {settings.batch} frames for {processes.size} processes"
             raise RaucaError(f"{told}; give one to each at least")
         self.settings, self.ensemble, self.processes = settings, ensemble, processes
-        self.store = FrameStore(dataset, settings, processes.device)
+        self.store = frame_store(dataset, settings, processes.device)
         self.texture: Texture = make_texture(self.store, settings, processes.device)
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.texture, self.store, settings)

@@ -33,6 +33,7 @@ class OptimizerSettings(Settings):
             0.993 with 4, 0.998 with 8, 0.9993 with 12, where Cycles' own noise begins (1024 samples against 4096).
         pixel_filter: of the renderer that made the frames.
         sampler: how a subsample reads the UV map, see ``render.Sampler``: ours, or one of the literature.
+        views: what a step sees: ``rendered`` frames, or ``dense``: new cameras in their places, see `drawn_frames`.
         light: where the light comes from, see `lights`.
         extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
@@ -74,6 +75,7 @@ class OptimizerSettings(Settings):
     samples: int = Field(12, ge=1, le=16)
     pixel_filter: Literal["blackman-harris", "box"] = "blackman-harris"
     sampler: Sampler = Sampler.AREA
+    views: Literal["rendered", "dense"] = "rendered"
     light: LightName = "exact"
     extractor: Path | None = None
     seed: int = Field(0, ge=0)
@@ -118,6 +120,8 @@ class OptimizerSettings(Settings):
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
+        if self.views == "rendered":  # runs begun before there were others go on
+            del shared["views"]
         if self.begin_with is None:
             del shared["begin_with"]
         else:

@@ -73,6 +73,7 @@ def test_loss_falls_and_the_camouflage_fits(dataset: Dataset, run: Any, tmp_path
 PALETTE, GREY = ("#101010", "#4b5320", "#c8c0a0", "#f0f0f0"), {"reference": "#8c8c8c"}
 RESUMED: dict[str, dict[str, Any]] = {
     "falling rate": {"decay": 0.05},
+    "dense": {"views": "dense"},
     **{limit: {"limit": limit} for limit in ("project", "clamp", "tanh")},
     **{method: settings_of(method) for method in METHODS},
     "palette": {"natural": Naturalness(palette=PALETTE)},
@@ -191,6 +192,8 @@ def test_wrong_conditions_are_refused(run: Any, small_detector: Any, tmp_path: P
     with pytest.raises(RaucaError, match="after step 2, beyond --steps 1; ask for more"):
         run(resume=True, steps=1)
     assert (out / "camouflage.json").read_bytes() == made
+    with pytest.raises(RaucaError, match="transfer is of rendered frames; drawn views bring their own, drop --light"):
+        run("estimated", views="dense", light="transfer")
     with pytest.raises(RaucaError, match="knows no class 'plane'"):
         run("plane", target="plane")
     dark = make_dataset(tmp_path / "dark", box_vehicle, 64, (40.0,), light=False)

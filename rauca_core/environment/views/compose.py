@@ -24,6 +24,7 @@ SHARPNESS = 8.0  # of the weights of what surrounds the vehicle: a half at 7 deg
 MIRROR_SHARPNESS = 12.0  # on the vehicle, which mirrors
 SAME_BODY = 0.006  # of the depth: the vehicle's own is known to the float16 of the sources
 IN_FRONT_M = 0.15  # by which something must be nearer than the vehicle to hide it
+SOLID = 0.999  # coverage from which a pixel shows nothing behind the vehicle
 ROUNDS = 2  # of looking behind silhouettes
 
 Image = NDArray[np.float32]
@@ -87,14 +88,15 @@ def compose(
         raise RaucaError(f"view {view.id}: the camera has {told}; draw views of the data set's own size")
     chosen = place.nearest(lens.eye, nearest)
     body = see_body(vehicle, view.camera.relative_to(pose))
-    around, depth = _surroundings(place.around, chosen, lens)
+    around, depth = _surroundings(place.around, chosen, lens, body)
     hidden = (around.weight > 0) & (depth > 0) & (depth < body.depth - IN_FRONT_M) & (body.vehicle > 0)
-    share, paint = (_in_bytes(np.where(hidden, 0, covered)) for covered in (body.vehicle, body.paint))
+    shown = np.where(hidden, np.float32(0), np.float32(1))
+    share, paint = _in_bytes(body.vehicle * shown), _in_bytes(body.paint * shown)
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
     fill_holes(around.values, around.weight > 0)
     A = (warped_gain if gain is None else gain) * paint[..., None]
-    B = mirrored * share[..., None] + around.values * (1 - share[..., None])
+    B = around.values + share[..., None] * (mirrored - around.values)
     semantic, instances, distance = _labels(around, depth, body, hidden, lens)
     return _finish(place, view, (A, B, share, paint), (semantic, instances, distance), body, chosen, known,
                    reference_linear, seed)  # fmt: skip
@@ -105,10 +107,12 @@ def _in_bytes(coverage: Image) -> Image:
     return to_bytes(coverage).astype(np.float32) / np.float32(255)
 
 
-def _surroundings(sources: Sources, chosen: NDArray[np.int64], lens: Lens) -> tuple[Gathered, Image]:
-    """What lies around the vehicle, and its depth (H, W)."""
+def _surroundings(sources: Sources, chosen: NDArray[np.int64], lens: Lens, body: Body) -> tuple[Gathered, Image]:
+    """What lies around the vehicle and before it, and its depth (H, W); nothing where the vehicle alone is seen."""
     height, width = sources.depth.shape[1:]
-    depth = refine(sources, chosen, splat(sources, chosen, lens, height, width), lens)
+    depth = splat(sources, chosen, lens, height, width)
+    depth[(body.vehicle > SOLID) & (depth > body.depth - IN_FRONT_M)] = 0.0
+    depth = refine(sources, chosen, depth, lens)
     found = gather(sources, chosen, depth, lens, SHARPNESS)
     for _ in range(ROUNDS):
         other = farther(depth, found.weight)
