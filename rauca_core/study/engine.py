@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import TypedDict
 
 from ..contract import RaucaError
 from .artifact import Artifact, seconds_spent
@@ -122,12 +122,22 @@ class Engine:
         return found
 
 
-def open_engine(store: Path, around: Iterable[Path] = (), **means: Unpack[Means]) -> Engine:
-    """An engine that makes artifacts in a store, and looks into those around some paths and into the user's cache."""
-    devices = means.get("device", "cpu"), means.get("threads"), means.get("blender"), means.get("render_device", "cpu")
-    executor, on_progress = means.get("executor"), means.get("on_progress", quiet)
+def open_engine(
+    store: Path,
+    around: Iterable[Path] = (),
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    blender: Path | None = None,
+    render_device: str = "cpu",
+    executor: Executor | None = None,
+    on_progress: OnProgress = quiet,
+) -> Engine:
+    """An engine that makes artifacts in a store, and looks into those around some paths and into the user's cache;
+    :class:`Means` says what the others are."""
     parents = [place for path in around for place in store_around(path)]
-    return Engine(Store(store, [*parents, user_cache()]), Machine(*devices), on_progress, executor)
+    machine = Machine(device, threads, blender, render_device)
+    return Engine(Store(store, [*parents, user_cache()]), machine, on_progress, executor)
 
 
 def _groups(artifacts: Sequence[Artifact]) -> list[list[Artifact]]:
