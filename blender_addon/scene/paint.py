@@ -18,27 +18,16 @@ from .images import mask_image, srgb_image
 
 UV_LAYER = "rauca"
 
-# Inputs of a Principled BSDF that shape the paint's reflections; specular 0.5 reflects 4 % head-on, as plastic against
-# air, the coat has the refractive index 1.5.
-FINISHES: dict[str, dict[str, float]] = {
-    # Solid color under clearcoat. The lacquer covers all of it (coat 1) and is polished: the sun's image in it is
-    # sharp (roughness 0.03, Blender's own for a coat). Binder and lacquer have nearly one refractive index, so the
-    # colored layer itself has only a faint, wide gloss left (specular 0.1, roughness 0.5).
-    "car_paint": {"Roughness": 0.5, "Specular_IOR_Level": 0.1, "Coat_Weight": 1.0, "Coat_Roughness": 0.03},
-    # Printed matte vinyl wrap: no lacquer; a matte film keeps under a tenth of a polished surface's gloss at 60
-    # degrees, which takes a roughness about 0.7; its structured face also halves the mirror-like part.
-    "sticker": {"Roughness": 0.7, "Specular_IOR_Level": 0.25, "Coat_Weight": 0.0, "Coat_Roughness": 0.03},
-}
 
-
-def finish_of(spec: contract.Material, name: str) -> dict[str, float]:
-    """A paint material's finish: its own numbers for ``own``, else those of a name; :class:`RaucaError` for others."""
-    if name == "own":
-        own = {"Roughness": spec.roughness, "Coat_Weight": spec.coat}
-        return {**own, "Specular_IOR_Level": 0.5, "Coat_Roughness": 0.03}
-    if name not in FINISHES:
-        raise contract.RaucaError(f"finish must be one of own, {', '.join(FINISHES)}, not {name!r}")
-    return FINISHES[name]
+def finish_inputs(spec: contract.Material, name: str) -> dict[str, Any]:
+    """Inputs of a Principled BSDF for a paint material in the finish of that name; raises as ``finish_of``."""
+    finish = contract.finish_of(spec, name)
+    return {
+        "Roughness": finish.roughness,
+        "Specular_IOR_Level": finish.specular,
+        "Coat_Weight": finish.coat,
+        "Coat_Roughness": finish.coat_roughness,
+    }
 
 
 class Paint:

@@ -5,8 +5,6 @@ The vehicles that rauca brings can be added to the open scene, and are known aga
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -16,7 +14,7 @@ from ..core import assets, contract
 from . import nodes
 from .blocks import rendered, values_of
 from .images import read_image_blender
-from .paint import UV_LAYER, Paint, finish_of
+from .paint import UV_LAYER, Paint, finish_inputs
 from .vehicle_request import VehicleRequest
 from .wetness import wet
 
@@ -80,7 +78,7 @@ def _material(spec: contract.Material, paint: Paint, finish: str) -> bpy.types.M
     tree = nodes.fresh_tree(material)
     color = paint.below(tree, spec)
     if spec.kind == "paint":
-        inputs: dict[str, Any] = finish_of(spec, finish)
+        inputs = finish_inputs(spec, finish)
         color = paint.connect(tree, color)
         metallic = 0.0  # a metallic base tints its highlights: radiance would no longer be affine in the color
     else:

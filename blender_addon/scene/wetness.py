@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from ..core import contract
 from . import nodes
 
 GROUP = "rauca wetness"
@@ -17,10 +18,8 @@ GROUP = "rauca wetness"
 # Lagarde, "Water drop 3b: physically based wet surfaces" (2013): water in the pores of a surface traps light, which
 # takes up to 80 % off its albedo.
 PORE_DARKENING = 0.8
-FILM_ROUGHNESS = 0.16  # of a thin film that follows the surface below it
 PUDDLE_ROUGHNESS = 0.02
 RIPPLED_ROUGHNESS = 0.14  # of a puddle in heavy rain
-WALL_SHARE = 0.35  # how wet a vertical face gets in the weather that soaks a horizontal one
 
 PUDDLE_NOISE_PER_M = 0.45
 PUDDLE_FLATNESS = 0.97  # cosine of the steepest slope that holds a puddle
@@ -74,7 +73,9 @@ def _group() -> bpy.types.NodeTree:
     smooth = nodes.number(tree, "puddle roughness", PUDDLE_ROUGHNESS)
     geometry = nodes.add(tree, "ShaderNodeNewGeometry")
     up = nodes.add(tree, "ShaderNodeSeparateXYZ", Vector=geometry.outputs["Normal"]).outputs["Z"]
-    facing = nodes.compute(tree, "MULTIPLY_ADD", up, 1.0 - WALL_SHARE, WALL_SHARE, clamp=True)
+    facing = nodes.compute(
+        tree, "MULTIPLY_ADD", up, 1.0 - contract.finish.WALL_SHARE, contract.finish.WALL_SHARE, clamp=True
+    )
     film = nodes.compute(tree, "MULTIPLY", facing, wetness)
     puddle = _puddle_mask(tree, puddles, geometry.outputs["Position"], up, surface["Porosity"])
     soaked = nodes.compute(tree, "MAXIMUM", film, puddle)
@@ -82,7 +83,7 @@ def _group() -> bpy.types.NodeTree:
     lost = nodes.compute(tree, "MULTIPLY", nodes.compute(tree, "MULTIPLY", soaked, surface["Porosity"]), PORE_DARKENING)
     kept = nodes.compute(tree, "SUBTRACT", 1.0, lost)
     darker = nodes.compute_vector(tree, "SCALE", surface["Color"], kept)
-    filmed = _towards(tree, surface["Roughness"], FILM_ROUGHNESS, film)
+    filmed = _towards(tree, surface["Roughness"], contract.finish.FILM_ROUGHNESS, film)
     glossier = _towards(tree, filmed, smooth, puddle)
     nodes.add(tree, "NodeGroupOutput", Color=darker, Roughness=glossier)
     return tree

@@ -10,6 +10,7 @@ from .camouflage import Camouflage, load_camouflage, save_camouflage
 from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_states, read_ledger
 from .errors import RaucaError, StoppedError
 from .files import seal_dataset
+from .finish import Finish, finish_of
 from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
 from .job import (
     ApplyCamouflage,
@@ -36,11 +37,11 @@ from .work import Shard, balanced_frames, cameras_of, chunks, in_rendering_order
 
 __all__ = [
     "MAX_EXTENT_M", "MIN_VISIBLE", "REFERENCE_SRGB", "ApplyCamouflage", "Box", "Camera", "Camouflage",
-    "Dataset", "Frame", "FramePasses", "ImportVehicle", "Instance", "Job", "LedgerEntry", "MakeDataset",
+    "Dataset", "Finish", "Frame", "FramePasses", "ImportVehicle", "Instance", "Job", "LedgerEntry", "MakeDataset",
     "Material", "OptimizeProgress", "Plan", "PlannedFrame", "Progress", "Quality", "RaucaError",
     "RenderCamouflages", "RenderFrames", "Ring", "Scenery", "Shard", "StoppedError", "UnwrapVehicle",
     "Vehicle", "VehicleSource", "Weather", "append_entry", "balanced_frames", "cameras_of", "chunks",
-    "claim_folder", "exposure", "find_preset", "format_duration", "frame_folder", "frame_states",
+    "claim_folder", "exposure", "find_preset", "finish_of", "format_duration", "frame_folder", "frame_states",
     "in_rendering_order", "load_camouflage", "load_frame", "load_job", "load_passes", "load_vehicle",
     "parse_optimize_progress", "parse_progress", "planned_frames", "preset_notes", "rain",
     "read_ledger", "read_plan", "save_camouflage", "save_frame", "save_job", "save_weathers",
