@@ -190,7 +190,7 @@ def fit_place(
     texels = _fill(texels, weight >= SEEN, surface) * 2.0**-stops
     ends = np.cumsum([0] + [len(v.share) for v in views])
     residuals = tuple(
-        _residual(source.name, error[a:b], settings.spot) for source, a, b in zip(sources, ends, ends[1:], strict=True)
+        _residual(source.name, error[a:b], settings.spot) for source, a, b in zip(sources, ends[:-1], ends[1:], strict=True)
     )
     return Irradiance(surface, optics, weather, texels.astype(np.float32), weight.astype(np.float32), residuals)
 

@@ -17,7 +17,7 @@ SIZE, PIXELS = 64, 64
 CLEAR, FOG = Weather("clear", 45.0), Weather("fog", 45.0, fog_density=80.0, fog_falloff=2.0)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def surface(box_vehicle):
     return PaintSurface.of(box_vehicle, Pyramid.of(box_vehicle, SIZE))
 
@@ -32,7 +32,8 @@ def true_light(surface: PaintSurface) -> np.ndarray:
 def view(vehicle, surface, azimuth, elevation=15.0, distance=8.0):
     turn, rise = np.radians([azimuth, elevation])
     eye = distance * np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-    camera = Camera.look_at(eye + [0, 0, 0.75], np.array([0, 0, 0.75]), 45, PIXELS, PIXELS)
+    center = np.array([0, 0, 0.75])
+    camera = Camera.look_at(center + eye, center, 45, PIXELS, PIXELS)
     return camera, build_taps(vehicle, camera, surface.pyramid.size, 4, pyramid=surface.pyramid)
 
 
