@@ -161,3 +161,18 @@ def _table(folder: Path, result: CheckResult) -> Table:
     bad = len(result.findings)
     table.add_row("all", *sums, Text(f"{bad} findings", "red") if bad else Text("whole", "green"))
     return table
+
+
+@dataset_app.command("light")
+def dataset_light(folder: Folder) -> None:
+    """Fit irradiance textures, the light on the vehicle in each place and weather; run again to resume."""
+    from rauca_core.environment.place_light import light_places
+
+    table = Table("place", "weather", *(Column(name, justify="right") for name in ("views", "seen", "dB", "held out")))
+    with progress_bar("fitting light") as move:
+        for light, _ in light_places(folder, move):
+            worst = min(source.display_db for source in light.sources)
+            apart = "" if light.held_out_db is None else f"{light.held_out_db:.1f}"
+            told = (f"{len(light.sources)}", f"{light.seen:.0%}", f"{worst:.1f}", apart)
+            table.add_row(f"L{light.location:02d}", light.weather, *told)
+    output().print(table)

@@ -75,6 +75,9 @@ def optimize(
         str, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
     ] = "rendered",
     light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
+    light: Annotated[
+        str, typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), transfer or none")
+    ] = "exact",
     paint: Annotated[
         str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
     ] = "texels",

@@ -22,10 +22,11 @@ from ..environment import Light, estimate, load_exact, load_extractor
 from ..environment.extractor import PublishedEfe
 from ..environment.frames import read_picture
 from ..environment.methods import transfer_light
+from ..environment.place_light import PlaceLight
 from ..environment.shading import PlainShading, plain_shading
 from ..environment.weights import load_published
 
-LightName = Literal["exact", "ours", "published", "transfer", "none"]
+LightName = Literal["exact", "irradiance", "ours", "published", "transfer", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +49,14 @@ def light_source(
     """The source of that name.
 
     Args:
-        name: ``exact`` maps; ``ours``, the extractor's estimate; ``published``, that of the paper's; ``transfer`` of
-            color without training; ``none``, Neural Renderer's own shading.
+        name: ``exact`` maps; ``irradiance``, the same with the paint's light from its texture; ``ours``, the
+            extractor's estimate; ``published``, that of the paper's; ``transfer`` of color without training; ``none``,
+            Neural Renderer's own shading.
         extractor: weights of ours, the shipped ones if None; or of the published one, which must be given.
         device: of the extractors; the maps come back to the computer's memory.
 
     Raises:
-        RaucaError: no usable weights.
+        RaucaError: no usable weights; light that is not fitted yet.
     """
     size, reference = dataset.plan.size, srgb_to_linear(np.array(dataset.plan.reference_srgb) / 255.0)
 
@@ -66,6 +68,10 @@ def light_source(
 
     def exact(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
         light = load_exact(dataset, frame.id)
+        return light, to_bytes(linear_to_srgb(light.A * reference + light.B))
+
+    def irradiance(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
+        light = places.light_of(frame)
         return light, to_bytes(linear_to_srgb(light.A * reference + light.B))
 
     def ours(frame: Frame) -> tuple[Light, NDArray[np.uint8]]:
@@ -85,13 +91,25 @@ def light_source(
         image, plain = image_of(frame), plain_shading(vehicle, frame.camera_in_vehicle)
         return published_light(teacher, image, coverage_of(frame, "vehicle.png"), plain), image
 
+    if name == "irradiance":
+        places = PlaceLight(dataset)
+        for frame in dataset.frames():
+            if frame.box_xyxy is not None:
+                places.require(frame.location, frame.weather.name)
     if name == "ours":
         net = load_extractor(extractor)[0].to(device)
     if name == "published":
         if extractor is None:
             raise RaucaError("light: published needs weights of its own; `rauca ablate environment` trains them")
         teacher = load_published(extractor).to(device)
-    sources = {"exact": exact, "ours": ours, "published": published, "transfer": transfer, "none": none}
+    sources = {
+        "exact": exact,
+        "irradiance": irradiance,
+        "ours": ours,
+        "published": published,
+        "transfer": transfer,
+        "none": none,
+    }
     return LightSource(name not in ("none", "published"), sources[name])
 
 

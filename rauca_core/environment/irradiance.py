@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -26,6 +25,7 @@ from torch import Tensor
 
 from ..contract import Camera, RaucaError, Vehicle, Weather, finish_of
 from ..contract.color import linear_to_srgb
+from ..contract.irradiance import Residual
 from ..render import Taps
 from .fog import transmittance
 from .paint_optics import PaintOptics
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 SOLID = 0.98  # coverage from which a pixel is no edge: others tell nothing of the light that the taps do not
 MID = 0.5  # albedo whose display value errors are measured in
 SEEN = 0.05  # of a texel's weight in a pixel, in units of one solid pixel, from which it counts as seen
+KNOWN = 0.9  # share of a pixel's texels that some source saw, from which the texture is trusted there
 NEIGHBORS = 8  # seen texels, nearest in place and direction, that tell the light of one unseen
 METRES_PER_TURN = 1.0  # how far apart two texels of opposite directions count, halved
 
@@ -60,21 +61,6 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Residual:
-    """How well the texture explains a source, at its solid pixels.
-
-    Attributes:
-        display_db: PSNR of sRGB values of an albedo of :data:`MID`, dB.
-        spots: share of pixels too far off to be believed: lamps, mirror images, glass before paint.
-    """
-
-    name: str
-    pixels: int
-    display_db: float
-    spots: float
-
-
-@dataclass(frozen=True)
 class FitSettings:
     """How a texture is fitted; the defaults are measured (`docs/environment.md`).
 
@@ -86,7 +72,7 @@ class FitSettings:
         steps: of conjugate gradients a round.
     """
 
-    smoothness: float = 0.03
+    smoothness: float = 0.1
     edge: float = 0.05
     spot: float = 0.04
     rounds: int = 4
@@ -130,6 +116,11 @@ class Irradiance:
     def known(self, taps: Taps) -> Tensor:
         """Share (R,) in [0, 1] of what each pixel reads that some source saw; the rest is filled."""
         return taps.rows(self._known)[:, 0]
+
+    @property
+    def seen(self) -> float:
+        """Share of the texels that some source saw."""
+        return float((self.weight >= SEEN).mean())
 
     @cached_property
     def _levels(self) -> Tensor:
@@ -190,7 +181,8 @@ def fit_place(
     texels = _fill(texels, weight >= SEEN, surface) * 2.0**-stops
     ends = np.cumsum([0] + [len(v.share) for v in views])
     residuals = tuple(
-        _residual(source.name, error[a:b], settings.spot) for source, a, b in zip(sources, ends[:-1], ends[1:], strict=True)
+        _residual(source.name, error[a:b], settings.spot)
+        for source, a, b in zip(sources, ends[:-1], ends[1:], strict=True)
     )
     return Irradiance(surface, optics, weather, texels.astype(np.float32), weight.astype(np.float32), residuals)
 
@@ -262,15 +254,15 @@ def _fill(texels: Array, seen: NDArray[np.bool_], surface: PaintSurface) -> Arra
     return filled
 
 
+def held_out(irradiance: Irradiance, source: Source, spot: float = FitSettings.spot) -> Residual:
+    """How well a texture predicts a view that it was not fitted to, where its sources saw the paint."""
+    told = (irradiance.known(source.taps).numpy() >= KNOWN) & (source.taps.alpha >= SOLID)
+    scale = 2.0**source.exposure_stops
+    predicted = irradiance.gain(source.taps, source.camera).numpy()[told] * scale
+    return _residual(source.name, _display(predicted) - _display(np.asarray(source.A)[told] * scale), spot)
+
+
 def _residual(name: str, error: Array, spot: float) -> Residual:
     far = float((np.abs(error).max(1) > 2 * spot).mean()) if len(error) else 0.0
     mean = float((error**2).mean()) if len(error) else 0.0
     return Residual(name, len(error), float(-10 * np.log10(max(mean, 1e-12))), far)
-
-
-def describe(irradiance: Irradiance) -> dict[str, Any]:
-    """What is told of a fit beside its texture: share of texels seen, and the residual of every source."""
-    return {
-        "seen": float((irradiance.weight >= SEEN).mean()),
-        "sources": [vars(r) | {"display_db": round(r.display_db, 2)} for r in irradiance.residuals],
-    }

@@ -1,0 +1,153 @@
+"""The irradiance textures of a data set: fitted for every place and weather, kept with it, and read as light maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_passes, load_vehicle, rain
+from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
+from ..contract.seeding import named_seed
+from ..render import TapCache, TapSettings
+from ..runtime.images import read_image
+from .exact import Light, load_exact, require_light
+from .irradiance import KNOWN, Irradiance, Source, fit_place, held_out, optics_of
+from .paint_surface import LIGHT_SIZE, PaintSurface
+
+SAMPLES = 8  # per pixel and axis, of the taps that light is fitted through
+THINNEST = 0.05  # of light behind rain that is worth dividing by
+MEMORY_BYTES = 2**28
+
+
+class PlaceLight:
+    """Fits the light of a data set's places, or reads it."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        """Raises :class:`RaucaError` for a data set without light maps."""
+        require_light(dataset)
+        self.dataset = dataset
+        self.vehicle: Vehicle = load_vehicle(dataset.vehicle_folder, read_image)
+        self.taps = TapCache(dataset.folder / "taps", self.vehicle, TapSettings(LIGHT_SIZE, SAMPLES), MEMORY_BYTES)
+        self.surface = PaintSurface.of(self.vehicle, self.taps.pyramid, LIGHT_SIZE)
+        self._read: tuple[tuple[int, str], Irradiance] | None = None
+
+    def fit(self, frames: Sequence[Frame]) -> tuple[StoredLight, Irradiance]:
+        """The light of one place and weather from all its frames.
+
+        Raises:
+            RaucaError: none of them shows enough of the paint, or a light map is damaged.
+        """
+        first, plan = frames[0], self.dataset.plan
+        optics = optics_of(self.vehicle, plan.finish, first.weather)
+        sources = [self._source(frame) for frame in frames]
+        irradiance = fit_place(sources, self.surface, optics, first.weather)
+        apart = None
+        if len(sources) > 1:
+            left_out = sorted(range(len(sources)), key=lambda i: len(sources[i].taps))[len(sources) // 2]
+            others = sources[:left_out] + sources[left_out + 1 :]
+            apart = held_out(fit_place(others, self.surface, optics, first.weather), sources[left_out]).display_db
+        stored = StoredLight(
+            first.location, first.weather.name, self.vehicle.atlas_id, LIGHT_SIZE, plan.finish,
+            irradiance.seen, apart, irradiance.residuals,
+        )  # fmt: skip
+        return stored, irradiance
+
+    def read(self, location: int, weather: str) -> Irradiance:
+        """The stored light of a place and weather; the one read last is kept.
+
+        Raises:
+            RaucaError: it was not fitted, or is damaged, or was fitted for another vehicle or finish.
+        """
+        if self._read is None or self._read[0] != (location, weather):
+            folder = self.require(location, weather)
+            again = f"run `rauca dataset light {self.dataset.folder}`"
+            stored, texels, weight = load_irradiance(folder)
+            wanted = (self.vehicle.atlas_id, LIGHT_SIZE, self.dataset.plan.finish)
+            fits = (stored.atlas_id, stored.size, stored.finish) == wanted
+            if not fits or len(weight) != len(self.surface.light.texels):
+                raise RaucaError(f"{folder}: light of another vehicle, finish or version; remove it and {again}")
+            found = next(w for w in self.dataset.plan.weathers if w.name == weather)
+            optics = optics_of(self.vehicle, stored.finish, found)
+            irradiance = Irradiance(self.surface, optics, found, texels, weight, stored.sources)
+            self._read = (location, weather), irradiance
+        return self._read[1]
+
+    def require(self, location: int, weather: str) -> Path:
+        """The folder of a place's light; raises :class:`RaucaError` when it was not fitted."""
+        folder = irradiance_folder(self.dataset.folder, location, weather)
+        if not folder.is_dir():
+            raise RaucaError(f"{folder}: this light is not fitted yet; run `rauca dataset light {self.dataset.folder}`")
+        return folder
+
+    def light_of(self, frame: Frame) -> Light:
+        """A frame's light maps, with A from the texture where its sources saw the paint, else as rendered."""
+        light = load_exact(self.dataset, frame.id)
+        irradiance = self.read(frame.location, frame.weather.name)
+        taps = self.taps.get(frame.camera_in_vehicle)
+        left = self._left_by_rain(frame).reshape(-1, 1)[taps.pixels]
+        gain = irradiance.gain(taps, frame.camera_in_vehicle, frame.exposure_stops).numpy() * left
+        A = light.A.reshape(-1, 3).copy()
+        told = (irradiance.known(taps).numpy() >= KNOWN) & (taps.alpha > 0)
+        A[taps.pixels[told]] = gain[told]
+        return Light(A.reshape(light.A.shape), light.B)
+
+    def _source(self, frame: Frame) -> Source:
+        camera = frame.camera_in_vehicle
+        taps = self.taps.get(camera)
+        left = self._left_by_rain(frame).reshape(-1, 1)
+        A = load_exact(self.dataset, frame.id).A.reshape(-1, 3) / np.maximum(left, THINNEST)
+        return Source(camera, taps, A[taps.pixels] * 2.0**-frame.exposure_stops, frame.exposure_stops, frame.id)
+
+    def _left_by_rain(self, frame: Frame) -> np.ndarray:
+        """Share (H, W) of light that passes the rain laid over a frame."""
+        if frame.weather.precipitation == 0.0:
+            return np.ones((frame.camera.height, frame.camera.width), np.float32)
+        distance = load_passes(self.dataset.frame_folder(frame.id), ("distance",))["distance"]
+        seed = named_seed(self.dataset.plan.seed, "rain", frame.location, frame.view, frame.weather.name)
+        return 1.0 - rain.streaks(frame.weather, frame.camera, distance, seed).alpha
+
+
+def light_places(
+    folder: Path, progress: Callable[[Progress], None] = lambda _: None
+) -> Iterator[tuple[StoredLight, bool]]:
+    """Fit and store the light of every place and weather of a data set; what was fitted from the same frames is kept.
+
+    Yields:
+        what is told of each, and whether it was fitted now.
+
+    Raises:
+        RaucaError: no data set, one without light maps or frames, or a damaged frame.
+    """
+    dataset = Dataset(folder)
+    places = PlaceLight(dataset)
+    frames = sorted((f for f in dataset.frames() if f.box_xyxy is not None), key=_place_of)
+    if not frames:
+        raise RaucaError(f"{folder}: no finished frame shows the vehicle; make the data set first")
+    groups = [list(group) for _, group in groupby(frames, _place_of)]
+    for done, group in enumerate(groups):
+        first = group[0]
+        progress(Progress(done, len(groups), f"L{first.location:02d} {first.weather.name}"))
+        target = irradiance_folder(dataset.folder, first.location, first.weather.name)
+        found = _kept(target, [frame.id for frame in group])
+        if found is not None:
+            yield found, False
+            continue
+        stored, irradiance = places.fit(group)
+        save_irradiance(target, stored, irradiance.texels, irradiance.weight)
+        yield stored, True
+    progress(Progress(len(groups), len(groups), ""))
+
+
+def _place_of(frame: Frame) -> tuple[int, str]:
+    return frame.location, frame.weather.name
+
+
+def _kept(folder: Path, frames: Sequence[str]) -> StoredLight | None:
+    try:
+        stored, _, _ = load_irradiance(folder)
+    except RaucaError:
+        return None
+    return stored if [source.frame for source in stored.sources] == list(frames) else None
