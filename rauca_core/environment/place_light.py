@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_passes, load_vehicle, rain
 from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
@@ -101,7 +102,7 @@ class PlaceLight:
         A = load_exact(self.dataset, frame.id).A.reshape(-1, 3) / np.maximum(left, THINNEST)
         return Source(camera, taps, A[taps.pixels] * 2.0**-frame.exposure_stops, frame.exposure_stops, frame.id)
 
-    def _left_by_rain(self, frame: Frame) -> np.ndarray:
+    def _left_by_rain(self, frame: Frame) -> NDArray[np.float32]:
         """Share (H, W) of light that passes the rain laid over a frame."""
         if frame.weather.precipitation == 0.0:
             return np.ones((frame.camera.height, frame.camera.width), np.float32)
