@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 SOLID = 0.98  # coverage from which a pixel is no edge: others tell nothing of the light that the taps do not
 MID = 0.5  # albedo whose display value errors are measured in
-SEEN = 0.05  # of a texel's weight in a pixel, in units of one solid pixel, from which it counts as seen
+SEEN = 1e-3  # solid pixels: a texel that told this much of them is seen; a far pixel shares itself among hundreds
 KNOWN = 0.9  # share of a pixel's texels that some source saw, from which the texture is trusted there
 NEIGHBORS = 8  # seen texels, nearest in place and direction, that tell the light of one unseen
 METRES_PER_TURN = 1.0  # how far apart two texels of opposite directions count, halved
@@ -51,6 +51,7 @@ class Source:
         A: (R, 3) linear gain at the taps' pixels, coverage included, as `exact.Light.A` but for exposure and rain.
         exposure_stops: of the frame, by which its errors are weighed.
         name: for the report.
+        shown: (R,) share of each pixel that shows paint of the vehicle, whatever stands before it; None where nothing does.
     """
 
     camera: Camera
@@ -58,6 +59,12 @@ class Source:
     A: NDArray[np.floating]
     exposure_stops: float = 0.0
     name: str = ""
+    shown: NDArray[np.floating] | None = None
+
+    def solid(self) -> NDArray[np.bool_]:
+        """(R,) True in pixels wholly of paint, with nothing before it."""
+        whole = self.taps.alpha >= SOLID
+        return whole if self.shown is None else whole & (self.shown >= SOLID)
 
 
 @dataclass(frozen=True)
@@ -197,7 +204,7 @@ class _Equations:
 
     @staticmethod
     def of(source: Source, surface: PaintSurface, optics: PaintOptics, weather: Weather, stops: float) -> _Equations:
-        solid = np.flatnonzero(source.taps.alpha >= SOLID)
+        solid = np.flatnonzero(source.solid())
         share = view_factor(source.taps, source.camera, surface, optics, weather)[solid]
         matrix = as_matrix(source.taps.rows)[solid] @ surface.matrix
         return _Equations(matrix, share, np.asarray(source.A, np.float64)[solid] * 2.0**stops)
@@ -256,7 +263,7 @@ def _fill(texels: Array, seen: NDArray[np.bool_], surface: PaintSurface) -> Arra
 
 def held_out(irradiance: Irradiance, source: Source, spot: float = FitSettings.spot) -> Residual:
     """How well a texture predicts a view that it was not fitted to, where its sources saw the paint."""
-    told = (irradiance.known(source.taps).numpy() >= KNOWN) & (source.taps.alpha >= SOLID)
+    told = (irradiance.known(source.taps).numpy() >= KNOWN) & source.solid()
     scale = 2.0**source.exposure_stops
     predicted = irradiance.gain(source.taps, source.camera).numpy()[told] * scale
     return _residual(source.name, _display(predicted) - _display(np.asarray(source.A)[told] * scale), spot)

@@ -98,8 +98,8 @@ def _lobe(cosine: float, roughness: float, ior: float) -> tuple[float, float]:
     y = (1 - upper) * np.sqrt(np.maximum(1 - x * x, 0)) + upper * y
     z = np.sqrt(np.maximum(1 - x * x - y * y, 0))
     normal = np.outer(x, side) + np.outer(y, np.cross(stretched, side)) + np.outer(z, stretched)
-    normal = np.maximum(normal * [alpha, alpha, 1], [-np.inf, -np.inf, 1e-6])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal * [alpha, alpha, 1]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     facing = np.clip(normal @ view, 1e-4, 1)
     leaving = 2 * facing * normal[:, 2] - cosine
     seen, unseen = _smith(np.array(cosine), alpha), _smith(leaving, alpha)

@@ -79,7 +79,7 @@ class PaintSurface:
             both = (a >= 0) & (b >= 0)
             pairs.append(np.stack([a[both], b[both]], 1))
         ends = np.concatenate(pairs)
-        rows, signs = np.repeat(np.arange(len(ends)), 2), np.tile(np.float32([1, -1]), len(ends))
+        rows, signs = np.repeat(np.arange(len(ends)), 2), np.tile(np.array([1, -1], np.float32), len(ends))
         return sparse.csr_matrix((signs, (rows, ends.ravel())), shape=(len(ends), len(self.light.texels)))
 
 

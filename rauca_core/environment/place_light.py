@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_passes, load_vehicle, rain
 from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
 from ..contract.seeding import named_seed
-from ..render import TapCache, TapSettings
+from ..render import TapCache, Taps, TapSettings
 from ..runtime.images import read_image
 from .exact import Light, load_exact, require_light
+from .frames import read_picture
 from .irradiance import KNOWN, Irradiance, Source, fit_place, held_out, optics_of
 from .paint_surface import LIGHT_SIZE, PaintSurface
 
 SAMPLES = 8  # per pixel and axis, of the taps that light is fitted through
 THINNEST = 0.05  # of light behind rain that is worth dividing by
+HIDDEN = 0.1  # coverage less than the vehicle's own by this: something stands before it
 MEMORY_BYTES = 2**28
 
 
@@ -91,7 +93,8 @@ class PlaceLight:
         left = self._left_by_rain(frame).reshape(-1, 1)[taps.pixels]
         gain = irradiance.gain(taps, frame.camera_in_vehicle, frame.exposure_stops).numpy() * left
         A = light.A.reshape(-1, 3).copy()
-        told = (irradiance.known(taps).numpy() >= KNOWN) & (taps.alpha > 0)
+        bare = np.abs(self._shown(frame, taps) - taps.alpha) < HIDDEN  # a pole or a parked car hides the rest
+        told = (irradiance.known(taps).numpy() >= KNOWN) & (taps.alpha > 0) & bare
         A[taps.pixels[told]] = gain[told]
         return Light(A.reshape(light.A.shape), light.B)
 
@@ -100,7 +103,13 @@ class PlaceLight:
         taps = self.taps.get(camera)
         left = self._left_by_rain(frame).reshape(-1, 1)
         A = load_exact(self.dataset, frame.id).A.reshape(-1, 3) / np.maximum(left, THINNEST)
-        return Source(camera, taps, A[taps.pixels] * 2.0**-frame.exposure_stops, frame.exposure_stops, frame.id)
+        A = A[taps.pixels] * 2.0**-frame.exposure_stops
+        return Source(camera, taps, A, frame.exposure_stops, frame.id, self._shown(frame, taps))
+
+    def _shown(self, frame: Frame, taps: Taps) -> NDArray[np.float32]:
+        """Share (R,) of the taps' pixels that shows paint behind whatever stands before the vehicle."""
+        paint = read_picture(self.dataset.frame_folder(frame.id) / "paint.png", self.dataset.plan.size, grey=True)
+        return paint.numpy().reshape(-1)[taps.pixels] / np.float32(255)
 
     def _left_by_rain(self, frame: Frame) -> NDArray[np.float32]:
         """Share (H, W) of light that passes the rain laid over a frame."""

@@ -8,7 +8,7 @@ import torch
 
 from rauca_core.contract import Camera, Finish, RaucaError, Weather
 from rauca_core.environment.fog import transmittance
-from rauca_core.environment.irradiance import FitSettings, Irradiance, Source, fit_place, optics_of, view_factor
+from rauca_core.environment.irradiance import SEEN, FitSettings, Irradiance, Source, fit_place, optics_of, view_factor
 from rauca_core.environment.paint_optics import PaintOptics
 from rauca_core.environment.paint_surface import PaintSurface
 from rauca_core.render import Pyramid, build_taps
@@ -87,7 +87,7 @@ def test_one_source_fills_what_it_did_not_see_and_says_so(box_vehicle, surface):
     assert found.known(taps).numpy().mean() < 0.6
     A = found.gain(taps, behind)
     assert torch.isfinite(A).all()
-    seen = found.texels[found.weight > 0.05]
+    seen = found.texels[found.weight >= SEEN]
     assert found.texels.min() >= 0
     assert found.texels.max() <= seen.max() * 1.001
 
@@ -192,3 +192,17 @@ def test_factors_stay_within_bounds_from_every_side(box_vehicle, surface):
             assert np.isfinite(share).all()
             assert (share >= 0).all()
             assert (share <= 1).all()
+
+
+def test_what_stands_before_the_paint_is_no_light(box_vehicle, surface):
+    truth, sources = place(box_vehicle, surface, CLEAR, range(0, 360, 45))
+    shown = [np.where(np.arange(len(s.taps)) % 3 > 0, s.taps.alpha, 0) for s in sources]
+    hidden = [
+        dataclasses.replace(s, A=np.where(m[:, None] > 0, s.A, 0.0), shown=m)
+        for s, m in zip(sources, shown, strict=True)
+    ]
+    found = fit_place(hidden, surface, truth.optics, CLEAR)
+    camera, taps = view(box_vehicle, surface, 70)
+    solid = (taps.alpha > 0.98) & (found.known(taps).numpy() > 0.9)
+    error = display_error(found.gain(taps, camera).numpy(), truth.gain(taps, camera).numpy())[solid]
+    assert np.sqrt((error**2).mean()) < 0.03

@@ -9,9 +9,11 @@ from typer.testing import CliRunner
 from pipelines.cli import app
 from rauca_core.attack.lights import light_source
 from rauca_core.contract import RaucaError
+from rauca_core.contract.files import png_bytes
 from rauca_core.contract.irradiance import irradiance_folder, load_irradiance
 from rauca_core.environment import load_exact
 from rauca_core.environment.place_light import PlaceLight, light_places
+from rauca_core.runtime.images import read_image
 
 
 @pytest.fixture
@@ -35,6 +37,18 @@ def test_the_light_of_every_place_is_stored_once_and_read_as_maps(lit):
         assert inside.sum() > 30
         # The frames were drawn without a finish, which the fit takes the paint to have: that much they differ.
         assert np.median(np.abs(found.A - exact.A)[inside] / exact.A[inside]) < 0.05
+
+
+def test_something_before_the_paint_keeps_the_rendered_light(lit):
+    frame = lit.frames()[0]
+    path = lit.frame_folder(frame.id) / "paint.png"
+    pole = read_image(path).copy()
+    assert pole[:, 24:27].any()
+    pole[:, 24:27] = 0
+    path.write_bytes(png_bytes(pole))
+    list(light_places(lit.folder))
+    exact, found = load_exact(lit, frame.id), PlaceLight(lit).light_of(frame)
+    assert np.array_equal(found.A[:, 24:27], exact.A[:, 24:27])
 
 
 def test_a_frame_more_is_a_new_fit(lit):
