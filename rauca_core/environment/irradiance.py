@@ -51,7 +51,7 @@ class Source:
         A: (R, 3) linear gain at the taps' pixels, coverage included, as `exact.Light.A` but for exposure and rain.
         exposure_stops: of the frame, by which its errors are weighed.
         name: for the report.
-        shown: (R,) share of each pixel that shows paint of the vehicle, whatever stands before it; None where nothing does.
+        shown: (R,) share of each pixel that shows paint behind what stands before the vehicle; None if nothing does.
     """
 
     camera: Camera

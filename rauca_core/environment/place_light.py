@@ -93,8 +93,9 @@ class PlaceLight:
         left = self._left_by_rain(frame).reshape(-1, 1)[taps.pixels]
         gain = irradiance.gain(taps, frame.camera_in_vehicle, frame.exposure_stops).numpy() * left
         A = light.A.reshape(-1, 3).copy()
-        bare = np.abs(self._shown(frame, taps) - taps.alpha) < HIDDEN  # a pole or a parked car hides the rest
-        told = (irradiance.known(taps).numpy() >= KNOWN) & (taps.alpha > 0) & bare
+        shown = self._shown(frame, taps)  # less than the vehicle's own coverage behind a pole or a parked car
+        bare = (shown > 0) & (taps.alpha > 0) & (np.abs(shown - taps.alpha) < HIDDEN)
+        told = (irradiance.known(taps).numpy() >= KNOWN) & bare
         A[taps.pixels[told]] = gain[told]
         return Light(A.reshape(light.A.shape), light.B)
 
