@@ -74,7 +74,6 @@ def optimize(
     views: Annotated[
         str, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
     ] = "rendered",
-    light: Annotated[str, typer.Option(help="exact, ours (the extractor's), transfer or none")] = "exact",
     light: Annotated[
         str, typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), transfer or none")
     ] = "exact",
