@@ -97,8 +97,8 @@ def _lobe(cosine: float, roughness: float, ior: float) -> tuple[float, float]:
     x, y = radius * np.cos(2 * np.pi * turn), radius * np.sin(2 * np.pi * turn)
     y = (1 - upper) * np.sqrt(np.maximum(1 - x * x, 0)) + upper * y
     z = np.sqrt(np.maximum(1 - x * x - y * y, 0))
-    normal = np.outer(x, side) + np.outer(y, np.cross(stretched, side)) + np.outer(z, stretched)
-    normal = normal * [alpha, alpha, 1]
+    frame = np.stack([side, np.cross(stretched, side), stretched])
+    normal: Array = (np.stack([x, y, z], 1) @ frame) * [alpha, alpha, 1]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     facing = np.clip(normal @ view, 1e-4, 1)
     leaving = 2 * facing * normal[:, 2] - cosine
