@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .console import command_line, console
-from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, resized, split_names
+from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of, resized, split_names
 
 
 def ablate(
@@ -45,7 +45,6 @@ def ablate(
     detectors: Annotated[
         str | None, typer.Option(help="to measure with, comma separated; all that are ready and not this project's own")
     ] = None,
-    resamples: Resamples = 1000,
     threads: Threads = None,
     device: Device = "cpu",
     slurm: Slurm = None,
@@ -65,7 +64,7 @@ def ablate(
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = run(
             name, out, variants=split_names([variants or ""]), quick=quick, sizes=sizes, vehicle=vehicle,
-            attacked=attack or ["yolov3-tiny"], store=data or out.parent / "data", resamples=resamples,
+            attacked=attack or ["yolov3-tiny"], store=data or out.parent / "data",
             command=command_line(), **means,
         )  # fmt: skip
     console.print(f"ablation: {write_ablation(found, out / 'ablation.html')[0]}", highlight=False, soft_wrap=True)

@@ -14,7 +14,7 @@ from rauca_core.contract import RaucaError
 from .console import command_line, console, output
 from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
-from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of, split_names
+from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of, split_names
 
 if TYPE_CHECKING:
     from rauca_core.detect import Detector
@@ -48,7 +48,6 @@ def assess(
     fail_below: Conditions = None,
     json: Annotated[Path | None, typer.Option("--json", help="write the assessment here, too")] = None,
     latex: Annotated[bool, typer.Option("--latex", help="write the tables as LaTeX, too")] = False,
-    resamples: Resamples = 1000,
     threads: Threads = None,
     device: Device = "cpu",
     slurm: Slurm = None,
@@ -73,7 +72,7 @@ def assess(
     works = works_of(battery, vehicles, white_box, len(looked_through))
     same: dict[str, Any] = {"battery": battery, "budget": budget, "vehicles": vehicles, "command": command_line()}
     asked = same | {
-        "white_box": white_box, "defences": looked_through, "threshold": threshold, "resamples": resamples,
+        "white_box": white_box, "defences": looked_through, "threshold": threshold,
     }  # fmt: skip
     found = []
     for name, folder in folders.items():

@@ -187,3 +187,13 @@ def bench_stability_command(
     results = start("stability.bench", json, quick, docs=docs)
     if not all(target.passed for target in results.targets):
         raise typer.Exit(1)
+
+
+@bench_app.command("statistics")
+def bench_statistics_command(
+    quick: Annotated[bool, typer.Option("--quick", help="a tenth of the simulated studies: a minute, not six")] = False,
+    docs: Docs = None,
+    json: Json = Path("reports/statistics.json"),
+) -> None:
+    """How often 95 % intervals hold the truth, and how often chance is called a finding: simulated studies."""
+    start("statistics", json, quick, docs=docs)

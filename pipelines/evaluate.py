@@ -14,7 +14,7 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output
-from .options import Blender, Device, RenderDevice, Resamples, Slurm, means_of, numbers, split_names
+from .options import Blender, Device, RenderDevice, Slurm, means_of, numbers, split_names
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
@@ -68,7 +68,6 @@ def evaluate(
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
     random_seed: Annotated[int, typer.Option(min=0)] = 1,
     random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
-    resamples: Resamples = 1000,
     device: Device = "cpu",
     scene: Annotated[Path | None, typer.Option(help="the .blend that DATASET was made in, if it was")] = None,
     store: Annotated[
@@ -99,7 +98,7 @@ def evaluate(
             [*split_names(camouflage), *files], split_names(detectors), out=out, vehicle=split_names(vehicle),
             weathers=split_names(weathers) or ["both"], views=views, datasets=datasets,
             defences=split_defences(defences), random=RandomPaint(random_seed, random_cell) if random else None,
-            resamples=resamples, scene=scene, store=store, command=command_line(), **means,
+            scene=scene, store=store, command=command_line(), **means,
         )  # fmt: skip
     _print(study, out)
 
@@ -139,6 +138,6 @@ def _print(study: Study, out: Path) -> None:
         for paint, row in table.items():
             shown.add_row(paint, *(f"{e.ap:.3f} [{e.low:.2f}, {e.high:.2f}]" for e in row.values()))
         wide.print(shown)
-    clusters = {entry.results.draws for entry in study.entries}
-    wide.print(f"in brackets: 95 % interval by a bootstrap over {', '.join(sorted(clusters))}")
+    places = {entry.results.places for entry in study.entries}
+    wide.print(f"in brackets: 95 % interval over {', '.join(sorted(places))}")
     console.print(f"study: {out}", highlight=False, soft_wrap=True)

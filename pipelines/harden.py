@@ -11,7 +11,7 @@ from rich.table import Table
 import rauca_core as rauca
 
 from .console import command_line, console, output
-from .options import Blender, Device, RenderDevice, Resamples, Slurm, Threads, means_of
+from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of
 
 if TYPE_CHECKING:
     from rauca_core.study.hardening import Gains
@@ -49,7 +49,6 @@ def harden(
     views: Views = None,
     weathers: Annotated[str, typer.Option(help="of new views: seen, unseen, both, or a preset")] = "seen",
     frames: Annotated[int, typer.Option(min=1, help="new views per weather set")] = 48,
-    resamples: Resamples = 1000,
     seed: int = 0,
     threads: Threads = None,
     device: Device = "cpu",
@@ -70,7 +69,7 @@ def harden(
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,
             adaptive_steps=adaptive_steps, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
-            resamples=resamples, command=command_line(short=True), **means,
+            command=command_line(short=True), **means,
         )  # fmt: skip
     for path in write_hardening(found, out / "report.html"):
         console.print(f"report: {path}", highlight=False, soft_wrap=True)
@@ -91,4 +90,4 @@ def _print(gains: Gains) -> None:
         told = [e and [printed(value, column.kind) for value in (e.ap, e.low, e.high)] for e, column in found]
         table.add_row(gain.paint, *(f"{one[0]} [{one[1]}, {one[2]}]" if one else "–" for one in told))
     output(100).print(table)
-    console.print(f"in brackets: 95 % interval by a bootstrap over {entry.results.draws}")
+    console.print(f"in brackets: 95 % interval over {entry.results.places}")

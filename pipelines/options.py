@@ -32,7 +32,6 @@ Slurm = Annotated[
 
 
 Threads = Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")]
-Resamples = Annotated[int, typer.Option(min=1, help="of the bootstrap behind the intervals")]
 PaintMask = Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")]
 PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to camouflage")]
 

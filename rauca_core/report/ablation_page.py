@@ -10,6 +10,7 @@ from typing import Any
 from ..study.ablations.findings import Findings, Outcome, Scores, Verdict
 from ..study.candidates import NORMAL, RANDOM
 from ..study.families import in_table_order
+from ..study.intervals import SEEDS_NEEDED
 from ..study.results import MEAN, Estimate
 from ..study.study import Entry
 from .figures import paint_styles
@@ -21,7 +22,10 @@ from .study_tables import detector_columns, sourced, unique, weathers_title
 from .table import AVERAGE, Block, Cell, Column, Row, Source, Table, listing
 
 _MARKS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?"}
-_LIMIT = "Several claims are judged at once and each interval is for itself: of twenty true ties one is called."
+_LIMIT = (
+    "Each interval is for itself; only verdicts are corrected for how many orderings are judged. Random paint is one "
+    "paint, not every random one."
+)
 
 
 def write_ablation(found: Findings, out: Path) -> list[Path]:
@@ -45,7 +49,8 @@ def write_ablation(found: Findings, out: Path) -> list[Path]:
         "lead": _lead(verdicts),
         "styles": paint_styles(found.titles.values()),
         "found": found,
-        "clusters": study.entries[0].results.clusters,
+        "places": study.entries[0].results.place_kind,
+        "seeds_needed": SEEDS_NEEDED,
         "orderings": [f"{_MARKS[verdict.outcome]} {verdict.sentence(found.titles)}" for verdict in verdicts],
         "gaps": gaps,
         "main": main,
@@ -141,12 +146,13 @@ def _gaps(found: Findings, verdicts: Sequence[Verdict]) -> Table:
     rows = []
     for verdict, one in comparisons:
         gaps = [cell(one.gap), *(cell(one.by_scope.get(scope), scope) for scope in scopes)]
-        told = Cell(found.titles[one.worse]), *gaps, Cell(one.outcome), Cell(verdict.claim.by)
+        told = Cell(found.titles[one.worse]), *gaps, Cell(one.chance), Cell(one.outcome), Cell(verdict.claim.by)
         rows.append(Row(found.titles[one.better], told))
     names = ["gap, all views", *(f"gap, {scope}" for scope in scopes)]
     columns = (
         Column("higher AP claimed", kind="text"),
         *(Column(name, kind="change") for name in names),
+        Column("p, corrected", kind="chance"),
         *(Column(name, kind="text") for name in ("outcome", "claim of")),
     )
     return listing("gaps", "lower AP claimed", columns, tuple(rows), "Orderings")

@@ -91,8 +91,7 @@ class _Seen:
         self.found, self.entries = found, study.of(defence=NO_DEFENCE)
         # Views of one name stand in one town, whichever vehicle they show.
         towns = {entry.weathers: number for number, entry in enumerate(self.entries)}
-        resamples = self.entries[0].results.resamples
-        self.pool = Pool(self.entries, found.detector.name, lambda entry: towns[entry.weathers], resamples)
+        self.pool = Pool(self.entries, found.detector.name, lambda entry: towns[entry.weathers])
         self.picker = ViewPicker(self.entries, self.pool, found.detector.name, found.threshold)
 
     @property
@@ -104,7 +103,7 @@ class _Seen:
     def along(self) -> dict[str, dict[float, Recall]]:
         """Recall by distance of each paint shown."""
         hits = {paint: (self.pool.scores(paint) >= self.found.threshold).astype(np.float64) for paint in self.paints}
-        return {paint: along_distance(self.pool.rows, found, self.pool.draws) for paint, found in hits.items()}
+        return {paint: along_distance(self.pool.rows, found, self.pool.places) for paint, found in hits.items()}
 
     def sides(self) -> dict[str, Around]:
         """The same views by side and distance."""
@@ -113,7 +112,7 @@ class _Seen:
 
 def _scope(found: Assessment, seen: _Seen) -> str:
     weathers = len({row.weather for row in seen.pool.rows})
-    views, places = len(seen.pool.rows), seen.pool.draws.clusters.count
+    views, places = len(seen.pool.rows), seen.pool.places.count
     return (
         f"Family {found.detector.family}. Battery {found.battery}, budget {found.budget}: {views} views of "
         f"{' and '.join(found.vehicles)} in {places} places and {weathers} weathers, each rendered in "
@@ -162,9 +161,11 @@ def _changed(found: Sequence[Change]) -> list[str]:
         for one in found
         if one.beyond_chance
     ]
-    chance = [PAINTS[one.paint] for one in found if not one.beyond_chance]
+    chance = [PAINTS[one.paint] for one in found if one.decided and not one.beyond_chance]
+    luck = [f"{PAINTS[one.paint]} {one.difference:+.3f}" for one in found if not one.decided]
     parts = [f"changed beyond chance: {', '.join(told)}"] if told else []
     parts += [f"not to be told from chance: {', '.join(chance)}"] if chance else []
+    parts += [f"undecided, as each was attacked by itself: {', '.join(luck)}"] if luck else []
     return [f"Since the earlier assessment, AP@0.5 {'; '.join(parts)}."]
 
 
@@ -181,7 +182,7 @@ def _assessed(found: Assessment) -> Mapping[str, Any]:
 
 
 def _limits(found: Assessment, seen: _Seen) -> list[str]:
-    frames, places = len(seen.pool.rows), seen.pool.draws.clusters.count
+    frames, places = len(seen.pool.rows), seen.pool.places.count
     told = [
         f"All is said of the battery {found.battery} with the budget {found.budget}: {frames} views in {places} places "
         "of synthetic towns. Other streets, vehicles and seasons are not in it.",

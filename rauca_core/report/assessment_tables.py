@@ -145,6 +145,7 @@ def changes_table(found: Sequence[Change]) -> Table:
     rows = []
     for one in found:
         verdict = ("yes, better" if one.difference > 0 else "yes, worse") if one.beyond_chance else "no"
+        verdict = verdict if one.decided else "undecided: one attack each"
         told = (Cell(one.before), Cell(one.after), Cell(one.difference, one.low, one.high), Cell(verdict))
         rows.append(Row(PAINTS[one.paint], told))
     return listing("changes", "paint", columns, tuple(rows), "What changed")

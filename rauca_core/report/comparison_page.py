@@ -8,7 +8,7 @@ from pathlib import Path
 from ..contract import RaucaError
 from ..study.assess import FILE_NAME
 from ..study.assessment import Assessment
-from ..study.assessment_change import changes
+from ..study.assessment_change import change_in, corrected
 from ..study.candidates import NORMAL
 from .assessment_tables import KINDS, score_cell, shown_range, worst_camouflage
 from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg
@@ -48,7 +48,7 @@ def write_comparison(
         "title": "How robust are these detectors?",
         "scope": f"Battery {first.battery}, budget {first.budget}: {first.clean.frames} views of "
         f"{' and '.join(first.vehicles)}, the same for every detector.",
-        "lead": [_lead(table)],
+        "lead": [_lead(found)],
         "styles": STYLES,
         "table": table,
         "pages": [
@@ -69,7 +69,7 @@ def comparison_table(found: Sequence[Assessment]) -> Table:
         if len(kinds := {str(getattr(one, name)): one.detector.name for one in found}) > 1:
             told = ", ".join(f"{kind} of {detector}" for kind, detector in kinds.items())
             raise RaucaError(f"comparison: assessments of different {name} ({told}); assess all on the same")
-    ranked = sorted(found, key=lambda one: -one.transfer.ap)
+    ranked = _ranked(found)
     columns = (
         *(Column(title) for title in KINDS.values()), Column("less the first's transfer", kind="change"),
         Column("worst tenth's score"), Column("plain", "found up to", kind="text"),
@@ -79,22 +79,28 @@ def comparison_table(found: Sequence[Assessment]) -> Table:
     return listing("comparison", "detector", columns, rows, "Detectors under one battery")
 
 
-def _lead(table: Table) -> str:
+def _lead(found: Sequence[Assessment]) -> str:
     """Who is best under transfer, and who can be told from it."""
-    (best, _), *others = ((row.name, row.cells[len(KINDS)]) for row in table.blocks[0].rows)
-    behind = [name for name, less in others if less is not None and less.high is not None and less.high < 0]
-    level = [name for name, _ in others if name not in behind]
-    parts = [f"In camouflages made for other detectors AP@0.5 is highest for {best}"]
+    best, *others = _ranked(found)
+    told = corrected([change_in("transfer", best, one) for one in others])
+    behind = [one.detector.name for one, less in zip(others, told, strict=True) if less.beyond_chance]
+    level = [one.detector.name for one in others if one.detector.name not in behind]
+    parts = [f"In camouflages made for other detectors AP@0.5 is highest for {best.detector.name}"]
     parts += [f"beyond chance below it: {', '.join(behind)}"] if behind else []
     parts += [f"not to be told from it: {', '.join(level)}"] if level else []
     return f"{'; '.join(parts)}."
+
+
+def _ranked(found: Sequence[Assessment]) -> list[Assessment]:
+    """The best under transfer first."""
+    return sorted(found, key=lambda one: -one.transfer.ap)
 
 
 def _row(one: Assessment, first: Assessment) -> Row:
     name = one.detector.name
     file = f"{FILE_NAME} of {name}"
     scores = (score_cell(getattr(one, kind), kind, file=file) for kind in KINDS)
-    behind = next(change for change in changes(first, one) if change.paint == "transfer")
+    behind = change_in("transfer", first, one)
     less = None if one is first else Cell(behind.difference, behind.low, behind.high)
     tenth = Cell(one.worst_tenth[NORMAL].score, source=Source(file, ("worst_tenth", NORMAL, "score")))
     reach = (Cell(shown_range(one.range_m[paint])) for paint in (NORMAL, worst_camouflage(one)))

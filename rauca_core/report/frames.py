@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ..contract import RaucaError
 from ..contract.files import file_digest
-from ..study.average_precision import IOU_THRESHOLD, Sample
-from ..study.bootstrap import box_overlaps
+from ..study.average_precision import IOU_THRESHOLD, Sample, box_overlaps
 from ..study.detection_cache import Found
 from ..study.results import MEAN, Results
 from ..study.scores import Recorded

@@ -77,7 +77,7 @@ def write_study_page(
     counted = {
         "lowest score counted": first.settings.score_threshold,
         "overlap of non-maximum suppression": first.settings.iou_threshold,
-        "bootstrap": f"{first.resamples} resamples of {first.clusters}, seed {first.seed}, 95 % interval",
+        "intervals": f"95 %, jackknife over {first.place_kind}, Student's t",
     }
     behind = Behind(
         commands=unique([study.command, *commands]),
@@ -140,12 +140,12 @@ def write_page(
 
 def _results(study: Study, base: Path, anchors: Mapping[Path, str]) -> Table:
     several = len(vehicles_of(study)) > 1
-    names = ["vehicle"] * several + ["defence", "frames", "left out", "bootstrap draws", "file"]
+    names = ["vehicle"] * several + ["defence", "frames", "left out", "intervals over", "file"]
     rows = []
     for entry in study.entries:
         results, path = entry.results, entry.folder / "results.json"
         told = [*([entry.vehicle] if several else []), defence_title(entry.defence)]
-        told += [str(len(results.frames)), str(len(results.dropped)), results.draws]
+        told += [str(len(results.frames)), str(len(results.dropped)), results.places]
         file = Source(path, ()).told(base)
         cells = (*map(Cell, told), Cell(file, link=file), Cell(file_digest(path)[:16]))
         rows.append(Row(weathers_title(entry.weathers), cells, anchors[path]))

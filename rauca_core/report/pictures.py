@@ -14,8 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..contract import Camouflage, Dataset, load_camouflage
 from ..detect import canonical
 from ..runtime.images import read_image
-from ..study.average_precision import IOU_THRESHOLD
-from ..study.bootstrap import box_overlaps
+from ..study.average_precision import IOU_THRESHOLD, box_overlaps
 from ..study.detection_cache import Found
 from ..study.study import Entry
 

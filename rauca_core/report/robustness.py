@@ -114,7 +114,7 @@ def assess(
     return Robustness(found, Study._of(study))
 
 
-_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold", "resamples"}
+_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold"}
 
 
 def _loaded(model: Any, names: Sequence[str] | None, classes: Mapping[str, str] | None, device: str) -> Detector:

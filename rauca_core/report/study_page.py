@@ -70,7 +70,7 @@ def write_report(study: measured.Study, out: Path, notes: ReportNotes | None = N
         "lead": headline(study),
         "styles": paint_styles(dict.fromkeys(paint for entry in study.entries for paint in entry.results.paints)),
         "tables": tables,
-        "clusters": study.entries[0].results.clusters,
+        "places": study.entries[0].results.place_kind,
         "columns": [column for table in tables for column in table.columns],
         "papers": {key: papers[kind] for kind, key in last_of_kind.items() if kind in papers},
         "curves": {weathers_title(weathers): some for weathers, some in curves.items() if some},

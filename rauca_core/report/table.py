@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-Kind = Literal["score", "change", "share", "loss", "number", "count", "text", "code"]
+Kind = Literal["score", "change", "share", "loss", "number", "count", "chance", "text", "code"]
 
 AVERAGE = "Average"
 BEST, SECOND = 1, 2
 _FORMS: dict[Kind, str] = {
-    "score": ".3f", "change": "+.3f", "share": ".0%", "loss": ".3f", "number": ".1f", "count": ".0f",
+    "score": ".3f", "change": "+.3f", "share": ".0%", "loss": ".3f", "chance": ".3f", "number": ".1f", "count": ".0f",
 }  # fmt: skip
 _WIDEST = 14  # columns that still stand side by side
 
@@ -25,7 +25,8 @@ class Column:
         own: a detector of this project, trained on its synthetic images.
         white_box: a camouflage of the table was optimized against it.
         kind: ``score``, AP@0.5 from 0 to 1; ``change``, the difference of two; ``share``, where 1 is the whole;
-            ``loss``; ``number``, of any size; ``count``, a whole one; ``text``, and ``code`` for text of fixed width.
+            ``loss``; ``chance``, a p; ``number``, of any size; ``count``, a whole one; ``text``, and
+            ``code`` for text of fixed width.
     """
 
     name: str

@@ -46,7 +46,7 @@ def write_curve(curve: TradeOff, out: Path) -> list[Path]:
             f"{', '.join(_black_box(curve))}, never attacked here."
         ],
         "styles": STYLES,
-        "clusters": results.clusters,
+        "places": results.place_kind,
         "sweeps": sweeps,
         "numbers": numbers,
         "maps": maps_of(entries[:1]),
@@ -59,7 +59,7 @@ def write_curve(curve: TradeOff, out: Path) -> list[Path]:
         "white_box": list(curve.attacked),
         "black_box": _black_box(curve),
         "frames": {entry.weathers: len(entry.results.frames) for entry in entries},
-        "intervals": f"95 %, bootstrap over {results.draws}",
+        "intervals": f"95 %, over {results.places}",
     }
     return write_study_page(curve.study, out, "tradeoff.html", told, [numbers, *sweeps], about, {})
 

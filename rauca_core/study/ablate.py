@@ -132,7 +132,6 @@ def ablate(
     vehicle: str = "sedan",
     attacked: Sequence[Detector | str] = ("yolov3-tiny",),
     store: Path | None = None,
-    resamples: int = 1000,
     command: str = "",
     **means: Unpack[Means],
 ) -> Findings:
@@ -163,7 +162,7 @@ def ablate(
         made = {label: folder / CAMOUFLAGE for label, folder in engine.make_named(wanted).items()}
         paints = {body: keep_paints(engine, out, body, made, RandomPaint(size=sizes.map_size))}
         places = held_out_places([body], sets, sizes.views)
-        study = judge(engine, out, places, paints, Judges(chosen, resamples=resamples), command)
+        study = judge(engine, out, places, paints, Judges(chosen), command)
     rows = {v.key: [label for variant, _, label in asked.repeats() if variant is v] for v in some}
     settings = {variant.key: asked.own_settings(variant) for variant in some}
     names = tuple(detector.name for _, detector in white_boxes)

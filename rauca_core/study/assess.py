@@ -69,7 +69,6 @@ def assess(
     white_box: bool = True,
     defences: Sequence[str] = (),
     threshold: float = DEPLOYED,
-    resamples: int = 1000,
     command: str = "",
     **means: Unpack[Means],
 ) -> tuple[Assessment, Study]:
@@ -121,9 +120,9 @@ def assess(
             for _, choice in choices
             for name, views in frozen.views_of(choice, budget).items()
         ]
-        judges = Judges({frozen.category: [chosen]}, looked_through, resamples)
+        judges = Judges({frozen.category: [chosen]}, looked_through)
         study = judge(engine, out, places, paints, judges, command)
-        found = summarize(assessed, frozen, budget, threshold, study, resamples)
+        found = summarize(assessed, frozen, budget, threshold, study)
         note = told_of_attack(found, EFFORTS[budget], white_box, assessed)
         spent = {**engine.seconds, "all, this time": round(time.monotonic() - began, 1)}
         found = replace(found, white_box_note=note, seconds=spent)
@@ -200,13 +199,11 @@ def strongest(runs: Sequence[Path]) -> Path:
     return min(runs, key=final_score)
 
 
-def summarize(
-    assessed: Assessed, battery: Battery, budget: str, threshold: float, study: Study, resamples: int
-) -> Assessment:
+def summarize(assessed: Assessed, battery: Battery, budget: str, threshold: float, study: Study) -> Assessment:
     """The figures of an assessment, from what the detector found."""
     towns = {views.name: views.plan.seed for views in battery.views}
     pools = {
-        defence: Pool(study.of(defence=defence), assessed.name, lambda entry: towns[entry.weathers], resamples)
+        defence: Pool(study.of(defence=defence), assessed.name, lambda entry: towns[entry.weathers])
         for defence in dict.fromkeys(entry.defence for entry in study.entries)
     }
     plain, told = pools[NO_DEFENCE], [NORMAL, RANDOM]
@@ -246,8 +243,8 @@ def summarize(
             for name, pool in pools.items()
             if name != NO_DEFENCE
         },
-        draws={
-            name: tuple(round(float(ap), 5) for ap in plain.curve(paints)[1:])
+        without_place={
+            name: tuple(round(float(ap), 6) for ap in plain.curve(paints)[1:])
             for name, paints in groups.items()
             if paints
         },

@@ -84,8 +84,8 @@ class Assessment(Record):
         worst_cell, worst_tenth, errors, range_m: by paint.
         defences: by defence.
         seconds: by stage.
-        draws: AP@0.5 of ``clean``, ``random``, ``transfer`` and ``white_box`` in every resample of the places. Those of
-            one battery are the same for every detector, so that differences can be told from chance.
+        without_place: AP@0.5 of ``clean``, ``random``, ``transfer`` and ``white_box`` without each of the places.
+            These are the same for every detector of one battery, so that differences can be told from chance.
         left_out: camouflages of the library that count as no transfer: they were made against this very detector.
     """
 
@@ -108,7 +108,7 @@ class Assessment(Record):
     range_m: dict[str, Range]
     defences: dict[str, Defended] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
-    draws: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    without_place: dict[str, tuple[float, ...]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
     @property

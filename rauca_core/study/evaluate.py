@@ -69,7 +69,6 @@ def evaluate(
     datasets: Sequence[Dataset | Path | str] = (),
     defences: str | Sequence[str] = (NO_DEFENCE,),
     random: RandomPaint | None = None,
-    resamples: int = 1000,
     scene: Path | None = None,
     store: Path | None = None,
     command: str = "",
@@ -88,7 +87,6 @@ def evaluate(
         datasets: rendered views to evaluate on instead of making some; they bring vehicle and weathers.
         defences: that images go through before detection.
         random: evaluate in random paint, too.
-        resamples: of the bootstrap behind the intervals.
         scene: the .blend that ``datasets`` were made in, if they were.
         store: where views, renders and detections are kept; in ``out`` if left out.
         command: what was typed, for the report.
@@ -120,7 +118,7 @@ def evaluate(
                 one: keep_paints(engine, folder, one, {candidate.label: candidate.path for candidate in some}, random)
                 for one, some in matched.items()
             }
-            return judge(engine, folder, places, worn, Judges(chosen, list(named.values()), resamples), command)
+            return judge(engine, folder, places, worn, Judges(chosen, list(named.values())), command)
 
 
 def held_out_places(

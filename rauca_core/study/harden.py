@@ -75,7 +75,6 @@ def harden(
     views: Sequence[Path | str] = (),
     weathers: Sequence[str] = ("seen",),
     held_out_views: HeldOut | None = None,
-    resamples: int = 1000,
     command: str = "",
     **means: Unpack[Means],
 ) -> Hardened:
@@ -121,7 +120,7 @@ def harden(
             paints[vehicle] = keep_paints(engine, out / "study", vehicle, worn, RandomPaint())
         new = held_out_views or HeldOut(48)
         places = given_places(opened, matched, None) if opened else held_out_places(matched, sets, new)
-        study = judge(engine, out / "study", places, paints, Judges(both, resamples=resamples), command)
+        study = judge(engine, out / "study", places, paints, Judges(both), command)
     labels = {vehicle.name: [one.label for one in some] for vehicle, some in matched.items()}
     gains = [gains_of(entry, before.name, after.name, labels[entry.vehicle]) for entry in study.entries]
     facts = {

@@ -6,18 +6,19 @@ works as it did, 1 where the hardened detector finds the camouflaged vehicle as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .candidates import NORMAL
+from .intervals import Curve, difference_interval
 from .results import Estimate
-from .scores import Curve, Recorded, estimate
+from .scores import Recorded, difference, estimate
 from .study import Entry
 
 LEAST_LOSS = 0.02  # AP: where a paint took less than that, there is nothing to recover
-KNOWN = 0.5  # share of resamples that must show a loss for an interval of the recovered share
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,21 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
     curves = {paint: [recorded.curve(detector, paint) for detector in both] for paint in entry.results.paints}
     clean = curves[NORMAL][0]
     mean = [np.mean([curves[paint][k] for paint in held_out], axis=0) for k in (0, 1)]
-    rows = tuple(_gain(paint, curves[paint], clean) for paint in curves if paint != NORMAL)
-    return Gains(entry, _gain(NORMAL, curves[NORMAL], clean), rows, _gain("held-out, mean", mean, clean))
+    frames = len(entry.results.frames)
+
+    def gain(paint: str, both: Sequence[Curve]) -> Gain:
+        before, after = both
+        changed, recovered = difference(after - before, frames), _recovered(before, after, clean, frames)
+        return Gain(paint, estimate(before, frames), estimate(after, frames), changed, recovered)
+
+    rows = tuple(gain(paint, curves[paint]) for paint in curves if paint != NORMAL)
+    return Gains(entry, gain(NORMAL, curves[NORMAL]), rows, gain("held-out, mean", mean))
 
 
-def _gain(paint: str, curves: Sequence[Curve], clean: Curve) -> Gain:
-    before, after = curves
-    return Gain(paint, estimate(before), estimate(after), estimate(after - before), _recovered(before, after, clean))
-
-
-def _recovered(before: Curve, after: Curve, clean: Curve) -> Estimate | None:
+def _recovered(before: Curve, after: Curve, clean: Curve, frames: int) -> Estimate | None:
+    """None where there is nothing to recover, with all places or without any one of them."""
     lost = clean - before
-    known = lost >= LEAST_LOSS
-    if not known[0] or known[1:].mean() < KNOWN:
+    if len(lost) < 3 or (lost < LEAST_LOSS).any():
         return None
-    return estimate((after - before)[known] / lost[known])
+    ratio = (after - before) / lost
+    return Estimate(float(ratio[0]), *difference_interval(ratio, frames, (-math.inf, math.inf)))

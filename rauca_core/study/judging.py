@@ -40,7 +40,6 @@ class Judges:
 
     detectors: Mapping[str, Sequence[Chosen]]
     defences: Sequence[Defence] = field(default_factory=lambda: (make_defence(NO_DEFENCE),))
-    resamples: int = 1000
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def judge(
     engine.make(*(one for run in runs for found in run.detections.values() for one in found.values()))
     entries = []
     for run in runs:
-        entries.append(_entry(engine, out, run, paints[run.place.vehicle], judges.resamples))
+        entries.append(_entry(engine, out, run, paints[run.place.vehicle]))
         save_study(out / FILE_NAME, command, entries)
     return Study(command, tuple(entries))
 
@@ -118,7 +117,7 @@ def _runs(place: Place, folder: Path, paints: Mapping[str, Path], judges: Judges
     return runs
 
 
-def _entry(engine: Engine, out: Path, run: _Run, camouflages: Mapping[str, Path], resamples: int) -> Entry:
+def _entry(engine: Engine, out: Path, run: _Run, camouflages: Mapping[str, Path]) -> Entry:
     """Compute results from what was found, and write them."""
     name, vehicle = run.place.name, run.place.vehicle
     home = out / vehicle.name / plain_label(name)
@@ -131,6 +130,6 @@ def _entry(engine: Engine, out: Path, run: _Run, camouflages: Mapping[str, Path]
         paint: {detector: detections_in(some[detector], place) for detector, place in engine.make_named(some).items()}
         for paint, some in run.detections.items()
     }
-    results = tabulate(Dataset(run.folder), paints, caches, folder, resamples, run.defence.name, run.dropped)
+    results = tabulate(Dataset(run.folder), paints, caches, folder, run.defence.name, run.dropped)
     told = (name, run.defence.name, vehicle.name, vehicle.category)
     return Entry(*told, results, folder, run.folder, dict(camouflages))

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract.schema import Record
-from .average_precision import IOU_THRESHOLD
-from .bootstrap import box_overlaps
+from .average_precision import IOU_THRESHOLD, box_overlaps
 from .detection_cache import Found
 
 TOUCHES = 0.1  # a box that overlaps the target less than this is about something else (TIDE's background threshold)

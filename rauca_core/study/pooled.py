@@ -1,4 +1,4 @@
-"""Entries of a study taken together: all vehicles, views and weathers as one sample, places drawn as one."""
+"""Entries of a study taken together: all vehicles, views and weathers as one sample, places counted once."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..detect import canonical
 from .assessment import Score
-from .average_precision import Sample
-from .bootstrap import Clusters, Ranking, best_score, interval
+from .average_precision import Ranking, Sample, best_score
+from .intervals import Curve, Places, share_interval
 from .mistakes import Mistakes, mistakes_in, summed
-from .scores import Curve, Draws, Recorded
+from .scores import Recorded, ap_curve
 from .study import Entry
 
 
@@ -29,12 +29,10 @@ class Pool:
         paints: that all entries have.
     """
 
-    def __init__(
-        self, entries: Sequence[Entry], detector: str, town_of: Callable[[Entry], int], resamples: int
-    ) -> None:
+    def __init__(self, entries: Sequence[Entry], detector: str, town_of: Callable[[Entry], int]) -> None:
         self._entries = tuple(entries)
         self._recorded = [Recorded(entry) for entry in entries]
-        self._detector, self._resamples = detector, resamples
+        self._detector = detector
         self._towns = [town_of(entry) for entry in entries]
         self.rows = tuple(
             replace(row, id=f"{entry.vehicle}/{entry.weathers}/{row.id}")
@@ -58,15 +56,15 @@ class Pool:
         return np.array([best_score(sample) for sample in self.samples(paint)])
 
     def score(self, paints: Sequence[str], threshold: float) -> Score:
-        """AP@0.5 and recall at a deployed score, the mean over some paints; its interval draws places."""
+        """AP@0.5 and recall at a deployed score, the mean over some paints; its interval is over places."""
         curve = self.curve(paints)
         recall = float(np.mean([(self.scores(paint) >= threshold).mean() for paint in paints]))
-        return Score(float(curve[0]), *interval(curve[1:]), recall, len(self.rows) * len(paints))
+        return Score(float(curve[0]), *share_interval(curve, len(self.rows)), recall, len(self.rows) * len(paints))
 
     def curve(self, paints: Sequence[str]) -> Curve:
-        """(1 + R,) AP@0.5 of the frames as they are, then of each resample of the places; the mean over some paints."""
+        """(1 + C,) AP@0.5 with all places, then without each; the mean over some paints."""
         for paint in set(paints) - set(self._curves):
-            self._curves[paint] = self.draws.curve(Ranking.of(self.samples(paint)))
+            self._curves[paint] = ap_curve(Ranking.of(self.samples(paint)), self.places)
         return np.mean([self._curves[paint] for paint in paints], axis=0, dtype=np.float64)
 
     def mistakes(self, paint: str, threshold: float) -> Mistakes:
@@ -83,14 +81,12 @@ class Pool:
         )
 
     @cached_property
-    def draws(self) -> Draws:
-        """The places as they are, then resamples of them."""
-        places = [
+    def places(self) -> Places:
+        """The places of all frames, whichever entry shows them."""
+        shown = [
             (town, row.location)
             for town, entry in zip(self._towns, self._entries, strict=True)
             for row in entry.results.frames
         ]
-        numbers = {place: number for number, place in enumerate(dict.fromkeys(places))}
-        clusters = Clusters.of([numbers[place] for place in places], list(range(len(places))))
-        drawn = clusters.resample(self._resamples, seed=0)
-        return Draws(clusters, np.concatenate([np.ones_like(drawn[:1]), drawn]))
+        numbers = {place: number for number, place in enumerate(dict.fromkeys(shown))}
+        return Places.of([numbers[place] for place in shown], list(range(len(shown))))

@@ -17,8 +17,7 @@ from ..contract import Dataset, load_camouflage
 from ..contract.schema import Record, read_json
 from ..detect import Detector, class_index
 from ..runtime.images import read_image
-from .average_precision import Sample
-from .bootstrap import best_score
+from .average_precision import Sample, best_score
 
 FILE_NAME = "ranking.json"
 FRAMES_AT_ONCE = 8

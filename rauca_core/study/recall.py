@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bootstrap import interval
+from .intervals import Places, share_interval
 from .results import FrameRow
-from .scores import Draws
 
 SIDES = ("front", "front left", "left", "rear left", "rear", "rear right", "right", "front right")
 _BANDS = 4  # of distances, at most: with more of them a cell holds too few views
@@ -47,23 +46,23 @@ def side_of(azimuth_deg: float) -> str:
     return SIDES[_sector(azimuth_deg)]
 
 
-def along_distance(rows: Sequence[FrameRow], hits: NDArray[np.float64], draws: Draws) -> dict[float, Recall]:
+def along_distance(rows: Sequence[FrameRow], hits: NDArray[np.float64], places: Places) -> dict[float, Recall]:
     """Recall at each nominal distance of the cameras.
 
     Args:
         rows: the frames.
         hits: (F,) share of the paints in which each frame's target is found.
-        draws: of the places that the frames show.
+        places: of the frames.
     """
     distances = np.array([row.distance_m for row in rows])
-    return {float(value): _recall(hits, np.flatnonzero(distances == value), draws) for value in np.unique(distances)}
+    return {float(value): _recall(hits, np.flatnonzero(distances == value), places) for value in np.unique(distances)}
 
 
-def _recall(hits: NDArray[np.float64], chosen: NDArray[np.int64], draws: Draws) -> Recall:
-    counts = draws.counts[:, draws.clusters.of_frame[chosen]].astype(np.float64)
-    views = counts.sum(1)
-    shares = (counts @ hits[chosen])[views > 0] / views[views > 0]  # a resample may draw none of these places
-    return Recall(float(shares[0]), *interval(shares[1:] if len(shares) > 1 else shares), len(chosen))
+def _recall(hits: NDArray[np.float64], chosen: NDArray[np.int64], places: Places) -> Recall:
+    some = Places.of(places.of_frame[chosen].tolist(), chosen.tolist())
+    counts = some.left_out()[:, some.of_frame].astype(np.float64)
+    shares = counts @ hits[chosen] / counts.sum(1)
+    return Recall(float(shares[0]), *share_interval(shares, len(chosen)), len(chosen))
 
 
 def around(rows: Sequence[FrameRow], found: NDArray[np.bool_]) -> Around:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 from ..contract import RaucaError
 from ..contract.files import write_json
@@ -36,7 +35,7 @@ class FrameRow(Record):
 
 @dataclass(frozen=True)
 class Estimate(Record):
-    """AP@0.5 in [0, 1] over frames, and the bootstrap's 95 % interval over their locations (see `bootstrap.py`)."""
+    """AP@0.5 in [0, 1] over frames, and its 95 % interval over their places (see `intervals.py`)."""
 
     ap: float
     low: float
@@ -75,7 +74,6 @@ class Results(Record):
     Attributes:
         dataset: the data set's name.
         settings: of detection; ``settings.category`` is the target's class.
-        resamples, seed: of the bootstrap.
         detectors: name -> fingerprint, in table order.
         frames: that took part, in plan order.
         dropped: ids of frames that show too little of the vehicle to have a box.
@@ -85,15 +83,13 @@ class Results(Record):
         detections: ``detections[paint][detector]``, the folder that keeps them, relative to the results' folder.
         vehicle: the data set's vehicle.
         defence: what the images went through before detection.
-        clusters, cluster_count: what the bootstrap draws (``locations``, ``views`` or ``frames``), and how many.
+        place_kind, place_count: what intervals are over (``locations``, ``views`` or ``frames``), and how many.
     """
 
-    FORMAT = ("rauca-results", 3)
+    FORMAT = ("rauca-results", 4)
 
     dataset: str
     settings: DetectionSettings
-    resamples: Annotated[int, (1,)]
-    seed: int
     detectors: dict[str, str]
     frames: tuple[FrameRow, ...]
     dropped: tuple[str, ...]
@@ -103,13 +99,13 @@ class Results(Record):
     detections: dict[str, dict[str, str]] = field(default_factory=dict)
     vehicle: str = ""
     defence: str = "none"
-    clusters: str = "frames"
-    cluster_count: int = 0
+    place_kind: str = "frames"
+    place_count: int = 0
 
     @property
-    def draws(self) -> str:
-        """What the bootstrap draws, such as ``8 locations``."""
-        return f"{self.cluster_count} {self.clusters}"
+    def places(self) -> str:
+        """What intervals are over, such as ``8 locations``."""
+        return f"{self.place_count} {self.place_kind}"
 
     @property
     def paints(self) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -13,80 +12,69 @@ from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, RaucaError
 from ..detect import canonical
-from .average_precision import Sample, average_precision
-from .bootstrap import Clusters, Ranking, interval
+from .average_precision import Ranking, Sample, average_precision
 from .defences import NO_DEFENCE
 from .detecting import Pictures
 from .detection_cache import DetectionCache, Found
+from .intervals import Curve, Places, difference_interval, share_interval
 from .results import AXES, MEAN, Estimate, FrameRow, Group, ImageRow, Results, save_results
 from .study import Entry
 
-SEED = 0  # of the resamples behind every interval: the same ones for every table
-
 Samples = Mapping[str, Mapping[str, Sequence[Sample]]]  # [paint][detector][frame]
-Curve = NDArray[np.float64]  # (1 + R,) AP@0.5 of the frames as they are, then of each resample
 
 
-def clusters_of(rows: Sequence[FrameRow]) -> Clusters:
-    """What a resample draws: the frames' locations, or their views if there is one location."""
-    return Clusters.of([row.location for row in rows], [row.view for row in rows])
+def places_of(rows: Sequence[FrameRow]) -> Places:
+    """What is left out in turn: the frames' locations, or their views if there is one location."""
+    return Places.of([row.location for row in rows], [row.view for row in rows])
 
 
-@dataclass(frozen=True, eq=False)
-class Draws:
-    """The frames as they are, then resamples of them, the same ones for every paint and detector.
+def ap_curve(ranking: Ranking, places: Places, ap: float | None = None) -> Curve:
+    """AP@0.5 of a ranking of the frames, with all places and without each.
 
-    Attributes:
-        counts: (1 + R, C) how often each cluster counts.
+    Args:
+        ap: of all, where it is known.
     """
-
-    clusters: Clusters
-    counts: NDArray[np.int64]
-
-    @staticmethod
-    def of(rows: Sequence[FrameRow], resamples: int, seed: int = SEED) -> Draws:
-        clusters = clusters_of(rows)
-        drawn = clusters.resample(resamples, seed)
-        return Draws(clusters, np.concatenate([np.ones_like(drawn[:1]), drawn]))
-
-    def curve(self, ranking: Ranking, ap: float | None = None) -> Curve:
-        """AP of a ranking of the frames.
-
-        Args:
-            ap: of the frames as they are, where it is known.
-        """
-        values = ranking.average_precision(self.counts, self.clusters.of_frame)
-        values[0] = values[0] if ap is None else ap
-        return values
+    values = ranking.average_precision(places.left_out(), places.of_frame)
+    values[0] = values[0] if ap is None else ap
+    return values
 
 
-def estimate(curve: Curve) -> Estimate:
-    """The value of a curve with its 95 % interval."""
-    return Estimate(float(curve[0]), *interval(curve[1:]))
+def estimate(curve: Curve, frames: int) -> Estimate:
+    """A share with its 95 % interval, both over all seeds of the curve."""
+    return Estimate(_value(curve), *share_interval(curve, frames))
 
 
-def score_table(samples: Samples, rows: Sequence[FrameRow], resamples: int) -> dict[str, dict[str, Estimate]]:
+def difference(curve: Curve, frames: int) -> Estimate:
+    """A difference of two shares with its 95 % interval."""
+    return Estimate(_value(curve), *difference_interval(curve, frames))
+
+
+def _value(curve: Curve) -> float:
+    return float(np.atleast_2d(curve)[:, 0].mean())
+
+
+def score_table(samples: Samples, rows: Sequence[FrameRow]) -> dict[str, dict[str, Estimate]]:
     """AP of every paint and detector, and the mean over detectors, each with its interval."""
-    draws, table = Draws.of(rows, resamples), {}
+    places, table = places_of(rows), {}
     for paint, by_detector in samples.items():
-        curves = {n: draws.curve(Ranking.of(some), average_precision(some)) for n, some in by_detector.items()}
+        curves = {n: ap_curve(Ranking.of(some), places, average_precision(some)) for n, some in by_detector.items()}
         curves[MEAN] = np.mean(list(curves.values()), axis=0)
-        table[paint] = {name: estimate(curve) for name, curve in curves.items()}
+        table[paint] = {name: estimate(curve, len(rows)) for name, curve in curves.items()}
     return table
 
 
-def score_groups(samples: Samples, rows: Sequence[FrameRow], resamples: int) -> dict[str, tuple[Group, ...]]:
+def score_groups(samples: Samples, rows: Sequence[FrameRow]) -> dict[str, tuple[Group, ...]]:
     """AP over the frames that share a value, for every axis and value."""
     rankings = {
         paint: {name: Ranking.of(some) for name, some in by_detector.items()} for paint, by_detector in samples.items()
     }
 
     def group(value: float, chosen: NDArray[np.int64]) -> Group:
-        draws, ap, mean = Draws.of([rows[index] for index in chosen], resamples), {}, {}
+        places, ap, mean = places_of([rows[index] for index in chosen]), {}, {}
         for paint, by_detector in rankings.items():
-            curves = {name: draws.curve(ranking.part(chosen)) for name, ranking in by_detector.items()}
+            curves = {name: ap_curve(ranking.part(chosen), places) for name, ranking in by_detector.items()}
             ap[paint] = {name: float(curve[0]) for name, curve in curves.items()}
-            mean[paint] = estimate(np.mean(list(curves.values()), axis=0))
+            mean[paint] = estimate(np.mean(list(curves.values()), axis=0), len(chosen))
         return Group(value, len(chosen), ap, mean)
 
     values = {axis: np.array([float(getattr(row, axis)) for row in rows]) for axis in AXES}
@@ -101,7 +89,6 @@ def tabulate(
     paints: Mapping[str, Pictures],
     caches: Mapping[str, Mapping[str, DetectionCache]],
     out: Path,
-    resamples: int,
     defence: str = NO_DEFENCE,
     dropped: tuple[str, ...] = (),
 ) -> Results:
@@ -120,17 +107,15 @@ def tabulate(
         paint: {name: _samples(cache, rows, pictures.hashes) for name, cache in caches[paint].items()}
         for paint, pictures in paints.items()
     }
-    clusters = clusters_of(rows)
+    places = places_of(rows)
     results = Results(
         dataset=dataset.plan.name,
         settings=settings,
-        resamples=resamples,
-        seed=SEED,
         detectors={name: cache.fingerprint for name, cache in first.items()},
         frames=rows,
         dropped=dropped,
-        table=score_table(samples, rows, resamples),
-        groups=score_groups(samples, rows, resamples),
+        table=score_table(samples, rows),
+        groups=score_groups(samples, rows),
         images={
             paint: tuple(map(ImageRow, (_relative(path, out) for path in pictures.paths), pictures.hashes))
             for paint, pictures in paints.items()
@@ -141,8 +126,8 @@ def tabulate(
         },
         vehicle=dataset.plan.vehicle_name,
         defence=defence,
-        clusters=clusters.kind,
-        cluster_count=clusters.count,
+        place_kind=places.kind,
+        place_count=places.count,
     )
     save_results(out / "results.json", results)
     return results
@@ -193,27 +178,30 @@ class Recorded:
         return Sample(np.array(results.frames[index].box_xyxy, np.float64), cars.boxes, cars.scores)
 
     def mean_over(self, detectors: Sequence[str], paint: str) -> Estimate:
-        """AP averaged over some of the detectors, with its interval by the results' own bootstrap.
+        """AP averaged over some of the detectors, with its interval over the results' places.
 
         Raises:
             RaucaError: as :meth:`found`.
         """
-        return estimate(np.mean([self.curve(name, paint) for name in detectors], axis=0))
+        frames = len(self._entry.results.frames)
+        return estimate(np.mean([self.curve(name, paint) for name in detectors], axis=0), frames)
 
-    def curve(self, detector: str, paint: str) -> Curve:
-        """The results' own AP@0.5, to the bit, then that of each resample of the results' own bootstrap.
+    def curve(self, detector: str, paint: str, places: Places | None = None) -> Curve:
+        """The results' own AP@0.5, to the bit, then that without each place.
+
+        Args:
+            places: to leave out, of the results' frames; the results' own if left out.
 
         Raises:
             RaucaError: as :meth:`found`.
         """
         results = self._entry.results
         samples = [self.sample(detector, paint, index) for index in range(len(results.frames))]
-        return self._draws.curve(Ranking.of(samples), results.table[paint][detector].ap)
+        return ap_curve(Ranking.of(samples), places or self._places, results.table[paint][detector].ap)
 
     @cached_property
-    def _draws(self) -> Draws:
-        results = self._entry.results
-        return Draws.of(results.frames, results.resamples, results.seed)
+    def _places(self) -> Places:
+        return places_of(self._entry.results.frames)
 
     def _cache(self, detector: str, paint: str) -> DetectionCache:
         results = self._entry.results

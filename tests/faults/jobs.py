@@ -147,7 +147,7 @@ TRAIN = Job(
 )
 EVALUATE = Job(
     "evaluate",
-    "--defences none,bits,jpeg --resamples 10",
+    "--defences none,bits,jpeg",
     _detected,
     _evaluated,
     detector="--detectors",

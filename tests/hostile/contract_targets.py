@@ -42,7 +42,7 @@ from .target import Target, json_lines
 FRAME = "L00-V000-day"
 ESTIMATE = {"ap": 0.5, "low": 0.4, "high": 0.6}
 RESULTS = {
-    "format": "rauca-results", "version": 3, "dataset": "d", "resamples": 10, "seed": 0,
+    "format": "rauca-results", "version": 4, "dataset": "d",
     "settings": {"category": "car", "score_threshold": 0.005, "other_threshold": 0.1, "iou_threshold": 0.45},
     "detectors": {"one": "abc"}, "dropped": ["x"],
     "frames": [
@@ -55,7 +55,7 @@ RESULTS = {
         for axis in ("azimuth_deg", "elevation_deg", "distance_m", "sun_altitude_deg", "fog_density")
     },
     "images": {"normal": [{"path": "a.png", "sha256": "0" * 64}]}, "detections": {"normal": {"one": "detections"}},
-    "vehicle": "box", "defence": "none", "clusters": "frames", "cluster_count": 1,
+    "vehicle": "box", "defence": "none", "place_kind": "frames", "place_count": 1,
 }  # fmt: skip
 STUDY = {
     "format": "rauca-study", "version": 1, "command": "x",

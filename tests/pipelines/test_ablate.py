@@ -19,7 +19,7 @@ from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
 __all__ = ["drawn_blender"]
 SMALL = ["--frames", 8, "--held-out", 2, "--size", 64, "--samples", 1, "--steps", 2, "--batch", 2, "--map-size", 64]
-SMALL += ["--detectors", "yolov3-tiny", "--threads", 1, "--resamples", 20]
+SMALL += ["--detectors", "yolov3-tiny", "--threads", 1]
 
 
 def ablate(*arguments: object) -> str:

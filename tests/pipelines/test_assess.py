@@ -31,7 +31,7 @@ def test_one_command_ends_in_a_headline_a_page_and_an_exit_code(
     small_battery: Path, drawn_blender: DrawnBlender, tmp_path: Path
 ) -> None:
     out, copy = tmp_path / "out", tmp_path / "result.json"
-    asked = ["yolov4-tiny", "--battery", small_battery, "--no-white-box", "--resamples", 20, "--out", out]
+    asked = ["yolov4-tiny", "--battery", small_battery, "--no-white-box", "--out", out]
     passed = run(*asked, "--fail-below", "clean_ap=0.01", "--json", copy)
     assert passed.exit_code == 0, passed.output
     assert passed.stdout.strip().startswith("yolov4-tiny: AP@0.5 ")
@@ -49,7 +49,7 @@ def test_one_command_ends_in_a_headline_a_page_and_an_exit_code(
 
 def test_several_detectors_are_compared(small_battery: Path, drawn_blender: DrawnBlender, tmp_path: Path) -> None:
     names = published_weights("yolov4-tiny", "yolov2-tiny")
-    told = run(*names, "--battery", small_battery, "--no-white-box", "--resamples", 20, "--out", tmp_path / "out")
+    told = run(*names, "--battery", small_battery, "--no-white-box", "--out", tmp_path / "out")
     assert told.exit_code == 0, told.output
     assert [line.split(":")[0] for line in told.stdout.splitlines()] == list(names)
     page = (tmp_path / "out" / "report.html").read_text()

@@ -31,5 +31,5 @@ def assessment(white_box: Score | None = None) -> Assessment:
         range_m={"normal": Range(16.0, beyond=True, never=False)},
         defences={"jpeg": Defended(score(0.9), score(0.8), score(0.5), None, None)},
         seconds={"rendering": 60.5},
-        draws={"clean": (0.9, 0.8), "random": (0.7, 0.7), "transfer": (0.4, 0.3)},
+        without_place={"clean": (0.9, 0.88), "random": (0.7, 0.7), "transfer": (0.4, 0.38)},
     )

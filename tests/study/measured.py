@@ -20,7 +20,6 @@ def measure(
     renders: Mapping[str, Path],
     detectors: Sequence[Detector],
     out: Path,
-    resamples: int = 20,
     only: Collection[str] | None = None,
     defence: str = "none",
     settings: DetectionSettings | None = None,
@@ -35,7 +34,7 @@ def measure(
         paints[paint] = Pictures.of(frames, [image_of(folder, frame.id) for frame in frames])
         detect_in(paints[paint], [(one, caches[one.name]) for one in detectors], "cpu")
     dropped = tuple(frame.id for frame in every if frame.box_xyxy is None)
-    return tabulate(dataset, paints, dict.fromkeys(paints, caches), out, resamples, defence, dropped)
+    return tabulate(dataset, paints, dict.fromkeys(paints, caches), out, defence, dropped)
 
 
 def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> Results:
@@ -58,8 +57,6 @@ def made_up(seed: int, paints: tuple[str, ...], detectors: tuple[str, ...]) -> R
     return Results(
         dataset="made up",
         settings=DetectionSettings(),
-        resamples=10,
-        seed=0,
         detectors=dict.fromkeys(detectors, "0" * 64),
         frames=frames,
         dropped=(),

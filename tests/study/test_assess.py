@@ -66,9 +66,7 @@ def test_an_assessment_holds_all_that_engineers_act_on(
     detectors,
     tmp_path: Path,
 ) -> None:
-    found, study = assess(
-        detectors[0], tmp_path / "out", battery=str(small_battery), defences=["jpeg:quality=50"], resamples=50
-    )
+    found, study = assess(detectors[0], tmp_path / "out", battery=str(small_battery), defences=["jpeg:quality=50"])
     assert found == load_assessment(tmp_path / "out" / "assess.json")
     paints = {NORMAL, RANDOM, *LABELS, WHITE_BOX}
     for by_paint in (found.worst_cell, found.worst_tenth, found.errors, found.range_m):
@@ -88,7 +86,7 @@ def test_an_assessment_holds_all_that_engineers_act_on(
     means = json.loads(ranked.read_text())["means"]
     assert len(means) == len(LABELS)
     assert all(0 <= mean <= 1 for mean in means)
-    assert set(found.draws) == {"clean", "random", "transfer", "white_box"}
+    assert set(found.without_place) == {"clean", "random", "transfer", "white_box"}
     assert "one run of 2 steps on 2 views" in found.white_box_note
     assert {entry.weathers for entry in study.entries} == {"near", "far"}
     assert json.loads((tmp_path / "out" / "assess.json").read_text())["detector"]["differentiable"] is True
@@ -108,7 +106,7 @@ def test_the_next_detector_finds_the_renders_in_the_cache(
     detectors,
     tmp_path: Path,
 ) -> None:
-    options = {"battery": str(small_battery), "white_box": False, "resamples": 50}
+    options = {"battery": str(small_battery), "white_box": False}
     first, _ = assess(detectors[0], tmp_path / "first", **options)
     drawn = drawn_blender.frames.copy()
     assert drawn == {"make_dataset": 8, "render_camouflages": 24}
@@ -144,7 +142,7 @@ def test_a_function_gets_the_figures_of_the_detector_that_it_wraps(
     def black_box(images: torch.Tensor) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         return [(f.boxes.numpy(), f.scores.numpy(), f.labels.numpy()) for f in inner.detect(images)]
 
-    options = {"battery": str(small_battery), "resamples": 50}
+    options = {"battery": str(small_battery)}
     wrapped = load_detector(black_box, names=inner.class_names, name="wrapped")
     outside, _ = assess(wrapped, tmp_path / "outside", **options)
     inside, _ = assess(inner, tmp_path / "inside", white_box=False, **options)

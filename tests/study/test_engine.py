@@ -331,7 +331,7 @@ def test_an_evaluation_without_a_folder_is_kept_for_the_next(
     box_vehicle.save(tmp_path / "box")
     random_camouflage(tmp_path / "mine.json", box_vehicle, 64, seed=1)
     paint = replace(load_paint(tmp_path / "mine.json"), path=None)
-    asked = {"vehicle": str(tmp_path / "box"), "weathers": "single", "frames": 3, "resamples": 10}
+    asked = {"vehicle": str(tmp_path / "box"), "weathers": "single", "frames": 3}
     detector = load_detector(str(tiny))
     study = evaluate(paint, detector, **asked)
     rows = study.table()

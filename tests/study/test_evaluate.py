@@ -86,7 +86,7 @@ def test_groups_follow_the_nominal_camera_and_the_weather(scene, detectors: list
     assert (whole.mean["noise"].low, whole.mean["noise"].high) == pytest.approx(
         (results.table["noise"][name].low, results.table["noise"][name].high)
     )
-    assert (results.clusters, results.cluster_count) == ("views", 8)  # one location
+    assert (results.place_kind, results.place_count) == ("views", 8)  # one location
     clear, foggy = (group.ap["normal"][name] for group in results.groups["fog_density"])
     assert foggy < clear
 

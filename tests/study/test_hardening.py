@@ -27,16 +27,16 @@ def entry(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
     paint(dataset, tmp_path / "noise", [RED, BLUE, GREEN, BLUE] * 3)
     paints = {name: tmp_path / name for name in ("normal", "noise")}
     detectors = [FindsColors("before", RED), FindsColors("after", RED, BLUE)]
-    results = measure(dataset, paints, detectors, tmp_path / "study", resamples=200)
+    results = measure(dataset, paints, detectors, tmp_path / "study")
     return Entry("seen", "none", "box", "car", results, tmp_path / "study")
 
 
 def test_gains_follow_their_formula(entry: Entry) -> None:
     table, gains = entry.results.table, gains_of(entry, "before", "after", ["noise"])
     (noise,) = gains.rows
-    assert (noise.paint, entry.results.draws) == ("noise", "6 views")
+    assert (noise.paint, entry.results.places) == ("noise", "6 views")
     for gain, name in ((gains.clean, "normal"), (noise, "noise")):
-        assert gain.before == table[name]["before"]  # value and interval: the same resamples as the evaluation's
+        assert gain.before == table[name]["before"]  # value and interval: the same places as the evaluation's
         assert gain.after == table[name]["after"]
         assert gain.change.ap == pytest.approx(gain.after.ap - gain.before.ap)
         assert gain.change.low <= gain.change.ap <= gain.change.high
@@ -53,7 +53,8 @@ def test_gains_follow_their_formula(entry: Entry) -> None:
 def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
     recovered = gains_of(entry, "before", "before", ["noise"]).rows[0].recovered
     assert recovered is not None
-    assert (recovered.ap, recovered.low, recovered.high) == (0, 0, 0)
+    assert recovered.ap == 0
+    assert -0.2 < recovered.low < 0 < recovered.high < 0.2  # a quarter of a frame, as Student's t sees it
 
 
 def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:

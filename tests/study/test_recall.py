@@ -7,7 +7,7 @@ import pytest
 
 from rauca_core.study.recall import along_distance, around, side_of
 from rauca_core.study.results import FrameRow
-from rauca_core.study.scores import Draws
+from rauca_core.study.scores import places_of
 
 
 def row(azimuth: float, distance: float, place: int = 0) -> FrameRow:
@@ -17,16 +17,18 @@ def row(azimuth: float, distance: float, place: int = 0) -> FrameRow:
 def test_recall_along_the_distance_has_an_interval_over_places() -> None:
     rows = [row(0, distance, place) for distance in (5.0, 10.0) for place in range(8)]
     hits = np.array([1.0] * 8 + [1, 1, 0, 0, 0.5, 0.5, 0, 0])
-    near, far = along_distance(rows, hits, Draws.of(rows, 400)).values()
-    assert (near.share, near.low, near.high, near.views) == (1, 1, 1, 8)
+    near, far = along_distance(rows, hits, places_of(rows)).values()
+    assert (near.share, near.views) == (1, 8)
+    assert 0.6 < near.low < near.high == 1
     assert far.share == pytest.approx(3 / 8)
-    assert 0.05 < far.low < 3 / 8 < far.high < 0.75
+    assert 0.05 < far.low < 3 / 8 < far.high < 0.85
 
 
-def test_a_distance_that_a_resample_leaves_out_says_nothing_there() -> None:
+def test_a_distance_that_one_place_shows_says_nothing_of_others() -> None:
     rows = [row(0, 5.0, place) for place in range(7)] + [row(0, 9.0, 7)]
-    (_, alone) = along_distance(rows, np.ones(8), Draws.of(rows, 200)).values()
-    assert (alone.share, alone.low, alone.high, alone.views) == (1, 1, 1, 1)
+    (_, alone) = along_distance(rows, np.ones(8), places_of(rows)).values()
+    assert (alone.share, alone.high, alone.views) == (1, 1, 1)
+    assert alone.low == pytest.approx(0)
 
 
 def test_neighbouring_distances_are_taken_together() -> None:

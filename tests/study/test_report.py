@@ -89,7 +89,7 @@ def test_the_report_is_one_self_contained_file(study: Study, detectors: list[Det
         "0.0001",
         "> table.txt",
         COMMAND,
-        "by bootstrap over",
+        "95 % interval over",
     ):
         assert words in page.text
     assert "The car is a drawing." in page.text
@@ -163,7 +163,7 @@ def test_the_average_without_our_own_detectors_has_the_same_intervals(
     views, out = Dataset(tmp_path / "dataset"), tmp_path / "out"
     renders = {"normal": views.folder, "noise": tmp_path / "noise"}
     unseen = [frame.id for frame in study.entries[1].results.frames]
-    found = measure(views, renders, [own, published], out, resamples=20, only=unseen)
+    found = measure(views, renders, [own, published], out, only=unseen)
     study = Study("c", (Entry("unseen", "none", "box", "car", found, out),))
     (table,) = tables_of(study)
     assert [column.name for column in table.columns] == [published.name, own.name, "all", "pre-trained"]

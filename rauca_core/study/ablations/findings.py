@@ -1,8 +1,9 @@
 """What an ablation found: rows compared in the same places, and what became of each ordering that somebody claims.
 
-Differences are paired: all variants share the resamples. A variant that was optimized with several seeds has as many
-camouflages; its AP is their mean, and every resample draws seeds as well as places, so that an interval covers the luck
-of an optimization too. With one seed it does not.
+Differences are paired: all variants stand in the same places, and one seed of a variant is held against the same seed
+of another. A variant that was optimized with several seeds has as many camouflages; its AP is their mean, and seeds are
+a random effect beside places, so that an interval covers the luck of an optimization too. With one seed it does not,
+with two to four hardly: nothing is called confirmed or refuted below five.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...contract.seeding import named_rng
 from ..candidates import NORMAL, RANDOM
 from ..families import is_own
+from ..intervals import CONFIDENCE, SEEDS_NEEDED, Curve, Places, chance_of, holm
 from ..results import Estimate
-from ..scores import Curve, Recorded, estimate
+from ..scores import Recorded, difference, estimate, places_of
 from ..study import Entry, Study
 from .experiment import Claim, Experiment, Variant
 
@@ -28,20 +29,25 @@ Outcome = Literal["confirmed", "refuted", "undecided"]
 class Comparison:
     """Two rows on the same frames; ``gap`` is AP of the claimed worse minus AP of the claimed better.
 
-    ``by_scope`` holds the gap of parts: each set of weathers, and the detectors that were attacked.
+    Attributes:
+        by_scope: the gap of parts: each set of weathers, and the detectors that were attacked.
+        seeds: optimizations of each row.
+        chance: how likely so large a gap is where there is none, corrected for all comparisons of the experiment.
     """
 
     better: str
     worse: str
     gap: Estimate
     by_scope: Mapping[str, Estimate]
+    seeds: int = 1
+    chance: float = 1.0
 
     @property
     def outcome(self) -> Outcome:
-        """By the 95 % interval of the gap: all above 0, all below, or neither."""
-        if self.gap.low > 0:
-            return "confirmed"
-        return "refuted" if self.gap.high < 0 else "undecided"
+        """Undecided with fewer than five seeds, and where chance may well have made the gap."""
+        if self.seeds < SEEDS_NEEDED or self.chance > 1 - CONFIDENCE:
+            return "undecided"
+        return "confirmed" if self.gap.ap > 0 else "refuted"
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,14 @@ class Verdict:
             return "refuted"
         return "undecided" if "undecided" in outcomes else "confirmed"
 
+    @property
+    def told(self) -> str:
+        """The outcome, and why there is none where seeds are too few."""
+        seeds = min(comparison.seeds for comparison in self.comparisons)
+        if self.outcome != "undecided" or seeds >= SEEDS_NEEDED:
+            return self.outcome
+        return f"undecided: {seeds} {'seed' if seeds == 1 else 'seeds'}, {SEEDS_NEEDED} are needed"
+
     def sentence(self, titles: Mapping[str, str]) -> str:
         """One line: what was claimed and by whom, the outcome, the gap that decides it.
 
@@ -72,18 +86,20 @@ class Verdict:
         which = f", least of {titles[least.better]} to {titles[least.worse]}," if len(self.comparisons) > 1 else ""
         gap = f"{least.gap.ap:+.3f} [{least.gap.low:+.3f}, {least.gap.high:+.3f}]"
         claim = f"{_listed(list(better))} below {_listed(list(worse))}"
-        return f"{claim}: {self.outcome}; AP{which} apart by {gap} ({self.claim.by}'s claim)"
+        return f"{claim}: {self.told}; AP{which} apart by {gap} ({self.claim.by}'s claim)"
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """AP of every row of a table under every set of weathers, resampled together.
+    """AP of every row of a table under every set of weathers, the same places left out of all.
 
     Attributes:
-        curves: ``curves[weathers][row][detector]``.
+        curves: ``curves[weathers][row][detector]``, (S, 1 + C) for a row's S seeds.
+        frames: under each set of weathers.
     """
 
     curves: Mapping[str, Mapping[str, Mapping[str, Curve]]]
+    frames: Mapping[str, int]
 
     @property
     def weathers(self) -> tuple[str, ...]:
@@ -95,64 +111,85 @@ class Scores:
         return tuple(next(iter(rows.values())))
 
     def ap(self, row: str, detectors: Sequence[str], weathers: Sequence[str]) -> Estimate:
-        """AP of a row, averaged over detectors and sets of weathers."""
-        return estimate(self._mean(row, detectors, weathers))
+        """AP of a row, averaged over seeds, detectors and sets of weathers."""
+        return estimate(self._mean(row, detectors, weathers), self._views(weathers))
 
     def difference(self, row: str, less: str, detectors: Sequence[str], weathers: Sequence[str]) -> Estimate:
-        """AP of ``row`` minus that of ``less``, in the same places."""
-        return estimate(self._mean(row, detectors, weathers) - self._mean(less, detectors, weathers))
+        """AP of ``row`` minus that of ``less``, in the same places, seed by seed."""
+        return difference(self._paired(row, less, detectors, weathers), self._views(weathers))
+
+    def chance(self, row: str, less: str, detectors: Sequence[str], weathers: Sequence[str]) -> float:
+        """How likely so large a difference is where there is none."""
+        return chance_of(self._paired(row, less, detectors, weathers), self._views(weathers))
+
+    def seeds(self, *rows: str) -> int:
+        """The fewest optimizations of some rows; paints that nobody optimized need no second."""
+        any_curves = self.curves[self.weathers[0]]
+        counts = [len(next(iter(any_curves[row].values()))) for row in rows if row not in (NORMAL, RANDOM)]
+        return min(counts, default=SEEDS_NEEDED)
+
+    def _paired(self, row: str, less: str, detectors: Sequence[str], weathers: Sequence[str]) -> Curve:
+        """One seed less the same seed of the other; a row of a single camouflage stands against all of the other's."""
+        one, other = self._mean(row, detectors, weathers), self._mean(less, detectors, weathers)
+        both = min(len(one), len(other))
+        return one - other if both == 1 else one[:both] - other[:both]
 
     def _mean(self, row: str, detectors: Sequence[str], weathers: Sequence[str]) -> Curve:
         some = [self.curves[name][row][detector] for name in weathers for detector in detectors]
         return np.asarray(np.mean(some, axis=0))
 
+    def _views(self, weathers: Sequence[str]) -> int:
+        return sum(self.frames[name] for name in weathers)
+
 
 def score_rows(entries: Sequence[Entry], rows: Mapping[str, Sequence[str]]) -> Scores:
-    """Resample the AP of rows.
+    """AP of rows with all places and without each.
 
     Args:
-        entries: one per set of weathers, of the same paints and detectors.
+        entries: one per set of weathers, of the same paints and detectors, and in the same places.
         rows: row -> its camouflages' paints in the results, one per seed.
 
     Raises:
         RaucaError: detections that the results count are not kept any more.
     """
+    every = [row for entry in entries for row in entry.results.frames]
+    together, begin = places_of(every), 0
     curves: dict[str, dict[str, dict[str, Curve]]] = {}
     for entry in entries:
         results, recorded = entry.results, Recorded(entry)
-        for row, paints in rows.items():
-            # (1 + R, S): how much each seed counts; equally at first, then as often as this row draws it.
-            seeds, rng = len(paints), named_rng("seeds", row, results.seed)
-            drawn = rng.multinomial(seeds, np.full(seeds, 1 / seeds), size=results.resamples)
-            share = np.concatenate([np.ones((1, seeds)), drawn]) / seeds
-            curves.setdefault(entry.weathers, {})[row] = {
-                name: (share * np.stack([recorded.curve(name, paint) for paint in paints], 1)).sum(1)
-                for name in results.detectors
-            }
-    return Scores(curves)
+        own = Places(together.kind, together.of_frame[begin : begin + len(results.frames)], together.count)
+        begin += len(results.frames)
+        curves[entry.weathers] = {
+            row: {name: np.stack([recorded.curve(name, paint, own) for paint in paints]) for name in results.detectors}
+            for row, paints in rows.items()
+        }
+    return Scores(curves, {entry.weathers: len(entry.results.frames) for entry in entries})
 
 
 def judge(claims: Sequence[Claim], scores: Scores, detectors: Sequence[str], attacked: Sequence[str]) -> list[Verdict]:
-    """Decide claims whose rows were all measured.
+    """Decide claims whose rows were all measured, as one family: each pair's chance is corrected for all pairs.
 
     Args:
         detectors: whose mean AP decides, over all sets of weathers.
         attacked: white boxes among the measured detectors.
     """
     every = scores.weathers
-    known, verdicts = set(scores.curves[every[0]]), []
+    known = set(scores.curves[every[0]])
+    pairs = [[(b, w) for b in claim.better for w in claim.worse if b in known and w in known] for claim in claims]
+    chances = iter(holm([scores.chance(w, b, detectors, every) for some in pairs for b, w in some]))
 
     def compare(better: str, worse: str) -> Comparison:
         scopes = {name: scores.difference(worse, better, detectors, [name]) for name in every if len(every) > 1}
         if attacked:
             scopes["white box"] = scores.difference(worse, better, attacked, every)
-        return Comparison(better, worse, scores.difference(worse, better, detectors, every), scopes)
+        gap, seeds = scores.difference(worse, better, detectors, every), scores.seeds(better, worse)
+        return Comparison(better, worse, gap, scopes, seeds, next(chances))
 
-    for claim in claims:
-        pairs = [(b, w) for b in claim.better for w in claim.worse if b in known and w in known]
-        if pairs:
-            verdicts.append(Verdict(claim, tuple(compare(*pair) for pair in pairs)))
-    return verdicts
+    return [
+        Verdict(claim, tuple(compare(*pair) for pair in some))
+        for claim, some in zip(claims, pairs, strict=True)
+        if some
+    ]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -215,7 +252,7 @@ class Findings:
         return [name for name in self.study.entries[0].results.detectors if name in self.attacked]
 
     def scores(self) -> Scores:
-        """AP of every row, resampled; reads the study's detections."""
+        """AP of every row, with all places and without each; reads the study's detections."""
         return score_rows(self.study.entries, self.paints)
 
     def verdicts(self, scores: Scores) -> list[Verdict]:
