@@ -10,6 +10,7 @@ from statistics import mean
 
 import torch
 
+from rauca_core.contract.towns import TEST, TRAINING
 from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrame, LightFrames
 from rauca_core.environment.methods import (
@@ -90,7 +91,8 @@ QUICK = FULL.but(
     most_epochs=20,
 )
 
-TRAIN_SEED, TEST_SEED = 11, 12  # other streets, other cameras
+_NAME = "bench environment"
+TRAIN_SEED, TEST_SEED = TRAINING[_NAME], TEST[_NAME]  # other streets, other cameras
 METHODS = ("none", "transfer", "published", "ours", "exact")
 JITTER = "--jitter-azimuth 40 --jitter-elevation 8 --jitter-distance 0.2 --jitter-aim 0.2 --min-visible 0.4"
 Method = Callable[[int, LightFrame], Render]

@@ -15,6 +15,7 @@ from rauca_core.attack.frames import ReadyFrame, shade
 from rauca_core.attack.history import STAGES, Stopwatch
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset
+from rauca_core.contract.towns import TRAINING
 from rauca_core.detect import fetch, load_detector
 from rauca_core.render import Sampler, SparseOperator, srgb_to_linear
 from rauca_core.runtime.devices import keep_large_blocks, threads
@@ -48,7 +49,7 @@ def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
     keep_large_blocks()
     options = (
         f"--size {settings.size} --locations 1 --azimuths {settings.views} --elevations 12 --distances 7 "
-        "--jitter-azimuth 20 --jitter-distance 0.3 --min-visible 0.4 --seed 21"
+        f"--jitter-azimuth 20 --jitter-distance 0.3 --min-visible 0.4 --seed {TRAINING['bench optimize']}"
     )
     wanted = Wanted("optimize", "sedan", weathers_of(settings.weathers), options)
     dataset = make_dataset(wanted, out.parent / "optimize")

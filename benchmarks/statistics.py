@@ -29,8 +29,8 @@ from rauca_core.study.intervals import (
 
 from .harness import Results, Settings, counted
 
-FULL = Settings(studies=2500, old_studies=1000, means=10_000, resamples=1000, places=(8, 16, 24), seeds=(2, 3, 5))
-QUICK = FULL.but(studies=300, old_studies=100, means=2000, resamples=200)
+FULL = Settings(studies=2000, old_studies=400, means=5000, resamples=500, places=(8, 16, 24), seeds=(2, 3, 5))
+QUICK = FULL.but(studies=200, old_studies=50, means=1000, resamples=200)
 WANTED = (0.94, 0.96)
 VIEWS = 6  # of a place
 # Logits of the vehicle's score where AP is about .05, .3, .6 and .95; spreads as between the views of real studies.

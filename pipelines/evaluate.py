@@ -79,8 +79,9 @@ def evaluate(
     render_device: RenderDevice = "cpu",
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
+    from rauca_core.contract.towns import TEST
     from rauca_core.study.evaluate import RandomPaint
-    from rauca_core.study.views import RINGS, SCALES, TOWN_SEED, HeldOut
+    from rauca_core.study.views import RINGS, SCALES, HeldOut
 
     files = [path for path in given or () if path.suffix in (".json", ".png")]
     datasets = [path for path in given or () if path not in files]
@@ -91,7 +92,7 @@ def evaluate(
         elevations_deg=numbers("--elevations", elevations or "") or RINGS[ring].elevations_deg,
         distances_m=numbers("--distances", distances or "") or RINGS[ring].distances_m,
     )
-    town = TOWN_SEED if views_seed is None else views_seed
+    town = TEST["held-out views"] if views_seed is None else views_seed
     views = HeldOut(frames or SCALES[scale], chosen, size=size, samples=samples, seed=town, fit=distances is None)
     with means_of(device, slurm, blender, render_device) as means:
         study = rauca.evaluate(

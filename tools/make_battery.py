@@ -17,6 +17,7 @@ from pathlib import Path
 from rauca_core.contract import Dataset, Plan, Quality, RaucaError, Ring, load_camouflage, save_camouflage
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import file_digest, write_bytes, write_json
+from rauca_core.contract.towns import TEST, TRAINING
 from rauca_core.detect import SOURCES, load_detector
 from rauca_core.study import recipes
 from rauca_core.study.battery import Battery, BatteryVehicle, BatteryViews, library_folder
@@ -30,13 +31,11 @@ _JITTER = {"jitter_azimuth_deg": 15.0, "jitter_elevation_deg": 5.0, "jitter_dist
 HIGH = Ring(STREET.azimuths_deg, (35.0, 50.0), (6.0, 10.0, 14.0), **_JITTER)
 ATTACK = Ring(STREET.azimuths_deg, (0.0, 8.0, 16.0, 24.0, 45.0), (5.0, 8.0, 12.0, 16.0), **_JITTER)
 SEEN, UNSEEN = weathers_named("seen"), weathers_named("unseen")
-# Towns that nothing else in this project uses: not the library's (31000), nor preflight's (31700).
 VIEWS = {
-    "street-seen": (STREET, SEEN, 31_600, {"quick": 5, "standard": 48, "overnight": 192}),
-    "street-unseen": (STREET, UNSEEN, 31_601, {"quick": 5, "standard": 48, "overnight": 192}),
-    "high": (HIGH, (*SEEN, *UNSEEN), 31_602, {"quick": 4, "standard": 32, "overnight": 128}),
+    "street-seen": (STREET, SEEN, TEST["assess-1, street-seen"], {"quick": 5, "standard": 48, "overnight": 192}),
+    "street-unseen": (STREET, UNSEEN, TEST["assess-1, street-unseen"], {"quick": 5, "standard": 48, "overnight": 192}),
+    "high": (HIGH, (*SEEN, *UNSEEN), TEST["assess-1, high"], {"quick": 4, "standard": 32, "overnight": 128}),
 }
-ATTACK_TOWN = 31_500
 
 
 def views_plan(ring: Ring, weathers: tuple, seed: int, light: bool) -> Plan:
@@ -114,7 +113,7 @@ def main() -> None:
         vehicles=tuple(vehicles),
         made_against={label: fingerprints(given.library / VEHICLES[0] / label) for label in labels},
         random=RandomPaint(),
-        attack=views_plan(ATTACK, SEEN, ATTACK_TOWN, light=True),
+        attack=views_plan(ATTACK, SEEN, TRAINING["attacks of assess-1"], light=True),
         views=tuple(
             BatteryViews(name, views_plan(ring, weathers, seed, light=False), frames)
             for name, (ring, weathers, seed, frames) in VIEWS.items()

@@ -14,10 +14,10 @@ from PIL import Image
 from rauca_core import contract
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
+from rauca_core.contract.towns import TEST
 from rauca_core.runtime.blender import run_blender
 from rauca_core.study.plain_cars import PlainCar, PlainCars
 
-TOWN_SEED = 31_700
 SIZE, JPEG_QUALITY = 320, 90
 VEHICLES = ("sedan", "suv")
 WEATHERS = {
@@ -25,6 +25,7 @@ WEATHERS = {
     "unseen": ("noon-overcast", "wet-after-shower", "dusk-clear"),
 }
 RING = contract.Ring((25.0, 75.0, 145.0, 205.0, 265.0, 325.0), (6.0, 14.0, 30.0), (6.0, 8.5), fov_deg=60.0)
+TOWN = TEST["plain cars of detectors check"]
 QUALITY = contract.Quality(samples=16, composed_fog=False)
 
 
@@ -32,7 +33,7 @@ def main() -> None:
     folder = assets_folder() / "preflight"
     folder.mkdir(exist_ok=True)
     weathers = [one for name, some in WEATHERS.items() for one in contract.find_preset(name) if one.name in some]
-    plan = contract.Plan.of(weathers, RING, quality=QUALITY, light=False, size=SIZE, locations=2, seed=TOWN_SEED)
+    plan = contract.Plan.of(weathers, RING, quality=QUALITY, light=False, size=SIZE, locations=2, seed=TOWN)
     chosen = contract.balanced_frames(plan, len(VEHICLES) * len(weathers))
     shown: dict[str, PlainCar] = {}
     with tempfile.TemporaryDirectory(prefix="rauca-preflight-") as temporary:

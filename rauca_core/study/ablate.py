@@ -13,6 +13,7 @@ from typing import Any, Unpack
 
 from ..attack import OptimizerSettings, make_settings, settings_of
 from ..contract import Plan, Quality, balanced_frames, load_vehicle
+from ..contract.towns import TRAINING
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..runtime.images import read_image
@@ -33,7 +34,6 @@ CHECKPOINT_EVERY = 100
 # Data sets that variants are optimized on, as many frames of each, so that only what they show differs: all stand in
 # one town, which is not the held-out one, and see the vehicle from where it is measured. As in the paper, `single` and
 # `base` see it from fixed points in clearcoat paint, and `enhanced` from points that move, in its own paint.
-TOWN_SEED = 1
 LOCATIONS = 8
 _STILL = replace(RING, jitter_azimuth_deg=0.0, jitter_elevation_deg=0.0, jitter_distance=0.0, jitter_aim_m=0.0)
 TRAINING_SETS = {"single": (_STILL, "car_paint"), "base": (_STILL, "car_paint"), "enhanced": (RING, "own")}
@@ -116,7 +116,7 @@ class Ablation:
             "steps": f"{sizes.steps}, {sizes.batch} frames each; learning rate {sizes.lr:g} but for rows of a method",
             "UV map": f"{sizes.map_size} x {sizes.map_size} texels",
             "training frames": f"{sizes.frames} planned of each data set, without those that hide most of the paint",
-            "held-out frames": f"{sizes.held_out} planned per weather set, in another town",
+            "held-out frames": f"{sizes.held_out} planned per weather set, in a town that only choices are made in",
             "frames": f"{sizes.pixels} x {sizes.pixels} pixels, {sizes.samples} samples per pixel, denoised",
             "optimizations per variant": self.seeds,
         }
@@ -176,7 +176,7 @@ def training_plan(name: str, vehicle: VehicleChoice, sizes: Sizes) -> Plan:
     ring = HeldOut(ring=cameras).fitted(load_vehicle(vehicle.folder, read_image).positions).ring
     return Plan.of(
         weathers_named(name), ring, name=name, vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, finish=finish,
-        size=sizes.pixels, quality=Quality(sizes.samples), locations=LOCATIONS, seed=TOWN_SEED,
+        size=sizes.pixels, quality=Quality(sizes.samples), locations=LOCATIONS, seed=TRAINING["ablations"],
     )  # fmt: skip
 
 

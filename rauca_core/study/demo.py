@@ -14,12 +14,13 @@ from typing import Any, Unpack
 from ..attack import make_settings, read_history, settings_of
 from ..contract import Dataset, Plan, Progress, Quality, RaucaError, Ring, load_camouflage
 from ..contract.schema import read_json
+from ..contract.towns import TEST, TRAINING
 from ..detect import fetch
 from ..runtime.folder_lock import alone_in
 from . import recipes
 from .agreement import FILE_NAME as AGREEMENT
 from .artifact import Artifact, plain_label
-from .candidates import RANDOM, find_vehicles, read_vehicle_choice
+from .candidates import RANDOM, VehicleChoice, find_vehicles, read_vehicle_choice
 from .detectors import detectors_for
 from .engine import Engine, Means, open_engine
 from .judging import Judges, Place, judge
@@ -30,7 +31,7 @@ from .views import weathers_named
 
 WHITE_BOX = "yolov3-tiny"
 BLACK_BOX = ("yolov4-tiny", "yolov2-tiny")
-SEED = 1
+SEED = 1  # of the optimization and of the random paint
 RANDOM_CELL = 8  # texels; finer noise averages to grey at these distances and would be a weaker rival
 # Of the training frames, one in so many is rendered anew in the camouflage to judge the neural renderer; unfiltered
 # and with many samples, since a denoised render of few is further from the truth than the prediction it would judge.
@@ -90,8 +91,8 @@ def demo(
         detectors = detectors_for(names, [choice.category], engine.machine)
         wanted = {"steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
         settings = make_settings(**settings_of(size.method, **wanted, target=choice.target, name=OURS))
-        train = _views(body, size, "train", size.train, size.train_locations)
-        held_out = _views(body, size, "held-out", size.held_out, 1)
+        train = _views(body, size, "train")
+        held_out = _views(body, size, "held-out")
         folders = engine.make_named(
             {
                 "train": train,
@@ -125,13 +126,20 @@ def engine_vehicle(
     return recipes.vehicle_in(find_vehicles([vehicle])[0].folder)
 
 
-def _views(body: Artifact, size: DemoScale, label: str, ring: Ring, locations: int) -> Artifact:
-    assert body.place is not None
-    choice, training = read_vehicle_choice(body.place), label == "train"
-    plan = Plan.of(
-        weathers_named("demo"), ring, name=label, vehicle_name=choice.name, atlas_id=choice.atlas_id, size=size.size,
-        quality=Quality(size.samples), light=training, locations=locations, seed=SEED if training else SEED + 1,
+def views_plan(vehicle: VehicleChoice, size: DemoScale, label: str) -> Plan:
+    """Of the frames to optimize on, ``train``, with light maps, or of those to judge on, in another town."""
+    training = label == "train"
+    ring, locations = (size.train, size.train_locations) if training else (size.held_out, 1)
+    town = (TRAINING if training else TEST)["demo"]
+    return Plan.of(
+        weathers_named("demo"), ring, name=label, vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=size.size,
+        quality=Quality(size.samples), light=training, locations=locations, seed=town,
     )  # fmt: skip
+
+
+def _views(body: Artifact, size: DemoScale, label: str) -> Artifact:
+    assert body.place is not None
+    plan = views_plan(read_vehicle_choice(body.place), size, label)
     return recipes.data_set(label, plan, body, [frame.id for frame in plan.frames()])
 
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 CONFIDENCE = 0.95
 SEEDS_NEEDED = 5  # below that, what another seed would bring is hardly known: nothing is called confirmed or refuted
@@ -79,7 +79,9 @@ class Spread:
     @property
     def reach(self) -> float:
         """How far the 95 % interval goes to either side."""
-        return math.inf if self.freedom <= 0 else float(stats.t.ppf((1 + CONFIDENCE) / 2, self.freedom)) * self.error
+        return (
+            math.inf if self.freedom <= 0 else float(special.stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.error
+        )
 
 
 def spread(curve: Curve, least: float = 0.0) -> Spread:
@@ -147,7 +149,7 @@ def chance_of(curve: Curve, frames: int) -> float:
     if known.freedom <= 0:
         return 1.0
     value = abs(float(np.atleast_2d(curve)[:, 0].mean()))
-    return float(2 * stats.t.sf(value / known.error, known.freedom))
+    return float(2 * special.stdtr(known.freedom, -value / known.error))
 
 
 def holm(chances: Sequence[float]) -> list[float]:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ..detect import Detections, Detector
-from .average_precision import Sample
-from .bootstrap import best_score
+from .average_precision import Sample, best_score
 
 Reading = Callable[[Tensor], Tensor]
 """From what a detector calls boxes (M, 4) to xyxy in pixels."""

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rauca_core.study.bootstrap import Ranking
 
 from rauca_core.contract import RaucaError
-from rauca_core.study.average_precision import Sample, average_precision
+from rauca_core.study.average_precision import Ranking, Sample, average_precision
 
 coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is part of the extra `dev`")
 cocoeval = pytest.importorskip("pycocotools.cocoeval")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rauca_core.study.bootstrap import box_overlaps
 
+from rauca_core.study.average_precision import box_overlaps
 from rauca_core.study.detection_cache import Found
 from rauca_core.study.mistakes import Mistakes, mistakes_in, summed
 

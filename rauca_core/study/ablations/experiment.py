@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...contract import RaucaError
+from ...contract.towns import VALIDATION
 from ..views import RING, HeldOut
 
 PAPER, OURS = "the paper", "this project"
@@ -110,8 +111,8 @@ class Sizes:
 
     @property
     def views(self) -> HeldOut:
-        """The held-out views."""
-        return HeldOut(self.held_out, RING, size=self.pixels, samples=self.samples)
+        """The held-out views, in a validation town: what an ablation shows is chosen, and judged elsewhere."""
+        return HeldOut(self.held_out, RING, size=self.pixels, samples=self.samples, seed=VALIDATION["ablations"])
 
 
 QUICK = Sizes(

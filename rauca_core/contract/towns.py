@@ -1,0 +1,44 @@
+"""Which towns are trained in, chosen in and judged in: a town is the seed of a data set, and no seed has two uses.
+
+What is optimized or trained sees training towns; what is chosen, such as a rate or a part of a method, is chosen by
+validation towns; what is claimed is measured in test towns. A seed that is named nowhere here is anybody's to train in:
+`rauca dataset make` takes 0, and the shipped extractor and detectors were trained in towns below 1000.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal
+
+Use = Literal["training", "validation", "test"]
+
+TRAINING: Mapping[str, int] = MappingProxyType(
+    {
+        "demo": 1,
+        "ablations": 1,
+        "bench environment": 11,
+        "bench optimize": 21,
+        "library of assess-1": 31_000,
+        "attacks of assess-1": 31_500,
+    }
+)
+VALIDATION: Mapping[str, int] = MappingProxyType({"ablations": 10_000})
+TEST: Mapping[str, int] = MappingProxyType(
+    {
+        "demo": 2,
+        "bench environment": 12,
+        "held-out views": 20_000,
+        "assess-1, street-seen": 31_600,
+        "assess-1, street-unseen": 31_601,
+        "assess-1, high": 31_602,
+        "plain cars of detectors check": 31_700,
+    }
+)
+
+
+def use_of(seed: int) -> Use:
+    """What the town of that seed is for."""
+    if seed in VALIDATION.values():
+        return "validation"
+    return "test" if seed in TEST.values() else "training"
