@@ -79,9 +79,9 @@ class Spread:
     @property
     def reach(self) -> float:
         """How far the 95 % interval goes to either side."""
-        return (
-            math.inf if self.freedom <= 0 else float(special.stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.error
-        )
+        if self.freedom <= 0:
+            return math.inf
+        return float(special.stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.error
 
 
 def spread(curve: Curve, least: float = 0.0) -> Spread:
@@ -123,11 +123,11 @@ def share_interval(curve: Curve, frames: int) -> tuple[float, float]:
     mean = seeds.mean(0)
     kept = np.clip(mean, margin, 1 - margin)
     slope = float(kept[0] * (1 - kept[0]))  # of the share along its logit
-    logits = np.log(kept / (1 - kept))
+    logits = special.logit(kept)
     # Seeds move about the mean by their own differences, taken to the logit scale by the slope.
     whole = logits + (seeds - mean) / slope
     reach = spread(whole, margin / slope).reach
-    low, high = (_share(float(logits[0]) + sign * reach) for sign in (-1, 1))
+    low, high = (float(special.expit(logits[0] + sign * reach)) for sign in (-1, 1))
     return min(low, float(mean[0])), max(high, float(mean[0]))
 
 
@@ -159,7 +159,3 @@ def holm(chances: Sequence[float]) -> list[float]:
         largest = max(largest, min(1.0, (len(chances) - rank) * chances[index]))
         corrected[index] = largest
     return corrected
-
-
-def _share(logit: float) -> float:
-    return float(1 / (1 + np.exp(-np.clip(logit, -700, 700))))
