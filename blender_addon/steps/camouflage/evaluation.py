@@ -87,7 +87,7 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
 
 def _read_results(path: Path) -> list[EvaluatedFrame]:
     fields = schema.read_json(path)
-    fields.format("rauca-results", 3)
+    fields.format("rauca-results", 4)
     frames, images = fields.objects("frames"), fields.nested("images")
     rows = {paint: images.objects(paint) for paint in images.names()}
     if any(len(row) != len(frames) for row in rows.values()):
