@@ -85,7 +85,7 @@ def drawn_means(seeds: int, places: int, rng: np.random.Generator) -> NDArray[np
     """(S, C) normal figures about 0: what a place, a seed and both together make."""
     by = MEAN_SPREADS
     table = by["places"] * rng.normal(size=places) + by["both"] * rng.normal(size=(seeds, places))
-    return table + (by["seeds"] * rng.normal(size=(seeds, 1)) if seeds > 1 else 0)
+    return table + by["seeds"] * rng.normal(size=(seeds, 1)) * (seeds > 1)
 
 
 def drawn_ranking(level: float, hard: NDArray[np.float64], rng: np.random.Generator) -> Ranking:

@@ -88,7 +88,8 @@ def spread(curve: Curve, least: float = 0.0) -> Spread:
     """How much a figure would move in other places, and with other seeds where there are several.
 
     The variance of the mean over S seeds in C places is (MS_seeds + MS_places - MS_rest) / (S C), of the mean squares
-    of the crossed layout of pseudo-values, and never below what seeds or places make by themselves.
+    of the crossed layout of pseudo-values, and never below what seeds or places make by themselves. Its degrees of
+    freedom are Satterthwaite's, of the part of the seeds and of what places add to it.
 
     Args:
         curve: of one seed or several.
@@ -107,9 +108,10 @@ def spread(curve: Curve, least: float = 0.0) -> Spread:
     rest = pseudo - pseudo.mean(0) - pseudo.mean(1, keepdims=True) + pseudo.mean()
     shared = float((rest**2).sum()) / ((count - 1) * (places - 1)) / (count * places)
     variance = max(by_place + by_seed - shared, by_place, by_seed, least**2)
-    parts = by_place**2 / (places - 1) + by_seed**2 / (count - 1)
-    freedom = (by_place + by_seed) ** 2 / parts if parts > 0 else min(places, count) - 1.0
-    return Spread(math.sqrt(variance), freedom)
+    parts = max(by_place - shared, 0.0) ** 2 / (places - 1) + by_seed**2 / (count - 1)
+    freedom = variance**2 / parts if parts > 0 else 0.0
+    fewest, most = min(places, count) - 1, places + count - 2
+    return Spread(math.sqrt(variance), float(np.clip(freedom, fewest, most)))
 
 
 def share_interval(curve: Curve, frames: int) -> tuple[float, float]:

@@ -67,7 +67,7 @@ def summarized(study: Study, detector: str, tmp_path: Path) -> Assessment:
     battery = Battery("small", "car", (), made, RandomPaint(), plan, (views,))
     prints = study.entries[0].results.detectors
     assessed = Assessed(detector, "color", prints[detector], True, "", 12.5)
-    found = summarize(assessed, battery, "quick", 0.25, study, 50)
+    found = summarize(assessed, battery, "quick", 0.25, study)
     found = replace(found, white_box_note=NOTE, seconds={"rendering": 61.5})
     save_assessment(tmp_path / "out" / "assess.json", found)
     return found

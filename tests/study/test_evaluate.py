@@ -39,7 +39,7 @@ class Counting:
 
 def run(scene, detectors: list[Detector], out: Path, settings: DetectionSettings | None = None) -> Results:
     renders = {"normal": scene.dataset.folder, "noise": scene.noise}
-    return measure(scene.dataset, renders, detectors, out, 100, settings=settings)
+    return measure(scene.dataset, renders, detectors, out, settings=settings)
 
 
 def test_results_are_what_detecting_by_hand_gives(scene, detectors: list[Detector], tmp_path: Path) -> None:
