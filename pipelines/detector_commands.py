@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +16,8 @@ from .console import command_line, console, output, progress_bar
 from .options import Device
 
 if TYPE_CHECKING:
+    import rich.console
+
     from rauca_core.detect import Detector
     from rauca_core.study.cost import Cost
     from rauca_core.study.preflight import Preflight
@@ -100,7 +101,7 @@ def open_detector(name: str, classes: str | None, names: Path | None, size: int 
     return load_detector(name, size, device, listed, parse_classes(classes) if classes else None)
 
 
-def show_preflight(found: Preflight, where: Console) -> None:
+def show_preflight(found: Preflight, where: rich.console.Console) -> None:
     """A preflight as a table, and its warnings below."""
     table = Table("what", "found", title=f"a look at {found.name}")
     for what, shown in _checked(found).items():

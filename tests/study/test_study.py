@@ -71,7 +71,7 @@ def test_results_survive_the_disk(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "bad", "complaint"),
     [
-        (("version",), 4, "reads 3; update rauca"),
+        (("version",), 5, "reads 4; update rauca"),
         (("table",), {}, "table and detectors do not fit"),
         (("images",), {}, "images and frames do not fit"),
         (("settings", "color"), 1, "settings: unknown field color"),
