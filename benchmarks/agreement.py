@@ -20,6 +20,7 @@ from .harness import Results, Settings
 def bench(out: Path, dataset: Path, camouflage: Path, samples: tuple[int, ...] = (1, 2, 4, 8)) -> Results:
     """Measure each number of samples per pixel and axis on the same frames."""
     opened = Dataset(dataset)
+    opened.require_rendered("renderers are compared on")
     frames = [frame.id for frame in opened.frames()[::REFERENCE_EVERY]]
     views, paint = recipes.views_in(dataset), recipes.camouflage_in(camouflage, camouflage.stem)
     with progress_bars() as on_progress:

@@ -91,9 +91,10 @@ def read_views(run: Path) -> Views:
     """The held-out frames of a demo's folder that show the vehicle, both paints as Cycles rendered them.
 
     Raises:
-        RaucaError: there are none, or an image is missing.
+        RaucaError: there are none, some are composed, or an image is missing.
     """
     dataset = Dataset(run / "held-out")
+    dataset.require_rendered("defences are judged on")
     frames = [frame for frame in dataset.frames() if frame.box_xyxy is not None]
     if len(frames) < 2:
         raise RaucaError(f"{run}: fewer than two held-out frames show the vehicle; run `rauca demo` first")

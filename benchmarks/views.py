@@ -79,6 +79,8 @@ def _rendered(settings: Settings, folder: Path) -> Iterator[tuple[Dataset, Datas
 
 def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int) -> None:
     """Rows of every weather and place that both sets hold."""
+    for dataset in (rendered, judges):
+        dataset.require_rendered("views are composed from, and held against,")
     vehicle = load_vehicle(rendered.vehicle_folder, read_image)
     reference = srgb_to_linear(np.array(rendered.plan.reference_srgb) / 255)
     groups = {(frame.location, frame.weather.name): None for frame in rendered.frames()}

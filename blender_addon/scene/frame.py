@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract, seeding
+from ..core import color, contract
 from ..jobs.workers import News
 from .annotate import Annotation
 from .light_maps import light_maps
@@ -191,7 +191,7 @@ def rain_before(
     """
     if weather.precipitation == 0.0:
         return None
-    seed = seeding.named_seed(session.plan.seed, "rain", location, view, weather.name)
+    seed = contract.rain.seed_of(session.plan.seed, location, view, weather)
     return contract.rain.streaks(weather, session.viewpoint(location, view).camera, distance.astype(np.float16), seed)
 
 

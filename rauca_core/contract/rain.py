@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .seeding import named_rng
+from .seeding import named_rng, named_seed
 from .weather import Weather
 
 N0_PER_M3_MM = 8000.0
@@ -53,6 +53,11 @@ class Streaks:
 
     alpha: NDArray[np.float32]
     radiance: NDArray[np.float32]
+
+
+def seed_of(plan_seed: int, location: int, view: int, weather: Weather) -> int:
+    """Names the drops of a frame, of a data set's ``plan_seed``: whoever takes rain out again draws the same ones."""
+    return named_seed(plan_seed, "rain", location, view, weather.name)
 
 
 def streaks(weather: Weather, camera: Camera, distance: NDArray[np.floating], seed: int) -> Streaks:

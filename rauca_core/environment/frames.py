@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from ..contract import Camera, Dataset, Frame, RaucaError, Vehicle, color, load_vehicle
+from ..contract import Camera, Dataset, Frame, RaucaError, Ring, Vehicle, color, load_vehicle
+from ..contract.plan import CPU
 from ..contract.seeding import named_rng
 from ..render import linear_to_srgb
 from ..runtime.images import read_image
@@ -25,6 +26,7 @@ from .exact import load_exact, require_light
 from .shading import PlainShading, plain_shading
 
 SplitBy = Literal["location", "view"]
+NO_RING = Ring((), (), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +152,22 @@ class LightFrames:
 
         Whole locations, or whole views of the camera ring, are held out of every data set: ``share`` of them, at least
         one, drawn by ``seed`` and the plan's name, which stays when the folder is moved. Weathers are on both sides.
+        Composed frames are never tested on, and trained on as :meth:`to_train_beside` says.
 
         Raises:
-            RaucaError: a data set has a single location or view.
+            RaucaError: a data set has a single location or view; nothing was rendered; as of ``to_train_beside``.
         """
         train: list[int] = []
         test: list[int] = []
+        if all(place.frame.composed for place in self.places):
+            raise RaucaError(
+                f"{self.datasets[0].folder}: every frame was composed from others, to learn from, and none is left to "
+                "test on; give a data set of `rauca dataset make` beside it, such as the one it was composed from"
+            )
         for number, dataset in enumerate(self.datasets):
-            members = [i for i, place in enumerate(self.places) if place.dataset == number]
+            members = [i for i in self._members(number) if not self.places[i].frame.composed]
+            if not members:
+                continue
             names = sorted({self._name(i, by) for i in members})
             if len(names) < 2:
                 raise RaucaError(f"{dataset.folder}: has one {by}, none can be held out to test; choose another split")
@@ -165,7 +175,41 @@ class LightFrames:
             held_out = {names[k] for k in order[: max(1, round(share * len(names)))]} - {names[order[-1]]}
             for i in members:
                 (test if self._name(i, by) in held_out else train).append(i)
-        return train, test
+        composed = [i for i, place in enumerate(self.places) if place.frame.composed]
+        return train + self.to_train_beside(test, composed), test
+
+    def to_train_beside(self, test: Sequence[int], wanted: Sequence[int]) -> list[int]:
+        """Those of the ``wanted`` frames that show nothing of frames to ``test`` on: none composed from one of them.
+
+        Raises:
+            RaucaError: of a data set nothing is left.
+        """
+        sites = self._sites()
+        hidden = {(sites[self.places[i].dataset], self.places[i].frame.id) for i in test}
+
+        def shows_hidden(place: Place) -> bool:
+            return any((sites[place.dataset], source) in hidden for source in place.frame.composed)
+
+        kept = [i for i in wanted if not shows_hidden(self.places[i])]
+        for number in sorted({self.places[i].dataset for i in wanted} - {self.places[i].dataset for i in kept}):
+            raise RaucaError(
+                f"{self.datasets[number].folder}: every frame was composed from frames that are held out to test on; "
+                "hold out whole places: give data sets of several --locations, or other ones to test on"
+            )
+        return kept
+
+    def has_rendered(self, number: int) -> bool:
+        """Whether any frame of a data set was rendered, not composed."""
+        return any(not self.places[i].frame.composed for i in self._members(number))
+
+    def _members(self, number: int) -> list[int]:
+        return [i for i, place in enumerate(self.places) if place.dataset == number]
+
+    def _sites(self) -> list[int]:
+        """A number for each data set: that of the first one of the same places, such as it was composed from."""
+        fixed = {"name": "", "blender": "", "device": CPU, "weathers": (), "ring": NO_RING, "recolor_share": 0.0}
+        plans = [replace(dataset.plan, **fixed) for dataset in self.datasets]
+        return list(map(plans.index, plans))
 
     @cached_property
     def digest(self) -> str:

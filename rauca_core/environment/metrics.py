@@ -112,8 +112,13 @@ def compare(
     Returns:
         Per weather and for ``all``, per method (none, transfer, ours): ``psnr_db, mse, mae, bce``, and ``ms`` per
         image: from the image to its light maps, before any color.
+
+    Raises:
+        RaucaError: data sets without light maps, of several image sizes, or with composed frames.
     """
     frames = LightFrames(folders)
+    for dataset in frames.datasets:
+        dataset.require_rendered("extractors are judged on")
     methods: dict[str, Callable[[int, LightFrame], Render]] = {
         "none": lambda i, frame: plain_render(frame, frames.render_plain(i)),
         "transfer": lambda i, frame: transfer_render(frame),

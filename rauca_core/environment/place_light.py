@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_passes, load_vehicle, rain
+from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_vehicle
 from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
-from ..contract.seeding import named_seed
 from ..render import TapCache, Taps, TapSettings
 from ..runtime.images import read_image
 from .exact import Light, load_exact, require_light
 from .frames import read_picture
 from .irradiance import KNOWN, Irradiance, Source, fit_place, held_out, optics_of
 from .paint_surface import LIGHT_SIZE, PaintSurface
+from .without_rain import drops_of, without_rain
 
 SAMPLES = 8  # per pixel and axis, of the taps that light is fitted through
-THINNEST = 0.05  # of light behind rain that is worth dividing by
 HIDDEN = 0.1  # coverage less than the vehicle's own by this: something stands before it
 MEMORY_BYTES = 2**28
 
@@ -90,7 +89,7 @@ class PlaceLight:
         light = load_exact(self.dataset, frame.id)
         irradiance = self.read(frame.location, frame.weather.name)
         taps = self.taps.get(frame.camera_in_vehicle)
-        left = self._left_by_rain(frame).reshape(-1, 1)[taps.pixels]
+        left = 1.0 - drops_of(self.dataset, frame).alpha.reshape(-1, 1)[taps.pixels]
         gain = irradiance.gain(taps, frame.camera_in_vehicle, frame.exposure_stops).numpy() * left
         A = light.A.reshape(-1, 3).copy()
         shown = self._shown(frame, taps)  # less than the vehicle's own coverage behind a pole or a parked car
@@ -102,23 +101,14 @@ class PlaceLight:
     def _source(self, frame: Frame) -> Source:
         camera = frame.camera_in_vehicle
         taps = self.taps.get(camera)
-        left = self._left_by_rain(frame).reshape(-1, 1)
-        A = load_exact(self.dataset, frame.id).A.reshape(-1, 3) / np.maximum(left, THINNEST)
-        A = A[taps.pixels] * 2.0**-frame.exposure_stops
+        light = without_rain(load_exact(self.dataset, frame.id), drops_of(self.dataset, frame))
+        A = light.A.reshape(-1, 3)[taps.pixels] * 2.0**-frame.exposure_stops
         return Source(camera, taps, A, frame.exposure_stops, frame.id, self._shown(frame, taps))
 
     def _shown(self, frame: Frame, taps: Taps) -> NDArray[np.float32]:
         """Share (R,) of the taps' pixels that shows paint behind whatever stands before the vehicle."""
         paint = read_picture(self.dataset.frame_folder(frame.id) / "paint.png", self.dataset.plan.size, grey=True)
         return paint.numpy().reshape(-1)[taps.pixels] / np.float32(255)
-
-    def _left_by_rain(self, frame: Frame) -> NDArray[np.float32]:
-        """Share (H, W) of light that passes the rain laid over a frame."""
-        if frame.weather.precipitation == 0.0:
-            return np.ones((frame.camera.height, frame.camera.width), np.float32)
-        distance = load_passes(self.dataset.frame_folder(frame.id), ("distance",))["distance"]
-        seed = named_seed(self.dataset.plan.seed, "rain", frame.location, frame.view, frame.weather.name)
-        return 1.0 - rain.streaks(frame.weather, frame.camera, distance, seed).alpha
 
 
 def light_places(
@@ -130,9 +120,10 @@ def light_places(
         what is told of each, and whether it was fitted now.
 
     Raises:
-        RaucaError: no data set, one without light maps or frames, or a damaged frame.
+        RaucaError: no data set, one without light maps or frames, with composed frames, or a damaged frame.
     """
     dataset = Dataset(folder)
+    dataset.require_rendered("light is fitted to and judged by")
     places = PlaceLight(dataset)
     frames = sorted((f for f in dataset.frames() if f.box_xyxy is not None), key=_place_of)
     if not frames:

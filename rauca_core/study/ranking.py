@@ -38,9 +38,14 @@ def rank_camouflages(
         camouflages: of its vehicle, all of one map size.
         category: the vehicle's class.
         report: called with how many are done, and of how many.
+
+    Raises:
+        RaucaError: composed frames; a damaged camouflage, or one of another vehicle.
     """
+    dataset = Dataset(data)
+    dataset.require_rendered("camouflages are ranked on")
     maps = [read_image(load_camouflage(path)[1]) for path in camouflages]
-    render, index = Renderer(Dataset(data), maps[0].shape[0], device=device), class_index(detector, category)
+    render, index = Renderer(dataset, maps[0].shape[0], device=device), class_index(detector, category)
     means = []
     for done, pixels in enumerate(maps):
         report(done, len(maps))

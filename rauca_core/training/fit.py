@@ -48,11 +48,18 @@ class Given:
     device: torch.device | str | None = None
 
     def split(self, frames: LightFrames, by: SplitBy, share: float, seed: int) -> tuple[list[int], list[int]]:
-        """Indices to train on and to test on, of the frames of ``datasets`` and ``tests``."""
+        """Indices to train on and to test on, of the frames of ``datasets`` and ``tests``.
+
+        Raises:
+            RaucaError: composed frames to test on; as of :meth:`LightFrames.split`.
+        """
         if not self.tests:
             return frames.split(by, share, seed)
+        for dataset in frames.datasets[len(self.datasets) :]:
+            dataset.require_rendered("trainings are tested on")
         first = next(i for i, place in enumerate(frames.places) if place.dataset >= len(self.datasets))
-        return list(range(first)), list(range(first, len(frames)))
+        held_out = list(range(first, len(frames)))
+        return frames.to_train_beside(held_out, range(first)), held_out
 
 
 def describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any]]:
@@ -63,6 +70,7 @@ def describe(frames: LightFrames, held_out: Sequence[int]) -> list[dict[str, Any
             "name": plan.name,
             "vehicle": plan.vehicle_name,
             "frames": whole[number],
+            **({} if frames.has_rendered(number) else {"composed": True}),
             "tested on": tested[number],
             "size": plan.size,
             "samples": plan.quality.samples,

@@ -151,7 +151,8 @@ class _Rounds:
         self.wanted, self.origin, self.settings = wanted, origin, settings
         self.device = find_device(wanted.device)
         self.frames = LightFrames(wanted.datasets, settings.memory_mb)
-        by: SplitBy = "location" if all(d.plan.locations > 1 for d in self.frames.datasets) else "view"
+        rendered = [d for number, d in enumerate(self.frames.datasets) if self.frames.has_rendered(number)]
+        by: SplitBy = "location" if all(dataset.plan.locations > 1 for dataset in rendered) else "view"
         self.train, held_out = self.frames.split(by, settings.test_share, settings.seed)
         if not any(self.frames.vehicle(i).category == CAR for i in self.train):
             raise RaucaError("data sets: no frame to train on shows a car; add a data set of one, e.g. of the sedan")

@@ -29,7 +29,6 @@ from rauca_core.contract import (
 from rauca_core.contract.color import srgb_to_linear
 from rauca_core.contract.semantics import CLASS_IDS, TARGET_INSTANCE, mask_box
 from rauca_core.contract.viewpoints import viewpoint
-from rauca_core.environment.views.place import rain_seed
 
 SIZE = 80
 POSE = np.array([[0.0, -1, 0, 1], [1, 0, 0, -0.5], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -104,12 +103,16 @@ def make_room(
     weathers: tuple[Weather, ...] = (Weather("day", 45.0),),
     poles: tuple[Slab, ...] = NO_POLE,
     stops: float = 0.0,
+    locations: int = 1,
 ) -> Dataset:
-    """A data set of views at 12 and 24 degrees, 7 m away; rain and exposure as Blender puts them on."""
+    """A data set of views at 12 and 24 degrees, 7 m away; rain and exposure as Blender puts them on.
+
+    Every location is the same room.
+    """
     ring = Ring(azimuths, (12.0, 24.0), (7.0,))
     plan = Plan.of(
         weathers, ring, name="room", vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=SIZE,
-        quality=Quality(1), reference_srgb=REFERENCE, blender="none",
+        quality=Quality(1), reference_srgb=REFERENCE, blender="none", locations=locations,
     )  # fmt: skip
     vehicle.save(folder / "vehicle")
     claim_folder(folder, plan)
@@ -134,7 +137,12 @@ def developed(passes: FramePasses, frame: Frame, seed: int) -> FramePasses:
     bright = np.float32(2.0**frame.exposure_stops)
     passes.A, passes.B = passes.A * bright, passes.B * bright
     if frame.weather.precipitation:
-        drops = rain.streaks(frame.weather, frame.camera, passes.distance.astype(np.float16), rain_seed(seed, frame))
+        drops = rain.streaks(
+            frame.weather,
+            frame.camera,
+            passes.distance.astype(np.float16),
+            rain.seed_of(seed, frame.location, frame.view, frame.weather),
+        )
         passes.A, passes.B = rain.over_gain(passes.A, drops), rain.over(passes.B, drops)
     passes.image_linear = passes.A * srgb_to_linear(np.array(REFERENCE) / 255) + passes.B
     return passes

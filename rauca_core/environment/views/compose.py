@@ -16,7 +16,7 @@ from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
-from .place import Place, rain_seed
+from .place import Place
 from .warp import FAR_M, Gathered, Lens, Sources, farther, fill_holes, gather, refine, splat
 
 NEAREST = 6  # sources that a view is composed from
@@ -182,7 +182,12 @@ def _finish(
         find_instances(instances, place.categories), None, stops, tuple(place.frames[i].id for i in chosen.tolist()),
     )  # fmt: skip
     if source.weather.precipitation > 0.0:
-        drops = rain.streaks(source.weather, view.camera, distance.astype(np.float16), rain_seed(seed, frame))
+        drops = rain.streaks(
+            source.weather,
+            view.camera,
+            distance.astype(np.float16),
+            rain.seed_of(seed, frame.location, frame.view, frame.weather),
+        )
         A, B = rain.over_gain(A, drops), rain.over(B, drops)
     A, B = A.astype(np.float32), B.astype(np.float32)
     passes = FramePasses(A * reference + B, share, paint, distance, A, B, semantic, instances)

@@ -12,15 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contract import Dataset, Frame, Weather, load_passes, rain
-from ...contract.seeding import named_seed
+from ...contract import Dataset, Frame, Weather, load_passes
 from ...contract.semantics import Instance
 from ...runtime.images import read_image
 from ..exact import load_exact
+from ..without_rain import drops_of, without_rain
 from .warp import Lens, Sources, depth_of, mixed
 
 SOLID = 252  # of 255: coverage from which a pixel is no edge
-THINNEST = 0.05  # of what rain leaves: behind more of it nothing is recovered
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +97,8 @@ class Place:
 
 def _undone(dataset: Dataset, frame: Frame, distance: NDArray[np.float16]) -> tuple[NDArray[np.float32], ...]:
     """A per coverage and B of a frame without its rain and exposure, (H, W, 3) each."""
-    light, paint = load_exact(dataset, frame.id), read_image(dataset.frame_folder(frame.id) / "paint.png")
-    A, B = light.A, light.B
-    if frame.weather.precipitation > 0.0:
-        seed = rain_seed(dataset.plan.seed, frame)
-        drops = rain.streaks(frame.weather, frame.camera, distance, seed)
-        left = np.maximum(1.0 - drops.alpha, THINNEST)[..., None]
-        A, B = A / left, np.maximum(B - drops.alpha[..., None] * drops.radiance, 0.0) / left
+    light = without_rain(load_exact(dataset, frame.id), drops_of(dataset, frame, distance))
+    paint = read_image(dataset.frame_folder(frame.id) / "paint.png")
     dark = np.float32(2.0**-frame.exposure_stops)
     share = np.maximum(paint.astype(np.float32) / 255, 1 / 255)[..., None]
-    return (A * dark / share).astype(np.float32), (B * dark).astype(np.float32)
-
-
-def rain_seed(seed: int, frame: Frame) -> int:
-    """Names the drops of a frame, of a data set's ``seed``."""
-    return named_seed(seed, "rain", frame.location, frame.view, frame.weather.name)
+    return (light.A * dark / share).astype(np.float32), (light.B * dark).astype(np.float32)
