@@ -207,8 +207,10 @@ class LightFrames:
 
     def _sites(self) -> list[int]:
         """A number for each data set: that of the first one of the same places, such as it was composed from."""
-        fixed = {"name": "", "blender": "", "device": CPU, "weathers": (), "ring": NO_RING, "recolor_share": 0.0}
-        plans = [replace(dataset.plan, **fixed) for dataset in self.datasets]
+        plans = [
+            replace(one.plan, name="", blender="", device=CPU, weathers=(), ring=NO_RING, recolor_share=0.0)
+            for one in self.datasets
+        ]
         return list(map(plans.index, plans))
 
     @cached_property
