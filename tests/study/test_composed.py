@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,7 +29,9 @@ from rauca_core.study.evaluate import open_views
 from rauca_core.study.ranking import rank_camouflages
 from rauca_core.training.extractor_fit import Fit, fit
 from rauca_core.training.fit import Given, describe
-from rauca_core.training.settings import ExtractorSettings
+from rauca_core.training.harden import Hardening, _Rounds
+from rauca_core.training.origin import origin_of
+from rauca_core.training.settings import ExtractorSettings, HardenSettings
 from tests.environment.room import make_room
 
 torch.set_num_threads(1)
@@ -88,7 +91,7 @@ REPOSITORY = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    return painted_box()
+    return replace(painted_box(), category="car")
 
 
 @pytest.fixture(scope="module")
@@ -178,3 +181,22 @@ def test_an_extractor_learns_from_composed_frames(room: Dataset, dense: Dataset,
     assert len(outcome.errors) == 2
     with pytest.raises(RaucaError, match="none is left to test on"):
         fit(Fit(datasets=[dense.folder], out=tmp_path / "alone", settings=settings))
+
+
+def test_a_hardening_learns_and_attacks_on_composed_frames_and_is_watched_on_rendered_ones(
+    room: Dataset, dense: Dataset, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    random_camouflage(tmp_path / "worn.json", vehicle, 64, seed=1, cell=8)
+
+    def rounds(*data: Path) -> _Rounds:
+        settings = HardenSettings.make(attack_steps=2, map_size=64, samples=2, threads=1)
+        worn, out = [tmp_path / "worn.json"], tmp_path / "out"
+        wanted = Hardening("frcnn-synth", data, worn, out, settings, lambda *_: out, len, attacked=data)
+        return _Rounds(wanted, origin_of("frcnn-synth"))
+
+    made = rounds(room.folder, dense.folder)
+    assert any(made.frames.places[i].frame.composed for i in made.train)
+    assert made.tested
+    assert not any(made.frames.places[i].frame.composed for i in made.tested)
+    with pytest.raises(RaucaError, match="none is left to test on"):
+        rounds(dense.folder)
