@@ -168,11 +168,12 @@ def dataset_light(folder: Folder) -> None:
     """Fit irradiance textures, the light on the vehicle in each place and weather; run again to resume."""
     from rauca_core.environment.place_light import light_places
 
-    table = Table("place", "weather", *(Column(name, justify="right") for name in ("views", "seen", "dB", "held out")))
+    numbers = ("views", "seen", "texels unseen", "dB", "held out")
+    table = Table("place", "weather", *(Column(name, justify="right") for name in numbers))
     with progress_bar("fitting light") as move:
         for light, _ in light_places(folder, move):
             worst = min(source.display_db for source in light.sources)
             apart = "" if light.held_out_db is None else f"{light.held_out_db:.1f}"
-            told = (f"{len(light.sources)}", f"{light.seen:.0%}", f"{worst:.1f}", apart)
+            told = (f"{len(light.sources)}", f"{light.seen:.0%}", f"{light.unseen}", f"{worst:.1f}", apart)
             table.add_row(f"L{light.location:02d}", light.weather, *told)
     output().print(table)

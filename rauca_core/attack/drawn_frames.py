@@ -28,13 +28,18 @@ class DrawnStore(FrameStore):
     """
 
     def __init__(self, dataset: Dataset, settings: OptimizerSettings, device: torch.device | str = "cpu") -> None:
-        """Raises :class:`RaucaError` as :class:`FrameStore` and :class:`Views` do, and for light that is estimated."""
-        if settings.light != "exact":
+        """Raises :class:`RaucaError` as :class:`FrameStore` and :class:`Views` do, and for light that is estimated.
+
+        The paint's light is that of the irradiance textures that there are; ``irradiance`` wants all of them.
+        """
+        if settings.light not in ("exact", "irradiance"):
             raise RaucaError(
                 f"light: {settings.light} is of rendered frames; drawn views bring their own, drop --light"
             )
         super().__init__(dataset, settings, device)
-        self.views = Views(dataset, DENSE, seed=settings.seed, memory_mb=settings.memory_mb // 2)
+        self._on_map = settings.paint == "texels"  # what taps of facets and patterns read is no map of light
+        pyramid = self.pyramid if self._on_map else None
+        self.views = Views(dataset, DENSE, seed=settings.seed, memory_mb=settings.memory_mb // 2, pyramid=pyramid)
         taps: Any = self.layout.taps.settings
         self._recipe = replace(taps, samples=min(taps.samples, SAMPLES))
 
@@ -44,10 +49,11 @@ class DrawnStore(FrameStore):
     def ready(self, index: int) -> ReadyFrame:
         """The view at ``index``, or the next one that shows the vehicle; raises :class:`RaucaError` if none does."""
         for place in range(index, index + TRIES):
-            made = self.views[place % len(self.views)]
+            view = place % len(self.views)
+            taps = self._recipe.build(self.vehicle, self.views.camera_in_vehicle(view), self.layout.taps.pyramid)
+            made = self.views.lit_through(view, taps if self._on_map else None)
             if made.frame.box_xyxy is None or made.frame.visible < self.views.plan.min_visible:
                 continue
-            taps = self._recipe.build(self.vehicle, made.frame.camera_in_vehicle, self.layout.taps.pyramid)
             passes = made.passes
             assert passes.A is not None
             assert passes.B is not None

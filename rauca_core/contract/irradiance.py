@@ -53,18 +53,20 @@ class StoredLight(Record):
         location, weather: the place's index in its data set and the weather's name.
         atlas_id, size: the UV layout, and the side of the map in texels.
         finish: of the paint, one of ``plan.FINISHES``.
-        seen: share of the texels that some source saw; the others are filled from the nearest in place and direction.
+        seen, unseen: share of the texels that some source saw; how many none did, which are filled with the mean of
+            the eight seen ones nearest in place and direction.
         held_out_db: PSNR as of a residual, of a source that a fit without it predicts; None of a lone source.
         sources: residuals of all of them.
     """
 
-    FORMAT = ("rauca-irradiance", 1)
+    FORMAT = ("rauca-irradiance", 2)
     location: int
     weather: str
     atlas_id: str
     size: Annotated[int, (1, 8192)]
     finish: str
     seen: Annotated[float, (0, 1)]
+    unseen: Annotated[int, (0, 8192**2)]
     held_out_db: float | None
     sources: tuple[Residual, ...]
 

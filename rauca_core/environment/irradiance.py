@@ -113,8 +113,13 @@ class Irradiance:
             taps: of the camera, on ``surface.pyramid``.
             exposure_stops: see `Frame.exposure_stops`.
         """
-        share = view_factor(taps, camera_in_vehicle, self.surface, self.optics, self.weather) * 2.0**exposure_stops
-        return taps.rows(self._levels) * torch.from_numpy(share.astype(np.float32))[:, None]
+        share = torch.from_numpy(taps.alpha * np.float32(2.0**exposure_stops))
+        return self.gain_of_paint(taps, camera_in_vehicle) * share[:, None]
+
+    def gain_of_paint(self, taps: Taps, camera_in_vehicle: Camera) -> Tensor:
+        """:meth:`gain` per paint coverage and in exposure 0, (R, 3) float32 linear; also off the paint, as taps are."""
+        left = let_out(taps, camera_in_vehicle, self.surface, self.optics, self.weather)
+        return taps.rows(self._levels) * torch.from_numpy(left.astype(np.float32))[:, None]
 
     def on(self, surface: PaintSurface) -> Irradiance:
         """The same light for taps of another map size; ``surface`` has light textures of the same size."""
@@ -128,6 +133,11 @@ class Irradiance:
     def seen(self) -> float:
         """Share of the texels that some source saw."""
         return float((self.weight >= SEEN).mean())
+
+    @property
+    def nbytes(self) -> int:
+        """Of memory, once a view was lit."""
+        return self.texels.nbytes + self.weight.nbytes + 3 * 4 * len(self.surface.positions)
 
     @cached_property
     def _levels(self) -> Tensor:
@@ -150,13 +160,18 @@ def optics_of(vehicle: Vehicle, finish: str, weather: Weather) -> PaintOptics:
 
 def view_factor(taps: Taps, camera: Camera, surface: PaintSurface, optics: PaintOptics, weather: Weather) -> Array:
     """Share (R,) of a texel's light that each pixel gets: coverage, fog between and the finish's angular factor."""
+    return taps.alpha * let_out(taps, camera, surface, optics, weather)
+
+
+def let_out(taps: Taps, camera: Camera, surface: PaintSurface, optics: PaintOptics, weather: Weather) -> Array:
+    """Share (R,) of a texel's light that comes from its paint to the camera: :func:`view_factor` but for coverage."""
     with torch.no_grad():
         places, normals = (taps.rows(t).numpy().astype(np.float64) for t in (surface.positions, surface.normals))
     towards = camera.position - places
     length = np.maximum(np.linalg.norm(towards, axis=1), 1e-6)
     size = np.maximum(np.linalg.norm(normals, axis=1), 1e-6)
     cosine = (normals * towards).sum(1) / (length * size)
-    return taps.alpha * optics(cosine, normals[:, 2] / size) * transmittance(weather, camera.position, places)
+    return optics(cosine, normals[:, 2] / size) * transmittance(weather, camera.position, places)
 
 
 def fit_place(

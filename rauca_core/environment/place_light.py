@@ -15,7 +15,7 @@ from ..render import TapCache, Taps, TapSettings
 from ..runtime.images import read_image
 from .exact import Light, load_exact, require_light
 from .frames import read_picture
-from .irradiance import KNOWN, Irradiance, Source, fit_place, held_out, optics_of
+from .irradiance import KNOWN, SEEN, Irradiance, Source, fit_place, held_out, optics_of
 from .paint_surface import LIGHT_SIZE, PaintSurface
 from .without_rain import drops_of, without_rain
 
@@ -53,7 +53,7 @@ class PlaceLight:
             apart = held_out(fit_place(others, self.surface, optics, first.weather), sources[left_out]).display_db
         stored = StoredLight(
             first.location, first.weather.name, self.vehicle.atlas_id, LIGHT_SIZE, plan.finish,
-            irradiance.seen, apart, irradiance.residuals,
+            irradiance.seen, int((irradiance.weight < SEEN).sum()), apart, irradiance.residuals,
         )  # fmt: skip
         return stored, irradiance
 

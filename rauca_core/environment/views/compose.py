@@ -75,7 +75,8 @@ def compose(
         vehicle: in the pose of the sources.
         reference_linear: (3,) paint of ``image``.
         seed: of the data set: names the rain.
-        gain: (H, W, 3) linear A per paint coverage, without rain and exposure; warped from the sources if None.
+        gain: (H, W, 3) linear A per paint coverage, without rain and exposure; warped from the sources if None, and
+            where it is NaN. What stands before the vehicle hides it, whichever it is.
         nearest: how many sources are asked, those nearest by direction.
 
     Raises:
@@ -95,7 +96,7 @@ def compose(
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
     fill_holes(around.values, around.weight > 0)
-    A = (warped_gain if gain is None else gain) * paint[..., None]
+    A = (warped_gain if gain is None else np.where(np.isnan(gain), warped_gain, gain)) * paint[..., None]
     B = around.values + share[..., None] * (mirrored - around.values)
     semantic, instances, distance = _labels(around, depth, body, hidden, lens)
     return _finish(place, view, (A, B, share, paint), (semantic, instances, distance), body, chosen, known,

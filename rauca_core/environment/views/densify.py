@@ -23,7 +23,7 @@ from ...contract import (
     save_frame,
     seal_dataset,
 )
-from ...contract.files import atomic_folder
+from ...contract.files import atomic_folder, read_sums
 from .drawn import Views
 
 BATCH = 32  # frames of one place that are handed to the threads at once
@@ -34,10 +34,12 @@ def densify(
 ) -> Dataset:
     """Write every view as a frame of a data set that says it was composed; run again to go on.
 
-    Views that see less of the paint than the plan's ``min_visible`` are kept out, as in any data set.
+    Views that see less of the paint than the plan's ``min_visible`` are kept out, as in any data set. Irradiance
+    textures of the sources, which light the views, go with them.
 
     Raises:
-        RaucaError: ``out`` holds another data set, or that of the sources; a damaged source; a full disk.
+        RaucaError: ``out`` holds another data set, that of the sources, or views in other light; a damaged source; a
+            full disk.
     """
     out = Path(out)
     if out.resolve() == views.dataset.folder.resolve():
@@ -48,6 +50,7 @@ def densify(
             shutil.copytree(views.dataset.vehicle_folder, folder, dirs_exist_ok=True)
     states = frame_states(out)
     _check_seed(views, out, states)
+    _carry_light(views, out, begun="done" in states.values())
     missing = [index for index, task in enumerate(views.tasks) if states.get(task.id) not in ("done", "occluded")]
     done = len(views) - len(missing)
     for task in _written(views, _by_place(views.tasks, missing), out, threads):
@@ -62,6 +65,26 @@ def _check_seed(views: Views, out: Path, states: dict[str, str]) -> None:
     there = next((task for task in views.tasks if states.get(task.id) == "done"), None)
     if there is not None and load_frame(frame_folder(out, there.id)).seed != views.view(there).seed:
         raise RaucaError(f"{out}: holds views of another seed; choose another folder or remove it")
+
+
+def _carry_light(views: Views, out: Path, begun: bool) -> None:
+    """Copy the irradiance textures, checksums and all; views that are there must have been lit by the same."""
+    ours, theirs = (_lights(folder) for folder in (views.dataset.folder, out))
+    if begun and ours != theirs:
+        told = f"holds views in other light than that of {views.dataset.folder} now"
+        raise RaucaError(f"{out}: {told}; choose another folder or remove it")
+    if begun:
+        return
+    shutil.rmtree(out / "irradiance", ignore_errors=True)
+    if ours:
+        with atomic_folder(out / "irradiance") as folder:
+            for name in ours:
+                shutil.copytree(views.dataset.folder / "irradiance" / name, folder / name)
+
+
+def _lights(dataset: Path) -> dict[str, dict[str, str]]:
+    """Digests of a data set's irradiance textures, by the name of their folder."""
+    return {folder.parent.name: read_sums(folder.parent) for folder in dataset.glob("irradiance/L*/SHA256SUMS")}
 
 
 def _by_place(tasks: Sequence[PlannedFrame], indices: Sequence[int]) -> list[int]:

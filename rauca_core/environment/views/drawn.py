@@ -11,13 +11,16 @@ from itertools import groupby
 
 import numpy as np
 
-from ...contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Ring, load_vehicle
+from ...contract import Camera, Dataset, Frame, Plan, PlannedFrame, RaucaError, Ring, load_vehicle
 from ...contract.color import srgb_to_linear
 from ...contract.seeding import named_seed
 from ...contract.viewpoints import Shots, viewpoint
+from ...render import Pyramid, Taps
 from ...runtime.images import read_image
 from ..exact import require_light
+from ..irradiance import Irradiance
 from .compose import NEAREST, Composed, View, compose
+from .paint_light import PaintLight
 from .place import Place
 
 MEMORY_MB = 2048
@@ -28,7 +31,8 @@ class Views(Sequence[Composed]):
     """Frames of new cameras in the rendered places of a data set; each is composed when it is asked for.
 
     View i is a function of the data set, the ring, the seed and i: any number of processes compose the same frames, in
-    any order. ``views[i]`` may be called from several threads.
+    any order. ``views[i]`` may be called from several threads. The light on the paint is that of the irradiance texture
+    of its place and weather where the data set has one (`rauca dataset light`), else warped from the sources.
 
     Attributes:
         plan: of the new frames, as a data set of them has it.
@@ -44,6 +48,7 @@ class Views(Sequence[Composed]):
         seed: int = 0,
         nearest: int = NEAREST,
         memory_mb: int = MEMORY_MB,
+        pyramid: Pyramid | None = None,
     ) -> None:
         """Draw the cameras.
 
@@ -55,6 +60,7 @@ class Views(Sequence[Composed]):
             seed: names the jitter.
             nearest: sources that a view is composed from.
             memory_mb: of the sources that are kept in memory.
+            pyramid: of the taps that :meth:`lit_through` is called with; None if of none.
 
         Raises:
             RaucaError: no light maps, no finished frames, frames that are composed themselves, n below 1, or a ring of
@@ -81,7 +87,8 @@ class Views(Sequence[Composed]):
         self._center = (self.vehicle.positions.min(axis=0) + self.vehicle.positions.max(axis=0)).astype(np.float64) / 2
         self._reference = srgb_to_linear(np.array(self.plan.reference_srgb) / 255.0)
         self._nearest, self._budget = nearest, memory_mb * 2**20
-        self._places: OrderedDict[tuple[int, str], Place] = OrderedDict()
+        self._paint_light = PaintLight.of(dataset, pyramid)
+        self._places: OrderedDict[tuple[int, str], tuple[Place, Irradiance | None]] = OrderedDict()
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
@@ -92,9 +99,21 @@ class Views(Sequence[Composed]):
 
     def __getitem__(self, index: int) -> Composed:  # type: ignore[override]
         """The frame of one view; raises :class:`RaucaError` when files of its sources are missing or damaged."""
+        return self.lit_through(index)
+
+    def lit_through(self, index: int, taps: Taps | None = None) -> Composed:
+        """:meth:`__getitem__`, with taps of its camera that are there already."""
+        task, gain = self.tasks[index], None
+        place, light = self._place(task)
+        if light is not None and self._paint_light is not None:
+            gain = self._paint_light.gain(light, self.camera_in_vehicle(index), taps)
+        return compose(place, self.view(task), self.vehicle, self._reference, self.plan.seed, gain, self._nearest)
+
+    def camera_in_vehicle(self, index: int) -> Camera:
+        """The camera of a view in the vehicle's frame."""
         task = self.tasks[index]
-        place = self.place(task)
-        return compose(place, self.view(task), self.vehicle, self._reference, self.plan.seed, nearest=self._nearest)
+        pose = self._sources[task.location, task.weather.name][0].vehicle_to_world
+        return self.view(task).camera.relative_to(pose)
 
     def view(self, task: PlannedFrame) -> View:
         """The camera of a task."""
@@ -105,15 +124,19 @@ class Views(Sequence[Composed]):
             seen_by.distance_m, named_seed(self._shots.seed, task.id) % 2**31,
         )  # fmt: skip
 
-    def place(self, task: PlannedFrame) -> Place:
-        """The sources of a task, from memory or read."""
+    def _place(self, task: PlannedFrame) -> tuple[Place, Irradiance | None]:
+        """The sources of a task and the light on its paint, from memory or read."""
         key = task.location, task.weather.name
         with self._lock:
-            found = self._places.pop(key, None) or Place.of(self.dataset, self._sources[key])
+            found = self._places.pop(key, None) or self._read(*key)
             self._places[key] = found
-            while sum(place.nbytes for place in self._places.values()) > self._budget and len(self._places) > 1:
+            while sum(map(_nbytes, self._places.values())) > self._budget and len(self._places) > 1:
                 self._places.popitem(last=False)
         return found
+
+    def _read(self, location: int, weather: str) -> tuple[Place, Irradiance | None]:
+        place = Place.of(self.dataset, self._sources[location, weather])
+        return place, self._paint_light.read(location, weather) if self._paint_light else None
 
 
 def ring_between(own: Ring, number: int) -> Ring:
@@ -135,6 +158,11 @@ def ring_between(own: Ring, number: int) -> Ring:
         distances_m=distances, jitter_azimuth_deg=180.0 / around, jitter_elevation_deg=lifted,
         jitter_distance=moved,
     )  # fmt: skip
+
+
+def _nbytes(found: tuple[Place, Irradiance | None]) -> int:
+    place, light = found
+    return place.nbytes + (light.nbytes if light else 0)
 
 
 def _by_place(dataset: Dataset) -> dict[tuple[int, str], list[Frame]]:
