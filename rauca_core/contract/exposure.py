@@ -34,7 +34,7 @@ def metered_stops(
     metered = (semantic != CLASS_IDS["sky"]) & (instances != TARGET_INSTANCE)
     if metered.mean() < LEAST_SHARE:
         return 0.0
-    median = float(np.median(image_linear[metered] @ LUMINANCE))
+    median = float(np.median((image_linear.reshape(-1, 3) @ LUMINANCE)[metered.ravel()]))
     missing = COMPENSATED * np.log2(TARGET / max(median, 1e-6))
     by_day = np.clip(1.0 - sun_altitude_deg / DARK_ALTITUDE_DEG, 0.0, 1.0)
     return round(float(by_day * np.clip(missing, 0.0, MOST_STOPS)), 3)

@@ -91,7 +91,7 @@ def find_instances(instances: NDArray[np.uint8], categories: dict[int, str]) -> 
         categories: COCO class of every id that may occur.
     """
     found = []
-    for number in np.unique(instances).tolist():
+    for number in np.flatnonzero(np.bincount(instances.ravel(), minlength=1)).tolist():
         if number in (NO_INSTANCE, TARGET_INSTANCE):
             continue
         mask = instances == number

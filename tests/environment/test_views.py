@@ -13,7 +13,7 @@ from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.contract.semantics import CLASS_IDS, mask_box
 from rauca_core.dataset_tools import check_dataset
 from rauca_core.environment.views import Composed, Place, View, Views, compose, densify
-from rauca_core.environment.views.warp import mixed
+from rauca_core.environment.views.sources import mixed
 from rauca_core.study.datasets import Dataset as OpenDataset
 from rauca_core.study.evaluate import open_views
 from tests.environment.room import POSE, REFERENCE, SIZE, look, make_room

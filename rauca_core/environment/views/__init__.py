@@ -1,7 +1,8 @@
 """New cameras in rendered places: frames composed in milliseconds from a few that Cycles rendered there.
 
 A place in one weather is static and its geometry known exactly. So a new view of the vehicle is rasterized, and what
-surrounds it is warped from the views that there are (`warp`); what mirrors is approximated by the nearest of them.
+surrounds it is warped from the views that there are (`splat`, `gather`); what mirrors is approximated by the nearest
+of them.
 """
 
 from .compose import Composed, View, compose

@@ -1,7 +1,7 @@
 """A frame for a camera that nobody rendered, from the rendered views of its place.
 
 The vehicle is rasterized: its coverage, depth and boxes are exact. What surrounds it, and what mirrors in it, is warped
-from the nearest sources (see `warp`). The gain of its paint comes from the sources too, or from who calls.
+from the nearest sources (`splat`, `gather`, `holes`). The gain of its paint comes from them too, or from who calls.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
+from .gather import Gathered, gather, refine
+from .holes import fill_holes
+from .lens import FAR_M, Lens
 from .place import Place
-from .warp import FAR_M, Gathered, Lens, Sources, farther, fill_holes, gather, refine, splat
+from .sources import Sources
+from .splat import farther, splat
 
 NEAREST = 6  # sources that a view is composed from
 SHARPNESS = 8.0  # of the weights of what surrounds the vehicle: a half at 7 degrees
@@ -103,6 +107,13 @@ def compose(
                    reference_linear, seed)  # fmt: skip
 
 
+def _lit(A: Image, B: Image, color: Image) -> Image:
+    """(H, W, 3) linear, as lit in a paint of one color."""
+    image = A * color
+    image += B
+    return image
+
+
 def _in_bytes(coverage: Image) -> Image:
     """Coverage as a frame's PNG keeps it: light maps are exactly those of the stored coverage."""
     return to_bytes(coverage).astype(np.float32) / np.float32(255)
@@ -136,8 +147,11 @@ def _on_vehicle(
     painted = gather(place.painted, chosen, on_paint, lens, MIRROR_SHARPNESS, SAME_BODY)
     rest = gather(place.rest, chosen, off_paint, lens, MIRROR_SHARPNESS, SAME_BODY)
     seen = (painted.weight > 0) | (rest.weight > 0)
-    fill_holes(painted.values, painted.weight > 0)
-    fill_holes(rest.values, rest.weight > 0)
+    rows, columns = (np.flatnonzero(body.vehicle.any(axis)) for axis in (1, 0))
+    if rows.size:  # the vehicle's own surface is all that is shown of them
+        window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        for found in (painted, rest):
+            fill_holes(found.values[window], found.weight[window] > 0)
     gain, mirrored = painted.values[..., :3], painted.values[..., 3:]
     share = (body.paint / np.maximum(body.vehicle, np.float32(1e-3)))[..., None]
     B = rest.values + np.minimum(share, 1) * (mirrored - rest.values)
@@ -173,8 +187,10 @@ def _finish(
 ) -> Composed:
     """Exposure, rain and what ``frame.json`` says."""
     (A, B, share, paint), (semantic, instances, distance), source = light, labels, place.frames[0]
-    stops = metered_stops(A * reference + B, semantic, instances, source.weather.sun_altitude_angle)
-    A, B = A * np.float32(2.0**stops), B * np.float32(2.0**stops)
+    reference = np.asarray(reference, np.float32)
+    stops = metered_stops(_lit(A, B, reference), semantic, instances, source.weather.sun_altitude_angle)
+    if stops:
+        A, B = A * np.float32(2.0**stops), B * np.float32(2.0**stops)
     expected = body.center & (body.classes == CLASS_IDS["paint"])
     visible = float((instances[expected] == TARGET_INSTANCE).mean()) if expected.any() else 0.0
     frame = Frame(
@@ -190,6 +206,6 @@ def _finish(
             rain.seed_of(seed, frame.location, frame.view, frame.weather),
         )
         A, B = rain.over_gain(A, drops), rain.over(B, drops)
-    A, B = A.astype(np.float32), B.astype(np.float32)
-    passes = FramePasses(A * reference + B, share, paint, distance, A, B, semantic, instances)
+    A, B = A.astype(np.float32, copy=False), B.astype(np.float32, copy=False)
+    passes = FramePasses(_lit(A, B, reference), share, paint, distance, A, B, semantic, instances)
     return Composed(frame, passes, known)

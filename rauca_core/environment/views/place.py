@@ -17,7 +17,8 @@ from ...contract.semantics import Instance
 from ...runtime.images import read_image
 from ..exact import load_exact
 from ..without_rain import drops_of, without_rain
-from .warp import Lens, Sources, depth_of, mixed
+from .lens import Lens, depth_of
+from .sources import Sources, mixed
 
 SOLID = 252  # of 255: coverage from which a pixel is no edge
 

@@ -1,0 +1,60 @@
+"""Rendered views as others are made of them: which of their pixels may be used, and what they hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .lens import Image, Lens, Mask
+
+MIXED_JUMP = 0.06  # of the inverse depth, relative: pixels on such an edge may hold a mean of both sides
+MIXED_SHARE = 0.15  # of the jump: nearer to one side than this, a pixel belongs to it
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """N views of one place.
+
+    Attributes:
+        lenses: of each.
+        depth: (N, H, W) float32 metres along z, :data:`lens.FAR_M` for sky; 0 where a pixel is not to be used.
+        values: (N, H, W, C) float32 what is carried over.
+        labels: (N, H, W, L) uint8 what is carried over without blending.
+    """
+
+    lenses: tuple[Lens, ...]
+    depth: Image
+    values: Image
+    labels: NDArray[np.uint8]
+
+
+def mixed(depth: Image) -> Mask:
+    """(H, W): True on pixels whose depth lies between those of their neighbors on both sides of a jump.
+
+    A rendered distance is a mean over the pixel: on a silhouette it is that of neither surface. Of a plane the inverse
+    depth is linear in the image: a slope is no jump.
+    """
+    inverse = 1.0 / np.maximum(depth, np.float32(1e-3))
+    found = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        before, here, after = (np.take(inverse, range(k, inverse.shape[axis] - 2 + k), axis) for k in range(3))
+        low, high = np.minimum(before, after), np.maximum(before, after)
+        jump = high - low
+        off = np.minimum(here - low, high - here)
+        between = (jump > MIXED_JUMP * high) & (off > MIXED_SHARE * jump)
+        # A slope passes through the middle: there the pixel beyond goes on as steeply. An edge stops.
+        inner = [slice(None), slice(None)]
+        inner[axis] = slice(1, -1)
+        found[tuple(inner)] |= between & ~_goes_on(inverse, axis)
+    return found
+
+
+def _goes_on(inverse: Image, axis: int) -> Mask:
+    """Whether the steps on both sides of a pixel are alike and go on beyond its neighbors."""
+    padded = np.pad(inverse, [(1, 1) if a == axis else (0, 0) for a in (0, 1)], mode="reflect", reflect_type="odd")
+    steps = np.abs(np.diff(padded, axis=axis))
+    count = inverse.shape[axis] - 2
+    four = np.stack([np.take(steps, range(k, count + k), axis) for k in range(4)])
+    return four.min(0) > 0.4 * four.max(0)
