@@ -30,6 +30,7 @@ from .detector_commands import detectors_app, weights_app
 from .efe_commands import efe_app
 from .evaluate import evaluate, report
 from .harden import harden
+from .methods import methods
 from .optimize import optimize
 from .options import Blender, PaintMask, PaintMaterial
 from .tradeoff import tradeoff
@@ -55,7 +56,7 @@ GROUPS = {
 }  # fmt: skip
 for name, group in GROUPS.items():
     app.add_typer(group, name=name)
-for command in (assess, optimize, evaluate, tradeoff, ablate, harden, demo, report):
+for command in (assess, optimize, methods, evaluate, tradeoff, ablate, harden, demo, report):
     app.command()(command)
 
 

@@ -57,6 +57,12 @@ def optimize(
             help="settings of das, fca, dta, active, rauca-base, rauca-final or ours; options given here win over them"
         ),
     ] = None,
+    fidelity: Annotated[
+        str | None,
+        typer.Option(
+            "--as", help="the method as published, or adapted (our renderer, exact light): see `rauca methods`"
+        ),
+    ] = None,
     steps: int = 1000,
     batch: Annotated[int, typer.Option(help="frames per step")] = 4,
     lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
@@ -65,7 +71,9 @@ def optimize(
         str, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
     ] = "eq6",
     beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
-    smooth: Annotated[str, typer.Option(help="smoothness on the UV map, the rendered picture or the pattern")] = "map",
+    smooth: Annotated[
+        str, typer.Option(help="smoothness on the UV map, the map unclamped, the rendered picture or the pattern")
+    ] = "map",
     map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
     samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
     sampler: Annotated[
@@ -75,12 +83,18 @@ def optimize(
         str, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
     ] = "rendered",
     light: Annotated[
-        str, typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), transfer or none")
+        str,
+        typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), published, transfer, none"),
     ] = "exact",
+    extractor: Annotated[
+        Path | None, typer.Option(help="weights of --light published, or of ours in place of the shipped ones")
+    ] = None,
     paint: Annotated[
         str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
     ] = "texels",
-    start: Annotated[str, typer.Option(help="random or plain")] = "random",
+    start: Annotated[
+        str, typer.Option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
+    ] = "random",
     begin_with: Annotated[
         Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle and map size")
     ] = None,
@@ -89,7 +103,10 @@ def optimize(
     ] = "project",
     roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
     augmentation: Annotated[
-        str, typer.Option(help="its ranges: rauca (as published), active, or ours (mirrored, and near and far)")
+        str,
+        typer.Option(
+            help="its ranges: rauca (the paper's), published (the code's), active, ours (mirrored, near and far)"
+        ),
     ] = "rauca",
     rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",

@@ -1,6 +1,6 @@
 """Random output augmentation (ROA): the rendered image is moved, scaled and relit before the detector sees it.
 
-Unlike the published code, the ground-truth box moves with the image.
+Unlike in the public code, the ground-truth box moves with the image; ``published`` is that code's: there it stays.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from . import augmentation_cpu
 BACKDROP = 0.5  # sRGB grey where the moved image leaves the frame empty, like a letterbox's border
 
 
-AugmentationName = Literal["rauca", "active", "ours", "wide"]
+AugmentationName = Literal["rauca", "active", "ours", "wide", "published"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,9 @@ class Ranges:
         contrasts: lowest and highest, about the image's own mean.
         jitter: probability of a change of color.
         mirror: probability that left and right change places: as good a view, which costs no render.
+        move: probability of being turned, shifted and scaled.
+        as_published: black where the image leaves the frame empty; contrast multiplies, about black, and comes before
+            or after brightness, each clipped to [0, 1]; the box stays.
     """
 
     rotation_deg: float = 5.0
@@ -43,6 +46,8 @@ class Ranges:
     contrasts: tuple[float, float] = (0.75, 1.5)
     jitter: float = 0.5
     mirror: float = 0.0
+    move: float = 1.0
+    as_published: bool = False
 
 
 RANGES: dict[AugmentationName, Ranges] = {
@@ -50,6 +55,8 @@ RANGES: dict[AugmentationName, Ranges] = {
     "active": Ranges(rotation_deg=0.0, scales=(0.25, 1.0), jitter=1.0),
     "ours": Ranges(scales=(0.6, 1.2), mirror=0.5),
     "wide": Ranges(rotation_deg=10.0, scales=(0.4, 1.2), jitter=1.0, mirror=0.5),
+    # kornia's RandomAffine moves every second image where it is not told otherwise, and the public code does not.
+    "published": Ranges(move=0.5, as_published=True),
 }
 
 
@@ -62,11 +69,13 @@ class Augmentation:
             the image's side for the translation.
         brightness: (B,) offset; 0 leaves the image alone.
         contrast: (B,) factor; 1 leaves the image alone.
+        brightness_first: (B,) bool, only as published: whether brightness comes before contrast.
     """
 
     matrix: Tensor
     brightness: Tensor
     contrast: Tensor
+    brightness_first: Tensor | None = None
 
     @staticmethod
     def draw(rng: np.random.Generator, batch: int, ranges: Ranges = RANGES["rauca"]) -> Augmentation:
@@ -79,25 +88,32 @@ class Augmentation:
         contrast = np.where(jitter, rng.uniform(*ranges.contrasts, batch), 1.0)
         # Drawn only where asked for: other ranges keep the random stream that they had.
         side = np.where(rng.random(batch) < ranges.mirror, -1.0, 1.0) if ranges.mirror else np.ones(batch)
+        if ranges.move < 1:
+            still = rng.random(batch) >= ranges.move
+            angle, scale, shift = np.where(still, 0.0, angle), np.where(still, 1.0, scale), shift * ~still[:, None]
         cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
         rows = [np.stack([side * cosine, -sine, shift[:, 0]], 1), np.stack([side * sine, cosine, shift[:, 1]], 1)]
-        matrix = torch.tensor(np.stack(rows, 1), dtype=torch.float32)
-        return Augmentation(
-            matrix, torch.tensor(brightness, dtype=torch.float32), torch.tensor(contrast, dtype=torch.float32)
+        matrix, added, factor = (
+            torch.tensor(values, dtype=torch.float32) for values in (np.stack(rows, 1), brightness, contrast)
         )
+        first = torch.tensor(rng.random(batch) < 0.5) if ranges.as_published else None
+        return Augmentation(matrix, added, factor, first)
 
     def part(self, first: int, step: int) -> Augmentation:
         """Those of every ``step``-th image from ``first`` on."""
         mine = slice(first, None, step)
-        return Augmentation(self.matrix[mine], self.brightness[mine], self.contrast[mine])
+        order = None if self.brightness_first is None else self.brightness_first[mine]
+        return Augmentation(self.matrix[mine], self.brightness[mine], self.contrast[mine], order)
 
     def __call__(self, images: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """Augment sRGB images (B, 3, H, W) in [0, 1] and move their boxes (B, 4) xyxy along.
 
         A moved box is the upright hull of the turned one, cut to the image. Values beyond [0, 1] are clipped and
-        have zero gradient.
+        have zero gradient. As published, boxes stay.
         """
         height, width = images.shape[2:]
+        if self.brightness_first is not None:
+            return self.relight_as_published(self.move_images(images, backdrop=0.0)), boxes
         if images.device.type == "cpu":
             to_source = self.to_source(width, height)
             seen = augmentation_cpu.augment(images, to_source, self.brightness, self.contrast, BACKDROP)
@@ -113,8 +129,8 @@ class Augmentation:
         shift = center - inverse @ (center + matrix[:, :, 2:] * torch.tensor([[width], [height]]))
         return torch.cat([inverse, shift], 2)
 
-    def move_images(self, images: Tensor) -> Tensor:
-        """The affine part on images, bilinear, on any device."""
+    def move_images(self, images: Tensor, backdrop: float = BACKDROP) -> Tensor:
+        """The affine part on images, bilinear, on any device; ``backdrop`` is sRGB, of what is left empty."""
         height, width = images.shape[2:]
         # grid_sample measures each axis in half-sides from the center.
         half = images.new_tensor([width, height]) / 2
@@ -122,8 +138,8 @@ class Augmentation:
         turn = to_source[:, :, :2] * half[None, None, :] / half[None, :, None]
         shift = (to_source @ torch.cat([half, half.new_ones(1)]) - half) / half
         grid = functional.affine_grid(torch.cat([turn, shift[..., None]], 2), list(images.shape), align_corners=False)
-        moved = functional.grid_sample(images - BACKDROP, grid, mode="bilinear", align_corners=False)
-        return moved + BACKDROP
+        moved = functional.grid_sample(images - backdrop, grid, mode="bilinear", align_corners=False)
+        return moved + backdrop
 
     def move_boxes(self, boxes: Tensor, width: int, height: int) -> Tensor:
         """The affine part on boxes (B, 4) xyxy pixels."""
@@ -142,3 +158,10 @@ class Augmentation:
         brightness = self.brightness.to(images)[:, None, None, None]
         mean = images.mean((1, 2, 3), keepdim=True)
         return saturate((images - mean) * contrast + mean + brightness)
+
+    def relight_as_published(self, images: Tensor) -> Tensor:
+        """The color part of the public code: brightness adds, contrast multiplies, clipped after either."""
+        assert self.brightness_first is not None
+        factor, added = (t.to(images)[:, None, None, None] for t in (self.contrast, self.brightness))
+        one, other = saturate(saturate(images + added) * factor), saturate(saturate(images * factor) + added)
+        return torch.where(self.brightness_first.to(images.device)[:, None, None, None], one, other)

@@ -5,6 +5,7 @@ All are finite, with finite gradients, on no boxes at all, on boxes that miss th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -18,6 +19,7 @@ from .das import dispersed_attention
 # Eq. 6 has no finite value at a detection score of 1, which a detector's sigmoid does reach in float32. Scores count as
 # this little less: the loss ends at 13.8 and keeps a non-zero slope, and values below 0.99 change by under 1e-4.
 SCORE_SHRINK = 1e-6
+TINY = 1e-6  # pixels, against a box without sides
 FURTHEST = 1e6  # pixels from the picture that a box's edge counts as: the square of twice that is still finite
 
 
@@ -33,6 +35,23 @@ def box_overlap(boxes: Tensor, truth: Tensor) -> Tensor:
     area = (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)
     union = area + (truth[..., 2:] - truth[..., :2]).clamp(min=0).prod(-1) - shared
     return shared / union.clamp(min=1e-6)
+
+
+def complete_overlap(boxes: Tensor, truth: Tensor) -> Tensor:
+    """Complete IoU of boxes (B, N, 4) with one box per image (B, 4), xyxy -> (B, N) in [-2, 1].
+
+    IoU less the squared distance of the centers, of the diagonal of the box around both, less what the aspects differ
+    (Zheng et al., Distance-IoU Loss, 2020), whose weight is a constant of the gradient, as in the public code.
+    """
+    iou = box_overlap(boxes, truth)
+    boxes, truth = boxes.clamp(-FURTHEST, FURTHEST), truth[:, None]
+    around = torch.maximum(boxes[..., 2:], truth[..., 2:]) - torch.minimum(boxes[..., :2], truth[..., :2])
+    apart = (boxes[..., :2] + boxes[..., 2:] - truth[..., :2] - truth[..., 2:]) / 2
+    sides, true_sides = ((b[..., 2:] - b[..., :2]).clamp(min=0) + TINY for b in (boxes, truth))
+    angles = torch.atan2(true_sides[..., 0], true_sides[..., 1]) - torch.atan2(sides[..., 0], sides[..., 1])
+    aspect = 4 / math.pi**2 * angles.square()
+    weight = (aspect / (aspect - iou + 1 + TINY)).detach()
+    return iou - apart.square().sum(-1) / (around.square().sum(-1) + TINY) - weight * aspect
 
 
 def detection_score(predictions: DensePredictions, truth: Tensor, label: int) -> Tensor:
@@ -54,12 +73,18 @@ def attack_loss(score: Tensor) -> Tensor:
     return -torch.log1p(-score * (1.0 - SCORE_SHRINK))
 
 
-ObjectiveName = Literal["eq6", "log-score", "stealth", "confidence", "three-terms", "attention"]
+ObjectiveName = Literal[
+    "eq6", "complete", "log-score", "stealth", "confidence", "three-terms", "every-cell", "attention"
+]
 
 QUIET = 1e-3  # a max H_d below this is not worth pushing: average precision counts scores from 0.005 on
 CLOSE = 0.5  # IoU beyond which ACTIVE counts a box
 ASSIGNED = 9  # boxes that FCA's three terms are means of: as many as YOLOv3 has anchors for an object
 OVERLAP_WEIGHT, OBJECTNESS_WEIGHT, CLASS_WEIGHT = 0.05, 1.0, 0.5  # of FCA, those of the detector's own training
+
+# FCA's public code adds up the means of YOLOv3's three layers, those of objectness 4, 1 and 0.4 times; here one mean is
+# over all of them.
+LAYERS, BALANCE = 3.0, 5.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +113,15 @@ def log_score(given: Predicted) -> Tensor:
     go, and average precision still counts them.
     """
     return torch.log1p(given.score / QUIET)
+
+
+def complete(given: Predicted) -> Tensor:
+    """Eq. 6 as the public code of RAUCA has it: complete IoU for IoU, which is negative for boxes elsewhere."""
+    found = given.predictions
+    if found.classes.shape[1] == 0:
+        return torch.zeros_like(given.score)
+    scores = complete_overlap(found.boxes, given.truth) * (found.classes[..., given.label] * found.objectness)
+    return attack_loss(scores.amax(1))
 
 
 def stealth(given: Predicted) -> Tensor:
@@ -124,6 +158,34 @@ def three_terms(given: Predicted) -> Tensor:
     return torch.mv(means.T, weights)
 
 
+def every_cell(given: Predicted) -> Tensor:
+    """FCA's loss as its public code has it: three terms, of which objectness is of every cell.
+
+    Complete IoU of the assigned boxes; cross-entropy of every cell's objectness, whose target is 0 but for the assigned
+    boxes, where it is 1; log-odds of the class on the assigned boxes, no less than 0. Where a detector has no
+    objectness, that term is constant.
+    """
+    found = given.predictions
+    overlap = box_overlap(found.boxes, given.truth).detach()
+    if overlap.shape[1] == 0:
+        return torch.zeros_like(given.score)
+    best = overlap.topk(min(ASSIGNED, overlap.shape[1]), 1)
+    assigned = torch.zeros_like(overlap).scatter(1, best.indices, (best.values > 0).to(overlap))
+    number = assigned.sum(1).clamp(min=1)
+    present = -_log_odds_parts(found.objectness)[0]
+    absent = attack_loss(found.objectness)
+    objectness = torch.where(assigned > 0, present, absent).mean(1)
+    closeness = (complete_overlap(found.boxes, given.truth) * assigned).sum(1) / number
+    yes, no = _log_odds_parts(found.classes[..., given.label])
+    odds = (((yes - no) * assigned).sum(1) / number).clamp(min=0)
+    return OVERLAP_WEIGHT * LAYERS * closeness + OBJECTNESS_WEIGHT * BALANCE * objectness + CLASS_WEIGHT * LAYERS * odds
+
+
+def _log_odds_parts(probability: Tensor) -> tuple[Tensor, Tensor]:
+    """log p and log(1 - p), finite with a slope at both ends."""
+    return torch.log(probability + SCORE_SHRINK), -attack_loss(probability)
+
+
 def attention(given: Predicted) -> Tensor:
     """DAS's model attention, see `das`."""
     if given.features is None:
@@ -140,9 +202,11 @@ def _highest(scores: Tensor, among: Tensor) -> Tensor:
 
 OBJECTIVES: dict[ObjectiveName, Callable[[Predicted], Tensor]] = {
     "eq6": lambda given: attack_loss(given.score),  # RAUCA's: IoU times class times objectness, the best box
+    "complete": complete,
     "log-score": log_score,
     "stealth": stealth,
     "confidence": confidence,
     "three-terms": three_terms,
+    "every-cell": every_cell,
     "attention": attention,
 }

@@ -69,6 +69,8 @@ def optimize(
         RaucaError: see :func:`run_optimization`; an unknown method, detector or setting.
     """
     given = {**settings, "steps": steps}
+    if method is None and settings.get("fidelity") is not None:
+        raise RaucaError(f"--as {settings['fidelity']}: is a form of a method; name the method with --method")
     chosen = make_settings(**(given if method is None else settings_of(method, **given)))
     dataset = data if isinstance(data, Dataset) else Dataset(Path(data))
     if settings.get("target") is None:

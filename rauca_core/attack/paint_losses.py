@@ -86,6 +86,10 @@ def smooth_paint(texture: Texture, store: FrameStore, settings: OptimizerSetting
             raise RaucaError("smooth: pattern needs paint: pattern; choose another smooth")
         return lambda: smooth_pattern(texture.colors().reshape(side, side, 3))
     smooth = SmoothLoss(store.pyramid.texels, settings.map_size)
+    if settings.smooth == "unclamped":
+        if settings.paint != "texels" or settings.limit != "clamp" or settings.natural is not None:
+            raise RaucaError("smooth: unclamped needs paint: texels and limit: clamp; choose another smooth")
+        return lambda: smooth(texture.parameter)
     return lambda: smooth(texture.texels())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,10 @@ from .augmentation import AugmentationName
 from .lights import LightName
 from .losses import ObjectiveName
 from .naturalness import Naturalness
+
+Fidelity = Literal["adapted", "published"]
+# Settings that came later: left out of a run's identity where they say what was done before there were any.
+LATER: Mapping[str, Any] = {"views": "rendered", "fidelity": "adapted"}
 
 
 class OptimizerSettings(Settings):
@@ -37,7 +42,9 @@ class OptimizerSettings(Settings):
         light: where the light comes from, see `lights`.
         extractor: weights of ``light`` "ours"; the shipped ones when None.
         seed: names every random stream.
-        start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels".
+        start: ``random`` uniform texels, ``plain`` mid grey, or the ``seed`` picture of ``cover`` "panels"; with
+            ``limit`` "tanh" also what it is taken of: ``tanh-unit``, uniform in [0, 1] (FCA's code), or ``tanh-wide``,
+            in [-3, 3] (RAUCA-base's).
         begin_with: a camouflage (JSON or PNG) of the same vehicle and map size to begin with, in place of ``start``.
         limit: how texels are kept in [0, 1], see `texture`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
@@ -52,13 +59,15 @@ class OptimizerSettings(Settings):
         tap_folder: where taps are cached; beside the frames when None.
         name: of the camouflage, in tables.
         method: whose settings these are, in tables, see `methods`; the fields below are what methods differ in.
+        fidelity: which of the method's two forms these began with.
         paint: what is painted, see `layout`: free ``texels`` of the UV map, ``facets``, or a repeated ``pattern``.
         texture_size: ts of the facet texture tensor.
         pattern_side, tile_m: of the pattern, texels and metres.
         shift: the pattern is moved by up to this share of a tile each way, drawn at every step.
         cover: ``all`` of the paint, or ``panels``: bonnet, roof and doors, on facets.
         objective: what is made small on the detectors, see `losses`.
-        smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``.
+        smooth: where Eq. 7 is taken: on the UV ``map``, the rendered ``picture`` or the ``pattern``; or on the map
+            before ``limit`` "clamp" has clipped it: ``unclamped``, as in RAUCA-final's code.
         prior, gamma: a second loss on the paint and its weight, see `paint_losses`.
         palette: dominant colors of the background in ``prior`` "background".
         augmentation: whose ranges ``roa`` draws from, see `augmentation`.
@@ -79,7 +88,7 @@ class OptimizerSettings(Settings):
     light: LightName = "exact"
     extractor: Path | None = None
     seed: int = Field(0, ge=0)
-    start: Literal["random", "plain", "seed"] = "random"
+    start: Literal["random", "plain", "seed", "tanh-unit", "tanh-wide"] = "random"
     begin_with: Path | None = None
     limit: Literal["project", "clamp", "tanh"] = "project"
     roa: bool = True
@@ -94,6 +103,7 @@ class OptimizerSettings(Settings):
     tap_folder: Path | None = None
     name: str = "rauca"
     method: str = "rauca"
+    fidelity: Fidelity = "adapted"
     paint: Literal["texels", "facets", "pattern"] = "texels"
     texture_size: int = Field(TEXTURE_SIZE, ge=2, le=16)
     pattern_side: int = Field(64, ge=2, le=1024)
@@ -101,7 +111,7 @@ class OptimizerSettings(Settings):
     shift: float = Field(0.0, ge=0, le=0.5)
     cover: Literal["all", "panels"] = "all"
     objective: ObjectiveName = "eq6"
-    smooth: Literal["map", "picture", "pattern"] = "map"
+    smooth: Literal["map", "picture", "pattern", "unclamped"] = "map"
     prior: Literal["none", "background", "seed", "reference"] = "none"
     gamma: float = Field(0.0, ge=0)
     palette: int = Field(4, ge=1, le=64)
@@ -120,8 +130,9 @@ class OptimizerSettings(Settings):
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
-        if self.views == "rendered":  # runs begun before there were others go on
-            del shared["views"]
+        for name, before in LATER.items():  # runs begun before there were others go on
+            if shared[name] == before:
+                del shared[name]
         if self.begin_with is None:
             del shared["begin_with"]
         else:

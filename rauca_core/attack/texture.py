@@ -55,6 +55,8 @@ LIMITS: dict[str, Limit] = {
     ),
 }
 GREY = 0.5
+# Starts of what tanh is taken of, from values uniform in [0, 1].
+TANH_STARTS: dict[str, Callable[[Tensor], Tensor]] = {"tanh-unit": torch.clone, "tanh-wide": lambda u: 6 * u - 3}
 
 
 class FreeColors:
@@ -65,9 +67,9 @@ class FreeColors:
     """
 
     def __init__(self, layout: PaintLayout, settings: OptimizerSettings, first: Tensor) -> None:
-        """``first`` (M, 3) sRGB: what is free begins with it, on its device."""
+        """``first`` (M, 3) sRGB: what is free begins with it, on its device; for `TANH_STARTS` uniform in [0, 1]."""
         self._limit, self._layout = LIMITS[settings.limit], layout
-        self.parameter = self._limit.start(first).requires_grad_()
+        self.parameter = TANH_STARTS.get(settings.start, self._limit.start)(first).requires_grad_()
 
     def free(self) -> Tensor:
         """What is free, (M, 3) sRGB in [0, 1], a differentiable function of ``parameter``."""
@@ -112,6 +114,10 @@ Texture = FreeColors | NaturalColors
 
 def make_texture(store: FrameStore, settings: OptimizerSettings, device: torch.device) -> Texture:
     """The texture of a run, on ``device``; raises :class:`RaucaError` for settings that do not fit together."""
+    if settings.start in TANH_STARTS and settings.limit != "tanh":
+        raise RaucaError(
+            f"--start {settings.start}: is of --limit tanh, not {settings.limit}; choose another of the two"
+        )
     if settings.natural is not None:
         for name, value, needed in (("paint", settings.paint, "texels"), ("cover", settings.cover, "all")):
             if value != needed:

@@ -23,6 +23,7 @@ from rauca_core.detect import DensePredictions
 
 TRUTH = torch.tensor([[2.0, 3.0, 12.0, 14.0], [0.0, 0.0, 8.0, 8.0]], dtype=torch.float64)
 BY_BOXES = [name for name in OBJECTIVES if name != "attention"]
+WITH_A_CONSTANT = ("complete", "every-cell")  # the aspect's weight, as published: see test_published.py
 
 
 def predicted(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tensor = TRUTH) -> Predicted:
@@ -52,7 +53,7 @@ def test_values_by_hand() -> None:
     assert float(three_terms(seen)[0]) == pytest.approx(0.05 * overlap + 0.8 + 0.5 * 0.45)
 
 
-@pytest.mark.parametrize("name", BY_BOXES)
+@pytest.mark.parametrize("name", [name for name in BY_BOXES if name not in WITH_A_CONSTANT])
 def test_gradient_by_finite_differences(name: Any) -> None:
     parts = tuple(t.requires_grad_() for t in some_boxes())
     assert torch.autograd.gradcheck(lambda *given: OBJECTIVES[name](predicted(*given)), parts)

@@ -47,9 +47,39 @@ def test_a_method_replaces_defaults(chosen: Any, name: str) -> None:
 
 
 def test_typed_options_win(chosen: Any) -> None:
-    found = chosen("--method", "fca", "--light", "exact", "--beta", "0.01", "--name", "fca lit", "--weight", "3")
-    assert (found.light, found.beta, found.name, found.weights) == ("exact", 0.01, "fca lit", (3.0,))
+    found = chosen("--method", "fca", "--light", "none", "--beta", "0.01", "--name", "fca plain", "--weight", "3")
+    assert (found.light, found.beta, found.name, found.weights) == ("none", 0.01, "fca plain", (3.0,))
     assert (found.method, found.paint, found.limit, found.samples) == ("fca", "facets", "tanh", 2)
+
+
+def test_published_or_adapted(chosen: Any, tmp_path: Path) -> None:
+    weights = str(tmp_path / "efe.safetensors")
+    found = chosen("--method", "rauca-final", "--as", "published", "--extractor", weights, "--map-size", "64")
+    asked = settings_of("rauca-final", "published", extractor=Path(weights), map_size=64)
+    assert found == make_settings(**asked)
+    assert (found.sampler, found.samples, found.batch, found.name) == ("uv-traversal", 2, 1, "rauca-final-published")
+    assert chosen("--method", "fca", "--as", "adapted") == chosen("--method", "fca")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--as", "published"), "--as published: is a form of a method; name the method with --method"),
+        (("--method", "ours", "--as", "published"), "--as published: ours was never published"),
+        (("--method", "fca", "--as", "printed"), "--as: no 'printed'; choose published or adapted"),
+    ],
+)
+def test_forms_that_there_are_not(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
+    with pytest.raises(RaucaError, match=told):
+        CliRunner().invoke(app, ["optimize", str(tmp_path), "--out", "x", *options], catch_exceptions=False)
+
+
+def test_methods_are_printed_with_what_differs() -> None:
+    found = CliRunner().invoke(app, ["methods", "rauca-final"]).output
+    assert "as its code says" in found
+    assert "uv-traversal" in found
+    assert "one form only" in CliRunner().invoke(app, ["methods", "ours"]).output
+    assert "as its paper says" in CliRunner().invoke(app, ["methods", "dta"]).output
 
 
 def test_a_methods_patches_stay_unless_their_size_is_typed(chosen: Any) -> None:

@@ -188,7 +188,7 @@ LIMIT = Experiment(
     "Which parametrization of the UV map, at which learning rate?",
     tuple(_limit(name, lr, quick=lr == 0.02) for name in ("project", "clamp", "tanh") for lr in _RATES),
     tuple(Claim(("project-0.02",), tuple(f"{name}-{lr:g}" for lr in _RATES), OURS) for name in ("clamp", "tanh")),
-    notes=("The paper clamps, and names no learning rate.",),
+    notes=("The paper clamps, and names a learning rate of 0.01.",),
 )
 
 SAMPLING = Experiment(
