@@ -165,16 +165,16 @@ def method_named(name: str) -> Method:
     return METHODS[name]
 
 
-def settings_of(name: str, /, fidelity: Fidelity | None = None, **explicit: Any) -> dict[str, Any]:
+def settings_of(name: str, form: Fidelity | None = None, /, **explicit: Any) -> dict[str, Any]:
     """What `make_settings` takes for a method; what is given explicitly wins, the camouflage's name included.
 
     Args:
-        fidelity: ``published`` or ``adapted``, the default.
+        form: ``published`` or ``adapted``; when None, ``fidelity`` of ``explicit``, else adapted.
 
     Raises:
         RaucaError: no such method; it has no such form.
     """
-    method, form = method_named(name), fidelity or "adapted"
+    method, form = method_named(name), form or explicit.get("fidelity") or "adapted"
     if form not in ("published", "adapted"):
         raise RaucaError(f"--as: no {form!r}; choose published or adapted")
     if form == "published" and not method.known:

@@ -79,7 +79,7 @@ def fca_by_hand(boxes: Tensor, objectness: Tensor, classes: Tensor, truth: Tenso
     """FCA's public loss, layers together: 3 x .05 CIoU, 5.4 x BCE of all cells, 3 x .5 x log-odds of the class."""
     losses = []
     for b in range(len(boxes)):
-        overlaps = []
+        overlaps: list[float] = []
         for box in boxes[b].detach():
             sides = (torch.minimum(box[2:], truth[b, 2:]) - torch.maximum(box[:2], truth[b, :2])).clamp(min=0)
             areas = [(one[2] - one[0]) * (one[3] - one[1]) for one in (box, truth[b])]
@@ -101,6 +101,7 @@ def test_losses_are_those_of_the_public_code(method: str, reference: Any) -> Non
     gradients = []
     for loss_of in (reference, None):
         boxes, objectness, classes, truth = (p.detach().clone().requires_grad_() for p in parts)
+        truth = truth.detach()
         found = DensePredictions(boxes, objectness, classes)
         given = Predicted(found, truth, 1, detection_score(found, truth, 1))
         loss = OBJECTIVES[settings.objective](given) if loss_of is None else loss_of(boxes, objectness, classes, truth)
