@@ -90,6 +90,24 @@ def bench_views_command(
     start("views", json, quick, docs=docs, sources=sources, truth=truth)
 
 
+@bench_app.command("views-agreement")
+def bench_views_agreement_command(
+    dataset: Annotated[Path, typer.Argument(help="data set with light maps, with several views of each place")],
+    camouflage: Annotated[
+        list[Path] | None, typer.Option(help="show these .json too, beside the own and random paint; repeat for more")
+    ] = None,
+    detector: Annotated[list[str] | None, typer.Option(help="repeat for more; all fetched ones by default")] = None,
+    frames: Annotated[int, typer.Option(min=2, help="that are composed from the others of their place")] = 200,
+    device: Annotated[str, typer.Option(help="of torch")] = "cpu",
+    json: Json = Path("reports/views-agreement.json"),
+) -> None:
+    """Do detectors see in composed frames what they see in rendered ones?"""
+    start(
+        "views_agreement", json, dataset=dataset, camouflages=camouflage or [], detectors=detector or ["all"],
+        frames=frames, device=device,
+    )  # fmt: skip
+
+
 @bench_app.command("dataset")
 def bench_dataset_command(
     quick: Annotated[bool, typer.Option("--quick", help="one view, fewer settings: three minutes, not twenty")] = False,

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 import benchmarks.agreement
+import benchmarks.views_agreement
 from benchmarks.defences import read_views
 from benchmarks.stability.drawn import painted_box
 from benchmarks.views import _measure
@@ -52,6 +53,7 @@ OPENS = {
     "benchmarks/stability/optimizer.py": MAKES,
     "benchmarks/vehicle.py": MAKES,
     "benchmarks/views.py": JUDGES,
+    "benchmarks/views_agreement.py": JUDGES,
     "pipelines/dataset_commands.py": READS,  # `densify`, where `Views` refuses
     "pipelines/tradeoff.py": LEARNS,
     "rauca_core/attack/optimizer.py": LEARNS,
@@ -129,6 +131,7 @@ JUDGING: dict[str, Callable[[Path, Path], Any]] = {
     "agreement": lambda data, worn: measure_agreement(Dataset(data), worn, data),
     "bench agreement": lambda data, worn: benchmarks.agreement.bench(data / "out.json", data, worn),
     "bench views": lambda data, worn: _measure(SimpleNamespace(), Dataset(data), Dataset(data), 1),
+    "bench views-agreement": lambda data, worn: benchmarks.views_agreement.bench(data / "out.json", data),
     "bench defences": lambda data, worn: read_views(data.parent),
     "new views": lambda data, worn: Views(Dataset(data), 2),
 }
