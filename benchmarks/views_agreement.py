@@ -82,7 +82,7 @@ def bench(
                         samples.setdefault((paint, judge.name, way), []).append(found)
             moved(frame.id)
     results = Results("views-agreement", Settings(dataset=str(dataset), frames=len(chosen), paints=list(textures)))
-    _tabulate(results, samples)
+    _tabulate(results, samples, [frame.weather.name for frame, _ in chosen])
     worst = _worst(samples)
     pairs = [(_both_ways(opened, store, *chosen[index]), textures[paint]) for paint, index, _ in worst]
     sheet = [[_shown(ready, texture) for ready in both] for both, texture in pairs]
@@ -158,33 +158,39 @@ def _detect(judge: Detector, images: Tensor, category: str, frame: Frame) -> lis
     return samples
 
 
-def _tabulate(results: Results, samples: Samples) -> None:
-    """A row per paint and detector."""
-    for paint, judge in dict.fromkeys((paint, judge) for paint, judge, _ in samples):
-        rendered, composed = (samples[paint, judge, way] for way in WAYS)
-        scores = [[best_score(sample) for sample in some] for some in (rendered, composed)]
-        varied = all(len(set(some)) > 1 for some in scores)
-        results.add(
-            "judges", paint=paint, detector=judge, rendered_ap=average_precision(rendered),
-            composed_ap=average_precision(composed),
-            spearman=float(spearmanr(*scores).statistic) if varied else float("nan"),
-        )  # fmt: skip
+def _tabulate(results: Results, samples: Samples, weathers: Sequence[str]) -> None:
+    """A row per paint and detector, and one per weather, the mean of these rows over its frames alone."""
+    pairs = list(dict.fromkeys((paint, judge) for paint, judge, _ in samples))
+    for paint, judge in pairs:
+        results.add("judges", paint=paint, detector=judge, **_agreement(*(samples[paint, judge, way] for way in WAYS)))
+    for weather in dict.fromkeys(weathers):
+        some = [index for index, name in enumerate(weathers) if name == weather]
+        rows = [_agreement(*([samples[paint, judge, way][i] for i in some] for way in WAYS)) for paint, judge in pairs]
+        means = {name: float(np.nanmean([row[name] for row in rows])) for name in rows[0]}
+        results.add("weathers", weather=weather, frames=len(some), **means)
     rows = results.rows["judges"]
-    gaps = [abs(row["composed_ap"] - row["rendered_ap"]) for row in rows]
+    gaps, ranks = [row["gap"] for row in rows], [row["spearman"] for row in rows]
     results.target("AP, farthest apart", AP_WITHIN, max(gaps), most=True)
     results.target("AP, apart on average", AP_WITHIN, float(np.mean(gaps)), most=True)
-    results.target(
-        "Spearman's correlation of best scores, lowest", RANKS_AGREE, float(np.nanmin([r["spearman"] for r in rows]))
-    )
-    results.table(
-        "Detectors on composed frames and on rendered ones",
-        {
-            "paint": "{paint}", "detector": "{detector}", "AP rendered": "{rendered_ap:.3f}",
-            "AP composed": "{composed_ap:.3f}", "Spearman": "{spearman:.3f}",
-        },
-        rows,
-    )  # fmt: skip
+    results.target("Spearman's correlation of best scores, lowest", RANKS_AGREE, float(np.nanmin(ranks)))
+    figures = {
+        "AP rendered": "{rendered_ap:.3f}", "AP composed": "{composed_ap:.3f}", "apart": "{gap:.3f}",
+        "Spearman": "{spearman:.3f}",
+    }  # fmt: skip
+    who = {"paint": "{paint}", "detector": "{detector}"}
+    results.table("Detectors on composed frames and on rendered ones", {**who, **figures}, rows)
+    where = {"weather": "{weather}", "frames": "{frames}"}
+    results.table("By weather, means of all of these", {**where, **figures}, results.rows["weathers"])
     results.target_table()
+
+
+def _agreement(rendered: list[Sample], composed: list[Sample]) -> dict[str, float]:
+    """AP@0.5 of both, how far they are apart, and the correlation of the frames' best scores, NaN if all are alike."""
+    scores = [[best_score(sample) for sample in some] for some in (rendered, composed)]
+    varied = all(len(set(some)) > 1 for some in scores)
+    ap = [average_precision(some) for some in (rendered, composed)]
+    rank = float(spearmanr(*scores).statistic) if varied else float("nan")
+    return {"rendered_ap": ap[0], "composed_ap": ap[1], "gap": abs(ap[0] - ap[1]), "spearman": rank}
 
 
 def _worst(samples: Samples) -> list[tuple[str, int, float]]:
