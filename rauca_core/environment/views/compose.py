@@ -16,6 +16,7 @@ from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
+from .fog_glow import FogGlow
 from .gather import Gathered, gather, refine
 from .holes import fill_holes
 from .lens import FAR_M, Lens
@@ -99,12 +100,25 @@ def compose(
     share, paint = _in_bytes(body.vehicle * shown), _in_bytes(body.paint * shown)
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
+    if place.fog is not None:
+        _add_fog(place.fog, lens, around.values, np.where(around.weight > 0, depth, 0))
+        left = _add_fog(place.fog, lens, mirrored, body.depth)
+        warped_gain *= left[..., None]
     fill_holes(around.values, around.weight > 0)
+    fill_holes(depth[..., None], depth > 0)
     A = (warped_gain if gain is None else np.where(np.isnan(gain), warped_gain, gain)) * paint[..., None]
     B = around.values + share[..., None] * (mirrored - around.values)
     semantic, instances, distance = _labels(around, depth, body, hidden, lens)
     return _finish(place, view, (A, B, share, paint), (semantic, instances, distance), body, chosen, known,
                    reference_linear, seed)  # fmt: skip
+
+
+def _add_fog(fog: FogGlow, lens: Lens, light: Image, depth: Image) -> Image:
+    """Dim light (H, W, 3) from a depth (H, W), in place, and let the fog before it glow; returns what share is left."""
+    left, glow = fog.at(lens, depth)
+    light *= left[..., None]
+    light += glow
+    return left
 
 
 def _lit(A: Image, B: Image, color: Image) -> Image:
@@ -167,9 +181,7 @@ def _labels(
     instances = np.where(ours, np.uint8(TARGET_INSTANCE), around.labels[..., 1])
     lost = (around.weight == 0) & ~ours
     semantic[lost], instances[lost] = CLASS_IDS["unlabeled"], NO_INSTANCE
-    whole = depth[..., None].copy()
-    fill_holes(whole, depth > 0)
-    z = np.where(ours, body.depth, whole[..., 0])
+    z = np.where(ours, body.depth, depth)
     distance = np.where(z > 0.5 * FAR_M, np.inf, z * lens.lengths(*z.shape))
     return semantic, instances, distance.astype(np.float32)
 

@@ -1,7 +1,8 @@
 """The rendered views of one place in one weather, as other cameras there are composed from them.
 
-Of every source rain and exposure are taken out: both are put on a frame at the end of its making, rain by a seed that
-the plan names, so that both can be undone to the bits that half precision keeps.
+Of every source rain, exposure and fog are taken out. Rain and exposure are put on a frame at the end of its making,
+rain by a seed that the plan names, so that both can be undone to the bits that half precision keeps; fog is estimated,
+see `fog_glow`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ...contract.semantics import Instance
 from ...runtime.images import read_image
 from ..exact import load_exact
 from ..without_rain import drops_of, without_rain
+from .fog_glow import FogGlow
 from .lens import Lens, depth_of
 from .sources import Sources, mixed
 
@@ -33,6 +35,7 @@ class Place:
         painted: the vehicle's paint: values A per coverage (3) and B (3).
         rest: the vehicle's other parts: values B (3).
         categories: COCO class of the other vehicles by instance.
+        fog: that lay before all values, and is taken out of them; None where there is none.
     """
 
     frames: tuple[Frame, ...]
@@ -40,6 +43,7 @@ class Place:
     painted: Sources
     rest: Sources
     categories: dict[int, str]
+    fog: FogGlow | None = None
 
     @property
     def weather(self) -> Weather:
@@ -62,7 +66,7 @@ class Place:
         if len({(frame.location, frame.weather) for frame in frames}) != 1:
             raise ValueError("sources are of one location and weather")
         lenses = tuple(Lens.of(frame.camera) for frame in frames)
-        around, painted, rest, gains, light, labels = [], [], [], [], [], []
+        around, painted, rest, gains, light, labels, depths = [], [], [], [], [], [], []
         for frame, lens in zip(frames, lenses, strict=True):
             folder = dataset.frame_folder(frame.id)
             covers, paint, semantic, instances = (
@@ -75,17 +79,25 @@ class Place:
             around.append(np.where(clean & (covers == 0), depth, 0))
             painted.append(np.where(clean & (paint >= SOLID), depth, 0))
             rest.append(np.where(clean & (covers >= SOLID) & (paint == 0), depth, 0))
+            depths.append(np.where(clean, depth, 0))
             gains.append(np.concatenate([A, B], -1))
             light.append(B)
             labels.append(np.stack([semantic, instances], -1))
-        ids, whole = np.stack(labels), np.stack(light)
+        ids, whole, both = np.stack(labels), np.stack(light), np.stack(gains)
+        fog = FogGlow.of(frames[0].weather, lenses, np.stack(depths), whole)
+        if fog is not None:
+            for n, lens in enumerate(lenses):
+                left, glow = (np.atleast_3d(image) for image in fog.at(lens, depths[n]))
+                whole[n] = (whole[n] - glow) / left
+                both[n] = np.concatenate([both[n, ..., :3] / left, whole[n]], -1)
         others: list[Instance] = [other for frame in frames for other in frame.instances]
         return Place(
             tuple(frames),
             Sources(lenses, np.stack(around).astype(np.float32), whole, ids),
-            Sources(lenses, np.stack(painted).astype(np.float32), np.stack(gains), ids),
+            Sources(lenses, np.stack(painted).astype(np.float32), both, ids),
             Sources(lenses, np.stack(rest).astype(np.float32), whole, ids),
             {other.id: other.category for other in others},
+            fog,
         )
 
     def nearest(self, eye: NDArray[np.float64], number: int) -> NDArray[np.int64]:

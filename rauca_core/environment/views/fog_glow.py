@@ -1,0 +1,156 @@
+"""The fog between a camera and what it sees: how much it dims, and how much of its own glow it adds.
+
+A source's light is kept as it is without fog, and a new view gets the fog of its own distances. What dims is known
+(`environment.fog`). The glow is that of a layer that glows alike everywhere and is the brighter the nearer one looks
+towards the sun: B = T L + (1 - T) S(direction). Two sources that see one point differ in T and direction alone, so
+that S follows by least squares from such pairs, L dropping out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract import Weather
+from ..fog import transmittance
+from .lens import FAR_M, Lens
+
+Image = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+STEP = 5  # pixels, of those that are paired
+SAME_POINT = 0.02  # of the depth
+THINNEST = 0.05  # light that is dimmed more than this is taken for glow
+MIRRORS_ALIKE = 0.3  # radians between two lines of sight: the farther apart, the less what mirrors is the same in both
+RIDGE = 1e-3  # of the mean square of the equations
+COARSE = 8  # pixels between directions that the glow is computed in
+LEAST = 1e-6  # linear light that counts as none
+ROUNDS = 3  # of least squares, each with less weight on what mirrors
+
+
+@dataclass(frozen=True, eq=False)
+class FogGlow:
+    """Of one place and weather.
+
+    Attributes:
+        coefficients: (5, 3) of S, linear RGB, see :func:`_directions`.
+    """
+
+    weather: Weather
+    coefficients: Array
+
+    @staticmethod
+    def of(weather: Weather, lenses: Sequence[Lens], depths: Image, light: Image) -> FogGlow | None:
+        """Fit it to sources.
+
+        Args:
+            depths: (N, H, W) metres along z, 0 where mixed.
+            light: (N, H, W, 3) B, linear, without rain and exposure.
+
+        Returns:
+            None without fog, where no two sources see the same point, and at night: lamps do not glow alike everywhere.
+        """
+        if weather.extinction == 0.0 or weather.is_night or len(lenses) < 2:
+            return None
+        rows, right = [], []
+        for n, lens in enumerate(lenses):
+            for m, other in enumerate(lenses):
+                if n != m:
+                    equations = _pairs(weather, (lens, depths[n], light[n]), (other, depths[m], light[m]))
+                    rows.append(equations[0])
+                    right.append(equations[1])
+        design, target = np.concatenate(rows), np.concatenate(right)
+        return FogGlow(weather, _robust(design, target)) if len(design) > 100 else None
+
+    def at(self, lens: Lens, depth: Image) -> tuple[Image, Image]:
+        """Share (H, W) of light that reaches the camera from ``depth`` (H, W), metres along z, and glow (H, W, 3). Of
+        the sky and where depth is 0 they are 1 and 0: the sky is the same from everywhere, with its glow."""
+        height, width = depth.shape
+        if self.weather.fog_is_uniform:
+            left = np.exp(depth * lens.lengths(height, width) * np.float32(-self.weather.extinction))
+        else:
+            x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+            points, _ = _points(lens, x.ravel(), y.ravel(), depth.ravel())
+            left = transmittance(self.weather, lens.eye, points).astype(np.float32).reshape(height, width)
+        left = np.where(depth > 0.5 * FAR_M, np.float32(1), np.maximum(left, np.float32(THINNEST)))
+        return left, (1 - left)[..., None] * self._brightness(lens, height, width)
+
+    def _brightness(self, lens: Lens, height: int, width: int) -> Image:
+        """S (H, W, 3) in the directions of all pixels; it is smooth, so a coarse grid of it is enough."""
+        x, y = (np.linspace(0, side, side // COARSE + 2) for side in (width, height))
+        grid = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+        _, rays = _points(lens, grid[:, 0], grid[:, 1], np.ones(len(grid), np.float32))
+        coarse = np.maximum(_directions(self.weather, rays) @ self.coefficients, 0).astype(np.float32)
+        columns, rows = np.meshgrid(
+            (np.arange(width, dtype=np.float32) + 0.5) / width * (len(x) - 1),
+            (np.arange(height, dtype=np.float32) + 0.5) / height * (len(y) - 1),
+        )
+        image: Image = cv2.remap(coarse.reshape(len(y), len(x), 3), columns, rows, cv2.INTER_LINEAR)
+        return image
+
+
+def _points(lens: Lens, x: Array, y: Array, depth: Image) -> tuple[Array, Array]:
+    """What lies at pixels (N,) x, y and depths: points (N, 3) in the world, and unit directions (N, 3) to them."""
+    rays = np.stack([x, y, np.ones(len(x))], 1) @ lens.rays.T
+    return lens.eye + rays * depth[:, None], rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def _left(weather: Weather, lens: Lens, points: Array) -> Array:
+    """Share (N,) of light from points (N, 3) that reaches the camera, at least :data:`THINNEST`."""
+    if weather.fog_is_uniform:
+        left = np.exp(-weather.extinction * np.linalg.norm(points - lens.eye, axis=1))
+    else:
+        left = transmittance(weather, lens.eye, points)
+    return np.maximum(left, THINNEST)
+
+
+def _directions(weather: Weather, rays: Array) -> Array:
+    """(N, 5) what S is made of in directions (N, 3): even, up, and powers of the cosine to the sun."""
+    up, around = np.radians([weather.sun_altitude_angle, weather.sun_azimuth_angle])
+    sun = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    near = np.clip(rays @ sun, 0, 1)
+    return np.stack([np.ones(len(rays)), rays[:, 2], near, near**4, near**16], 1)
+
+
+def _pairs(weather: Weather, one: tuple[Lens, Image, Image], two: tuple[Lens, Image, Image]) -> tuple[Array, Array]:
+    """Equations of points that both sources see: (M, 5) times coefficients is (M, 3)."""
+    (lens, depth, light), (other, depths, lights) = one, two
+    height, width = depth.shape
+    r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
+    seen = (depth[r, c] > 0) & (depth[r, c] < 0.5 * FAR_M)
+    r, c = r[seen], c[seen]
+    points, rays = _points(lens, c + 0.5, r + 0.5, depth[r, c])
+    there = np.column_stack([points, np.ones(len(points))]) @ other.matrix.T
+    inside = there[:, 2] > 0.1
+    x, y = (np.where(inside, there[:, k] / np.where(inside, there[:, 2], 1), -1) for k in (0, 1))
+    inside &= (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    cc, rr = np.where(inside, x, 0).astype(np.int64), np.where(inside, y, 0).astype(np.int64)
+    inside &= np.abs(depths[rr, cc] - there[:, 2]) < SAME_POINT * there[:, 2]
+    r, c, rr, cc, points, rays = (k[inside] for k in (r, c, rr, cc, points, rays))
+    back = points - other.eye
+    back /= np.linalg.norm(back, axis=1, keepdims=True)
+    t, u = _left(weather, lens, points), _left(weather, other, points)
+    # t L + (1 - t) S = B and u L + (1 - u) S' = B': u B - t B' is free of L.
+    design = (u * (1 - t))[:, None] * _directions(weather, rays) - (t * (1 - u))[:, None] * _directions(weather, back)
+    apart = np.arccos(np.clip((rays * back).sum(1), -1, 1))
+    alike = (1 / (1 + (apart / MIRRORS_ALIKE) ** 2))[:, None]
+    return alike * design, alike * (u[:, None] * light[r, c] - t[:, None] * lights[rr, cc])
+
+
+def _robust(design: Array, target: Array) -> Array:
+    """Coefficients (5, 3) by least squares, again with less weight on what fits badly: it mirrors, or is another
+    point."""
+    weight = np.ones(len(design))
+    coefficients = np.zeros((design.shape[1], 3))
+    for _ in range(ROUNDS):
+        scaled = design * weight[:, None]
+        normal = scaled.T @ design
+        normal += (RIDGE * np.trace(normal) / len(normal) + LEAST**2) * np.eye(len(normal))
+        coefficients = np.linalg.solve(normal, scaled.T @ target)
+        miss = np.abs(design @ coefficients - target).mean(1)
+        weight = 1 / np.maximum(miss, np.median(miss) + LEAST)
+    return coefficients
