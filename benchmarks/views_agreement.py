@@ -100,7 +100,7 @@ def _textures(store: FrameStore, records: dict[Path, Camouflage]) -> dict[str, M
     maps = {RANDOM: torch.rand((3, side, side), generator=torch.Generator().manual_seed(named_seed(0, "texture")))}
     for path, record in records.items():
         if record.atlas_id != store.vehicle.atlas_id:
-            raise RaucaError(f"{path}: is of {record.vehicle}, with other UVs than this data set's vehicle")
+            raise RaucaError(f"{path}: is of {record.vehicle_name}, with other UVs than this data set's vehicle")
         name = path.parent.name if path.stem == "camouflage" else path.stem
         maps[name] = torch.from_numpy(np.ascontiguousarray(load_paint(path).texture.transpose(2, 0, 1))).float() / 255
     return {OWN: None} | {
@@ -195,14 +195,16 @@ def _agreement(rendered: list[Sample], composed: list[Sample]) -> dict[str, floa
 
 def _worst(samples: Samples) -> list[tuple[str, int, float]]:
     """Paint, index of the frame, and mean difference over all judges, where best scores differ most."""
-    found = []
+    rendered, composed = WAYS
+    found: list[tuple[str, int, float]] = []
     for paint in dict.fromkeys(paint for paint, _, _ in samples):
         names = dict.fromkeys(judge for one, judge, _ in samples if one == paint)
-        gaps = [
-            np.subtract(*([best_score(sample) for sample in samples[paint, judge, way]] for way in WAYS))
-            for judge in names
-        ]
-        found += [(paint, index, float(gap)) for index, gap in enumerate(np.abs(gaps).mean(0))]
+        scores = {
+            way: np.array([[best_score(sample) for sample in samples[paint, judge, way]] for judge in names])
+            for way in WAYS
+        }
+        gaps = np.abs(scores[rendered] - scores[composed]).mean(0)
+        found += [(paint, index, float(gap)) for index, gap in enumerate(gaps)]
     return sorted(found, key=lambda row: -row[2])[:WORST]
 
 

@@ -15,7 +15,8 @@ from torch import Tensor
 from benchmarks import views_agreement
 from benchmarks.stability.drawn import painted_box
 from benchmarks.views_agreement import bench
-from rauca_core.contract import Dataset, RaucaError
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import Dataset, RaucaError, Vehicle
 from rauca_core.detect import Detections
 from rauca_core.environment.views import Composed, compose
 from tests.environment.room import make_room
@@ -80,6 +81,13 @@ def test_it_tells_where_composed_frames_show_something_else(
     written = measured(room, tmp_path / "agreement.json")
     assert min(row["spearman"] for row in written["judges"]) < 0.8
     assert not all(target["passed"] for target in written["targets"])
+
+
+def test_a_camouflage_of_another_vehicle_is_refused(room: Dataset, box_vehicle: Vehicle, tmp_path: Path) -> None:
+    other = replace(box_vehicle, name="other", uvs=box_vehicle.uvs * np.float32(0.5))
+    random_camouflage(tmp_path / "worn.json", other, 64, cell=8)
+    with pytest.raises(RaucaError, match=r"worn.json: is of other, with other UVs"):
+        bench(tmp_path / "out.json", room.folder, [tmp_path / "worn.json"], [Brightness(torch.zeros(4))])  # type: ignore[list-item]
 
 
 def test_a_place_of_one_view_is_refused(tmp_path: Path) -> None:

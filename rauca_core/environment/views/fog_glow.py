@@ -71,12 +71,13 @@ class FogGlow:
         the sky and where depth is 0 they are 1 and 0: the sky is the same from everywhere, with its glow."""
         height, width = depth.shape
         if self.weather.fog_is_uniform:
-            left = np.exp(depth * lens.lengths(height, width) * np.float32(-self.weather.extinction))
+            left: Image = np.exp(depth * lens.lengths(height, width) * np.float32(-self.weather.extinction))
         else:
             x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
             points, _ = _points(lens, x.ravel(), y.ravel(), depth.ravel())
             left = transmittance(self.weather, lens.eye, points).astype(np.float32).reshape(height, width)
-        left = np.where(depth > 0.5 * FAR_M, np.float32(1), np.maximum(left, np.float32(THINNEST)))
+        left = np.maximum(left, np.float32(THINNEST))
+        left[depth > 0.5 * FAR_M] = 1
         return left, (1 - left)[..., None] * self._brightness(lens, height, width)
 
     def _brightness(self, lens: Lens, height: int, width: int) -> Image:
@@ -89,8 +90,7 @@ class FogGlow:
             (np.arange(width, dtype=np.float32) + 0.5) / width * (len(x) - 1),
             (np.arange(height, dtype=np.float32) + 0.5) / height * (len(y) - 1),
         )
-        image: Image = cv2.remap(coarse.reshape(len(y), len(x), 3), columns, rows, cv2.INTER_LINEAR)
-        return image
+        return np.asarray(cv2.remap(coarse.reshape(len(y), len(x), 3), columns, rows, cv2.INTER_LINEAR), np.float32)
 
 
 def _points(lens: Lens, x: Array, y: Array, depth: Image) -> tuple[Array, Array]:
@@ -130,7 +130,7 @@ def _pairs(weather: Weather, one: tuple[Lens, Image, Image], two: tuple[Lens, Im
     inside &= (x >= 0) & (x < width) & (y >= 0) & (y < height)
     cc, rr = np.where(inside, x, 0).astype(np.int64), np.where(inside, y, 0).astype(np.int64)
     inside &= np.abs(depths[rr, cc] - there[:, 2]) < SAME_POINT * there[:, 2]
-    r, c, rr, cc, points, rays = (k[inside] for k in (r, c, rr, cc, points, rays))
+    (r, c, rr, cc), points, rays = (k[inside] for k in (r, c, rr, cc)), points[inside], rays[inside]
     back = points - other.eye
     back /= np.linalg.norm(back, axis=1, keepdims=True)
     t, u = _left(weather, lens, points), _left(weather, other, points)
