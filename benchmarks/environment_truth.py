@@ -80,7 +80,7 @@ def render_anew(
 ) -> dict[Budget, dict[str, Any]]:
     """Arrays of every render, see `environment_in_blender`; those already in ``folder`` are read."""
     paths = {render: folder / f"{_name(dataset, camouflages, render)}.npz" for render in wanted}
-    weather_of = {frame.id: (frame.location, frame.weather.name) for frame in dataset.frames()}
+    weather_of = {frame.id: frame.place_and_weather for frame in dataset.frames()}
     missing = sorted((r for r in paths if not paths[r].is_file()), key=lambda r: (weather_of[r.frame], r.paint, r))
     if missing:
         jobs = [{**render._asdict(), "name": paths[render].stem} for render in missing]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rauca_core.contract import Dataset, Frame, RaucaError, load_vehicle, read_ledger
+from rauca_core.contract import Dataset, Frame, RaucaError, by_place_and_weather, load_vehicle, read_ledger
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.environment import load_exact
 from rauca_core.environment.views import Composed, Place, View, compose
@@ -83,20 +83,19 @@ def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int) 
         dataset.require_rendered("views are composed from, and held against,")
     vehicle = load_vehicle(rendered.vehicle_folder, read_image)
     reference = srgb_to_linear(np.array(rendered.plan.reference_srgb) / 255)
-    groups = {(frame.location, frame.weather.name): None for frame in rendered.frames()}
+    sources, truths = by_place_and_weather(rendered.frames()), by_place_and_weather(judges.frames())
     spent = {name: entry.seconds for name, entry in read_ledger(rendered.folder).items() if entry.seconds}
-    pairs = [(key, [f for f in judges.frames() if (f.location, f.weather.name) == key]) for key in groups]
-    if not any(truths for _, truths in pairs):
+    shared = [key for key in sources if key in truths]
+    if not shared:
         raise RaucaError(f"{judges.folder}: shows none of the places and weathers of {rendered.folder}")
-    with counted("composing", sum(len(truths) for _, truths in pairs)) as moved:
-        for (location, weather), truths in pairs:
-            frames = [f for f in rendered.frames() if (f.location, f.weather.name) == (location, weather)]
+    with counted("composing", sum(len(truths[key]) for key in shared)) as moved:
+        for key in shared:
+            frames, (_, weather) = sources[key], key
             place = Place.of(rendered, frames)
             seconds = [spent[frame.id] for frame in frames if frame.id in spent]
             cycles = mean(seconds) if seconds else float("nan")
-            for frame in truths:
-                view = View(frame.id, location, frame.view, frame.camera, frame.azimuth_deg, frame.elevation_deg,
-                            frame.distance_m, frame.seed)  # fmt: skip
+            views = [View.of(frame) for frame in truths[key]]
+            for frame, view in zip(truths[key], views, strict=True):
                 made, cpu = _timed(lambda place=place, view=view: compose(place, view, vehicle, reference), rounds)
                 results.add(
                     "frames", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
@@ -104,10 +103,7 @@ def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int) 
                     **compare(made, judges, frame, reference),
                 )  # fmt: skip
                 moved(frame.id)
-            views = [View(f.id, location, f.view, f.camera, f.azimuth_deg, f.elevation_deg, f.distance_m, f.seed)
-                     for f in truths]  # fmt: skip
-            if views:
-                results.add("speed", weather=weather, frames_per_s=_rate(place, views, vehicle, reference))
+            results.add("speed", weather=weather, frames_per_s=_rate(place, views, vehicle, reference))
 
 
 def _timed(work: Any, rounds: int) -> tuple[Composed, float]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +19,17 @@ from torch import Tensor
 
 from rauca_core.attack import load_paint, make_settings
 from rauca_core.attack.frames import FrameStore, ReadyFrame, render_batch
-from rauca_core.contract import Camouflage, Dataset, Frame, RaucaError, load_camouflage
+from rauca_core.contract import Camouflage, Dataset, Frame, RaucaError, by_place_and_weather, load_camouflage
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear, to_bytes
 from rauca_core.contract.seeding import named_seed
-from rauca_core.detect import Detector, canonical
+from rauca_core.detect import class_index
 from rauca_core.environment.views import Place, View, compose
 from rauca_core.render import MipmappedTexture
 from rauca_core.render import srgb_to_linear as tensor_to_linear
 from rauca_core.study.average_precision import Sample, average_precision, best_score
 from rauca_core.study.detectors import ALL, detectors_for
 from rauca_core.study.job import Machine
+from rauca_core.study.plain_look import Look
 
 from .harness import Results, Settings, counted
 
@@ -75,11 +75,13 @@ def bench(
     with counted("composing and detecting", len(chosen)) as moved:
         for frame, others in chosen:
             both = _both_ways(opened, store, frame, others)
+            truths = np.array([frame.box_xyxy] * len(both), np.float64)
             for paint, texture in textures.items():
                 images = torch.stack([_shown(ready, texture) for ready in both]).to(device)
                 for judge in judges:
-                    for way, found in zip(WAYS, _detect(judge, images, category, frame), strict=True):
-                        samples.setdefault((paint, judge.name, way), []).append(found)
+                    found = Look.at(judge, images, truths).samples(class_index(judge, category))
+                    for way, sample in zip(WAYS, found, strict=True):
+                        samples.setdefault((paint, judge.name, way), []).append(sample)
             moved(frame.id)
     results = Results("views-agreement", Settings(dataset=str(dataset), frames=len(chosen), paints=list(textures)))
     _tabulate(results, samples, [frame.weather.name for frame, _ in chosen])
@@ -110,27 +112,18 @@ def _textures(store: FrameStore, records: dict[Path, Camouflage]) -> dict[str, M
 
 def _left_out(frames: Sequence[Frame], number: int) -> list[tuple[Frame, list[Frame]]]:
     """Frames spread over all places and weathers, each with the others of its own."""
-    ordered = sorted(frames, key=_place)
-    groups = [list(some) for _, some in groupby(ordered, key=_place)]
+    groups = by_place_and_weather(frames).values()
     pairs = [(frame, [f for f in some if f is not frame]) for some in groups if len(some) > 1 for frame in some]
     if len(pairs) <= number:
         return pairs
     return [pairs[int(place)] for place in np.linspace(0, len(pairs) - 1, number)]
 
 
-def _place(frame: Frame) -> tuple[int, str]:
-    return frame.location, frame.weather.name
-
-
 def _both_ways(dataset: Dataset, store: FrameStore, frame: Frame, others: list[Frame]) -> tuple[ReadyFrame, ReadyFrame]:
     """A frame as it was rendered, and composed from the others."""
     reference = srgb_to_linear(np.array(dataset.plan.reference_srgb) / 255)
     ready = store.ready(next(place for place, one in enumerate(store.frames) if one.id == frame.id))
-    view = View(
-        frame.id, frame.location, frame.view, frame.camera, frame.azimuth_deg, frame.elevation_deg, frame.distance_m,
-        frame.seed,
-    )  # fmt: skip
-    passes = compose(Place.of(dataset, others), view, store.vehicle, reference, dataset.plan.seed).passes
+    passes = compose(Place.of(dataset, others), View.of(frame), store.vehicle, reference, dataset.plan.seed).passes
     assert passes.A is not None
     assert passes.B is not None
     A, B = (torch.from_numpy(m.reshape(-1, 3)[ready.taps.pixels]) for m in (passes.A, passes.B))
@@ -145,17 +138,6 @@ def _shown(ready: ReadyFrame, texture: MipmappedTexture | None) -> Tensor:
         return torch.from_numpy(picture).permute(2, 0, 1).float() / 255
     with torch.no_grad():
         return (render_batch([ready], texture)[0] * 255).round() / 255
-
-
-def _detect(judge: Detector, images: Tensor, category: str, frame: Frame) -> list[Sample]:
-    """What a detector finds of the category in each image (B, 3, H, W) of a frame."""
-    truth, wanted = np.array(frame.box_xyxy, np.float64), canonical(category)
-    samples = []
-    for found in judge.detect(images):
-        keep = [canonical(judge.class_names[label]) == wanted for label in found.labels.tolist()]
-        boxes, scores = (values.double().cpu().numpy()[keep] for values in (found.boxes, found.scores))
-        samples.append(Sample(truth, boxes, scores))
-    return samples
 
 
 def _tabulate(results: Results, samples: Samples, weathers: Sequence[str]) -> None:

@@ -95,7 +95,7 @@ def light_source(
         places = PlaceLight(dataset)
         for frame in dataset.frames():
             if frame.box_xyxy is not None:
-                places.require(frame.location, frame.weather.name)
+                places.require(*frame.place_and_weather)
     if name == "ours":
         net = load_extractor(extractor)[0].to(device)
     if name == "published":

@@ -11,7 +11,7 @@ from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_sta
 from .errors import RaucaError, StoppedError
 from .files import seal_dataset
 from .finish import Finish, finish_of
-from .frame import Frame, FramePasses, load_frame, load_passes, save_frame
+from .frame import Frame, FramePasses, by_place_and_weather, load_frame, load_passes, save_frame
 from .job import (
     ApplyCamouflage,
     ImportVehicle,
@@ -40,7 +40,8 @@ __all__ = [
     "Dataset", "Finish", "Frame", "FramePasses", "ImportVehicle", "Instance", "Job", "LedgerEntry", "MakeDataset",
     "Material", "OptimizeProgress", "Plan", "PlannedFrame", "Progress", "Quality", "RaucaError",
     "RenderCamouflages", "RenderFrames", "Ring", "Scenery", "Shard", "StoppedError", "UnwrapVehicle",
-    "Vehicle", "VehicleSource", "Weather", "append_entry", "balanced_frames", "cameras_of", "chunks",
+    "Vehicle", "VehicleSource", "Weather", "append_entry", "balanced_frames", "by_place_and_weather",
+    "cameras_of", "chunks",
     "claim_folder", "exposure", "find_preset", "finish_of", "format_duration", "frame_folder", "frame_states",
     "in_rendering_order", "load_camouflage", "load_frame", "load_job", "load_passes", "load_vehicle",
     "parse_optimize_progress", "parse_progress", "planned_frames", "preset_notes", "rain",

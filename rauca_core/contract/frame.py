@@ -20,7 +20,9 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -87,6 +89,11 @@ class Frame(Record):
         """The camera in the vehicle's own frame: all that the renderer's taps depend on."""
         return self.camera.relative_to(self.vehicle_to_world)
 
+    @property
+    def place_and_weather(self) -> tuple[int, str]:
+        """Location and the weather's name: frames that share both show one static scene."""
+        return self.location, self.weather.name
+
 
 @dataclass(eq=False)
 class FramePasses:
@@ -117,6 +124,12 @@ class FramePasses:
             parts.astype(np.uint8) if self.semantic is None else self.semantic,
             which.astype(np.uint8) if self.instances is None else self.instances,
         )
+
+
+def by_place_and_weather(frames: Iterable[Frame]) -> dict[tuple[int, str], list[Frame]]:
+    """Frames of each location and weather, in order of both; the frames of one keep their order."""
+    ordered = sorted(frames, key=lambda frame: frame.place_and_weather)
+    return {key: list(some) for key, some in groupby(ordered, key=lambda frame: frame.place_and_weather)}
 
 
 def save_frame(folder: Path, frame: Frame, passes: FramePasses) -> None:

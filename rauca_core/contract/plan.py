@@ -128,6 +128,11 @@ class PlannedFrame(NamedTuple):
         """Location and view."""
         return self.location, self.view
 
+    @property
+    def place_and_weather(self) -> tuple[int, str]:
+        """As of a frame: location and the weather's name."""
+        return self.location, self.weather.name
+
 
 @dataclass(frozen=True)
 class Plan(Record):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, load_vehicle
+from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, by_place_and_weather, load_vehicle
 from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
 from ..render import TapCache, Taps, TapSettings
 from ..runtime.images import read_image
@@ -87,7 +86,7 @@ class PlaceLight:
     def light_of(self, frame: Frame) -> Light:
         """A frame's light maps, with A from the texture where its sources saw the paint, else as rendered."""
         light = load_exact(self.dataset, frame.id)
-        irradiance = self.read(frame.location, frame.weather.name)
+        irradiance = self.read(*frame.place_and_weather)
         taps = self.taps.get(frame.camera_in_vehicle)
         left = 1.0 - drops_of(self.dataset, frame).alpha.reshape(-1, 1)[taps.pixels]
         gain = irradiance.gain(taps, frame.camera_in_vehicle, frame.exposure_stops).numpy() * left
@@ -125,14 +124,12 @@ def light_places(
     dataset = Dataset(folder)
     dataset.require_rendered("light is fitted to and judged by")
     places = PlaceLight(dataset)
-    frames = sorted((f for f in dataset.frames() if f.box_xyxy is not None), key=_place_of)
-    if not frames:
+    groups = by_place_and_weather(frame for frame in dataset.frames() if frame.box_xyxy is not None)
+    if not groups:
         raise RaucaError(f"{folder}: no finished frame shows the vehicle; make the data set first")
-    groups = [list(group) for _, group in groupby(frames, _place_of)]
-    for done, group in enumerate(groups):
-        first = group[0]
-        progress(Progress(done, len(groups), f"L{first.location:02d} {first.weather.name}"))
-        target = irradiance_folder(dataset.folder, first.location, first.weather.name)
+    for done, ((location, weather), group) in enumerate(groups.items()):
+        progress(Progress(done, len(groups), f"L{location:02d} {weather}"))
+        target = irradiance_folder(dataset.folder, location, weather)
         found = _kept(target, [frame.id for frame in group])
         if found is not None:
             yield found, False
@@ -141,10 +138,6 @@ def light_places(
         save_irradiance(target, stored, irradiance.texels, irradiance.weight)
         yield stored, True
     progress(Progress(len(groups), len(groups), ""))
-
-
-def _place_of(frame: Frame) -> tuple[int, str]:
-    return frame.location, frame.weather.name
 
 
 def _kept(folder: Path, frames: Sequence[str]) -> StoredLight | None:

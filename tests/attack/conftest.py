@@ -10,6 +10,8 @@ import torch
 from benchmarks.stability.detectors import Answering, as_found
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Dataset, Vehicle
+from rauca_core.environment.extractor import PublishedEfe
+from rauca_core.environment.weights import PublishedCard, save_extractor
 
 torch.set_num_threads(1)
 
@@ -22,3 +24,12 @@ def dataset(tmp_path: Path, box_vehicle: Vehicle) -> Dataset:
 @pytest.fixture
 def small_detector() -> Answering:
     return Answering(as_found)
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """Of a small published extractor, drawn and never trained."""
+    torch.manual_seed(0)
+    path = tmp_path / "published.safetensors"
+    save_extractor(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
+    return path

@@ -11,10 +11,9 @@ from rauca_core.attack import make_settings
 from rauca_core.attack.frames import FrameStore, boxes_of, render_batch
 from rauca_core.attack.lights import published_light
 from rauca_core.contract import Dataset, RaucaError
-from rauca_core.environment.extractor import PublishedEfe
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import plain_render, published_render, transfer_render
-from rauca_core.environment.weights import PublishedCard, load_published, save_extractor
+from rauca_core.environment.weights import load_published
 from rauca_core.render import MipmappedTexture, linear_to_srgb
 from rauca_core.runtime.images import read_image
 from tests.pretend_device import DEVICE, PretendDevice
@@ -48,15 +47,6 @@ def test_the_extractor_gives_the_reference_back(dataset: Dataset) -> None:
     _, found = in_color(dataset, "ours", tuple(np.where(True, ((reference + 0.055) / 1.055) ** 2.4, 0)))
     image = read_image(dataset.frame_folder(dataset.frames()[0].id) / "image.png") / 255.0
     assert np.abs(found.permute(1, 2, 0).numpy() - image).mean() < 0.01
-
-
-@pytest.fixture
-def weights(tmp_path: Path) -> Path:
-    """Of a small published network, drawn and never trained."""
-    torch.manual_seed(0)
-    path = tmp_path / "published.safetensors"
-    save_extractor(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
-    return path
 
 
 def test_the_published_extractor_lights_as_in_the_comparison(dataset: Dataset, weights: Path) -> None:

@@ -22,21 +22,10 @@ from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, RaucaError, load_camouflage
 from rauca_core.contract.seeding import named_rng
 from rauca_core.detect import DensePredictions
-from rauca_core.environment.extractor import PublishedEfe
-from rauca_core.environment.weights import PublishedCard, save_extractor
 from rauca_core.runtime.tensor_files import CHECKPOINTS, load_checkpoint
 
 RIVALS = [name for name, method in METHODS.items() if method.known]
 SMALL: dict[str, Any] = {"steps": 3, "map_size": 64, "memory_mb": 256, "checkpoint_every": 3}
-
-
-@pytest.fixture
-def weights(tmp_path: Path) -> Path:
-    """Of a small published extractor, drawn and never trained."""
-    torch.manual_seed(0)
-    path = tmp_path / "published.safetensors"
-    save_extractor(path, PublishedEfe((4, 8)), PublishedCard((4, 8)))
-    return path
 
 
 def published(method: str, weights: Path, **chosen: Any) -> OptimizerSettings:

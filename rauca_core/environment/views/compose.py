@@ -48,6 +48,14 @@ class View:
     distance_m: float
     seed: int
 
+    @staticmethod
+    def of(frame: Frame) -> View:
+        """The camera of a frame, to be composed anew."""
+        return View(
+            frame.id, frame.location, frame.view, frame.camera, frame.azimuth_deg, frame.elevation_deg,
+            frame.distance_m, frame.seed,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Composed:

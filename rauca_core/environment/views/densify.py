@@ -89,7 +89,7 @@ def _lights(dataset: Path) -> dict[str, dict[str, str]]:
 
 def _by_place(tasks: Sequence[PlannedFrame], indices: Sequence[int]) -> list[int]:
     """So that a place's sources are read once."""
-    return sorted(indices, key=lambda index: (tasks[index].location, tasks[index].weather.name, tasks[index].view))
+    return sorted(indices, key=lambda index: (tasks[index].place_and_weather, tasks[index].view))
 
 
 def _written(views: Views, order: Sequence[int], out: Path, threads: int) -> Iterator[PlannedFrame]:

@@ -7,11 +7,10 @@ import threading
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
-from ...contract import Camera, Dataset, Frame, Plan, PlannedFrame, RaucaError, Ring, load_vehicle
+from ...contract import Camera, Dataset, Frame, Plan, PlannedFrame, RaucaError, Ring, by_place_and_weather, load_vehicle
 from ...contract.color import srgb_to_linear
 from ...contract.seeding import named_seed
 from ...contract.viewpoints import Shots, viewpoint
@@ -67,7 +66,7 @@ class Views(Sequence[Composed]):
                 fewer cameras than the views need.
         """
         require_light(dataset)
-        self._sources = _by_place(dataset)
+        self._sources = _sources(dataset)
         if n < 1:
             raise RaucaError(f"views: {n} is too few; ask for 1 or more")
         number = math.ceil(n / len(self._sources))
@@ -112,12 +111,12 @@ class Views(Sequence[Composed]):
     def camera_in_vehicle(self, index: int) -> Camera:
         """The camera of a view in the vehicle's frame."""
         task = self.tasks[index]
-        pose = self._sources[task.location, task.weather.name][0].vehicle_to_world
+        pose = self._sources[task.place_and_weather][0].vehicle_to_world
         return self.view(task).camera.relative_to(pose)
 
     def view(self, task: PlannedFrame) -> View:
         """The camera of a task."""
-        pose = self._sources[task.location, task.weather.name][0].vehicle_to_world
+        pose = self._sources[task.place_and_weather][0].vehicle_to_world
         seen_by = viewpoint(self._shots, task.location, task.view, pose, self._center)
         return View(
             task.id, task.location, task.view, seen_by.camera, seen_by.azimuth_deg, seen_by.elevation_deg,
@@ -126,7 +125,7 @@ class Views(Sequence[Composed]):
 
     def _place(self, task: PlannedFrame) -> tuple[Place, Irradiance | None]:
         """The sources of a task and the light on its paint, from memory or read."""
-        key = task.location, task.weather.name
+        key = task.place_and_weather
         with self._lock:
             found = self._places.pop(key, None) or self._read(*key)
             self._places[key] = found
@@ -165,21 +164,16 @@ def _nbytes(found: tuple[Place, Irradiance | None]) -> int:
     return place.nbytes + (light.nbytes if light else 0)
 
 
-def _by_place(dataset: Dataset) -> dict[tuple[int, str], list[Frame]]:
+def _sources(dataset: Dataset) -> dict[tuple[int, str], list[Frame]]:
     """Finished frames by location and weather."""
     frames = dataset.frames()
     if not frames:
         raise RaucaError(f"{dataset.folder}: no frame is finished; run `rauca dataset make --out {dataset.folder}`")
     dataset.require_rendered("new views are composed from")
-    keyed = sorted(frames, key=_place_of)
-    return {key: list(some) for key, some in groupby(keyed, _place_of)}
-
-
-def _place_of(frame: Frame) -> tuple[int, str]:
-    return frame.location, frame.weather.name
+    return by_place_and_weather(frames)
 
 
 def _tasks(plan: Plan, places: frozenset[tuple[int, str]], n: int) -> list[PlannedFrame]:
     """The first n of all views, one of every place and weather after the other."""
-    tasks = [task for task in plan.frames() if (task.location, task.weather.name) in places]
+    tasks = [task for task in plan.frames() if task.place_and_weather in places]
     return sorted(tasks, key=lambda task: task.view)[:n]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import cv2
 import numpy as np
@@ -56,29 +57,20 @@ class FogGlow:
         """
         if weather.extinction == 0.0 or weather.is_night or len(lenses) < 2:
             return None
-        rows, right = [], []
-        for n, lens in enumerate(lenses):
-            for m, other in enumerate(lenses):
-                if n != m:
-                    equations = _pairs(weather, (lens, depths[n], light[n]), (other, depths[m], light[m]))
-                    rows.append(equations[0])
-                    right.append(equations[1])
-        design, target = np.concatenate(rows), np.concatenate(right)
+        seen = [
+            _Seen(lens, depth, one, _share_left(weather, lens, depth))
+            for lens, depth, one in zip(lenses, depths, light, strict=True)
+        ]
+        design, target = map(
+            np.concatenate, zip(*(_pairs(weather, *two) for two in permutations(seen, 2)), strict=True)
+        )
         return FogGlow(weather, _robust(design, target)) if len(design) > 100 else None
 
     def at(self, lens: Lens, depth: Image) -> tuple[Image, Image]:
         """Share (H, W) of light that reaches the camera from ``depth`` (H, W), metres along z, and glow (H, W, 3). Of
         the sky and where depth is 0 they are 1 and 0: the sky is the same from everywhere, with its glow."""
-        height, width = depth.shape
-        if self.weather.fog_is_uniform:
-            left: Image = np.exp(depth * lens.lengths(height, width) * np.float32(-self.weather.extinction))
-        else:
-            x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-            points, _ = _points(lens, x.ravel(), y.ravel(), depth.ravel())
-            left = transmittance(self.weather, lens.eye, points).astype(np.float32).reshape(height, width)
-        left = np.maximum(left, np.float32(THINNEST))
-        left[depth > 0.5 * FAR_M] = 1
-        return left, (1 - left)[..., None] * self._brightness(lens, height, width)
+        left = _share_left(self.weather, lens, depth)
+        return left, (1 - left)[..., None] * self._brightness(lens, *depth.shape)
 
     def _brightness(self, lens: Lens, height: int, width: int) -> Image:
         """S (H, W, 3) in the directions of all pixels; it is smooth, so a coarse grid of it is enough."""
@@ -93,19 +85,34 @@ class FogGlow:
         return np.asarray(cv2.remap(coarse.reshape(len(y), len(x), 3), columns, rows, cv2.INTER_LINEAR), np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What a source sees: depth (H, W), light (H, W, 3), and the share (H, W) of light that the fog let through."""
+
+    lens: Lens
+    depth: Image
+    light: Image
+    left: Image
+
+
+def _share_left(weather: Weather, lens: Lens, depth: Image) -> Image:
+    """Share (H, W) of light from a depth (H, W) that reaches the camera, at least :data:`THINNEST`; 1 of the sky."""
+    height, width = depth.shape
+    if weather.fog_is_uniform:
+        left: Image = np.exp(depth * lens.lengths(height, width) * np.float32(-weather.extinction))
+    else:
+        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        points, _ = _points(lens, x.ravel(), y.ravel(), depth.ravel())
+        left = transmittance(weather, lens.eye, points).astype(np.float32).reshape(height, width)
+    left = np.maximum(left, np.float32(THINNEST))
+    left[depth > 0.5 * FAR_M] = 1
+    return left
+
+
 def _points(lens: Lens, x: Array, y: Array, depth: Image) -> tuple[Array, Array]:
     """What lies at pixels (N,) x, y and depths: points (N, 3) in the world, and unit directions (N, 3) to them."""
     rays = np.stack([x, y, np.ones(len(x))], 1) @ lens.rays.T
     return lens.eye + rays * depth[:, None], rays / np.linalg.norm(rays, axis=1, keepdims=True)
-
-
-def _left(weather: Weather, lens: Lens, points: Array) -> Array:
-    """Share (N,) of light from points (N, 3) that reaches the camera, at least :data:`THINNEST`."""
-    if weather.fog_is_uniform:
-        left = np.exp(-weather.extinction * np.linalg.norm(points - lens.eye, axis=1))
-    else:
-        left = transmittance(weather, lens.eye, points)
-    return np.maximum(left, THINNEST)
 
 
 def _directions(weather: Weather, rays: Array) -> Array:
@@ -116,29 +123,28 @@ def _directions(weather: Weather, rays: Array) -> Array:
     return np.stack([np.ones(len(rays)), rays[:, 2], near, near**4, near**16], 1)
 
 
-def _pairs(weather: Weather, one: tuple[Lens, Image, Image], two: tuple[Lens, Image, Image]) -> tuple[Array, Array]:
+def _pairs(weather: Weather, one: _Seen, two: _Seen) -> tuple[Array, Array]:
     """Equations of points that both sources see: (M, 5) times coefficients is (M, 3)."""
-    (lens, depth, light), (other, depths, lights) = one, two
-    height, width = depth.shape
+    height, width = one.depth.shape
     r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
-    seen = (depth[r, c] > 0) & (depth[r, c] < 0.5 * FAR_M)
+    seen = (one.depth[r, c] > 0) & (one.depth[r, c] < 0.5 * FAR_M)
     r, c = r[seen], c[seen]
-    points, rays = _points(lens, c + 0.5, r + 0.5, depth[r, c])
-    there = np.column_stack([points, np.ones(len(points))]) @ other.matrix.T
+    points, rays = _points(one.lens, c + 0.5, r + 0.5, one.depth[r, c])
+    there = np.column_stack([points, np.ones(len(points))]) @ two.lens.matrix.T
     inside = there[:, 2] > 0.1
     x, y = (np.where(inside, there[:, k] / np.where(inside, there[:, 2], 1), -1) for k in (0, 1))
     inside &= (x >= 0) & (x < width) & (y >= 0) & (y < height)
     cc, rr = np.where(inside, x, 0).astype(np.int64), np.where(inside, y, 0).astype(np.int64)
-    inside &= np.abs(depths[rr, cc] - there[:, 2]) < SAME_POINT * there[:, 2]
+    inside &= np.abs(two.depth[rr, cc] - there[:, 2]) < SAME_POINT * there[:, 2]
     (r, c, rr, cc), points, rays = (k[inside] for k in (r, c, rr, cc)), points[inside], rays[inside]
-    back = points - other.eye
+    back = points - two.lens.eye
     back /= np.linalg.norm(back, axis=1, keepdims=True)
-    t, u = _left(weather, lens, points), _left(weather, other, points)
+    t, u = one.left[r, c].astype(np.float64), two.left[rr, cc].astype(np.float64)
     # t L + (1 - t) S = B and u L + (1 - u) S' = B': u B - t B' is free of L.
     design = (u * (1 - t))[:, None] * _directions(weather, rays) - (t * (1 - u))[:, None] * _directions(weather, back)
     apart = np.arccos(np.clip((rays * back).sum(1), -1, 1))
     alike = (1 / (1 + (apart / MIRRORS_ALIKE) ** 2))[:, None]
-    return alike * design, alike * (u[:, None] * light[r, c] - t[:, None] * lights[rr, cc])
+    return alike * design, alike * (u[:, None] * one.light[r, c] - t[:, None] * two.light[rr, cc])
 
 
 def _robust(design: Array, target: Array) -> Array:

@@ -63,7 +63,7 @@ class Place:
             RaucaError: files are missing or damaged.
             ValueError: frames of several places or weathers, or none.
         """
-        if len({(frame.location, frame.weather) for frame in frames}) != 1:
+        if len({frame.place_and_weather for frame in frames}) != 1:
             raise ValueError("sources are of one location and weather")
         lenses = tuple(Lens.of(frame.camera) for frame in frames)
         around, painted, rest, gains, light, labels, depths = [], [], [], [], [], [], []
@@ -87,9 +87,10 @@ class Place:
         fog = FogGlow.of(frames[0].weather, lenses, np.stack(depths), whole)
         if fog is not None:
             for n, lens in enumerate(lenses):
-                left, glow = (np.atleast_3d(image) for image in fog.at(lens, depths[n]))
-                whole[n] = (whole[n] - glow) / left
-                both[n] = np.concatenate([both[n, ..., :3] / left, whole[n]], -1)
+                left, glow = fog.at(lens, depths[n])
+                whole[n] = (whole[n] - glow) / left[..., None]
+                both[n, ..., :3] /= left[..., None]
+                both[n, ..., 3:] = whole[n]
         others: list[Instance] = [other for frame in frames for other in frame.instances]
         return Place(
             tuple(frames),
