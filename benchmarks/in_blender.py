@@ -72,8 +72,8 @@ class Wanted(NamedTuple):
 
 
 def weathers_of(names: Sequence[str]) -> tuple[Weather, ...]:
-    """Weathers by name, from the presets ``base`` and ``unseen``."""
-    known = {w.name: w for preset in ("unseen", "base") for w in find_preset(preset)}
+    """Weathers by name, from the presets ``base``, ``unseen`` and ``demo``."""
+    known = {w.name: w for preset in ("demo", "unseen", "base") for w in find_preset(preset)}
     return tuple(known[name] for name in names)
 
 

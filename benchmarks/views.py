@@ -1,17 +1,24 @@
 """``rauca bench views``: composed frames against renders of the same cameras, which lie between the sources.
 
 What is compared is display-referred, in the reference paint: the whole frame, the vehicle, the paint, its edges. Speed
-is CPU time on one core, beside what Cycles took for the sources, which are counted in.
+is CPU time beside that of Cycles for the sources, which are counted in. Where the sources are rendered here that is the
+CPU time of Blender's processes, by the share of their wall time that frames took: its start is left out. Of sets that
+were there already only the wall seconds of their ledger are known, on however many cores; rows say which.
+
+The paint's light is that of the irradiance textures where the sources have them (`rauca dataset light`), as in drawn
+views, and those rendered here get them. Reading it is timed apart: `optimize` does so through taps that it has.
 """
 
 from __future__ import annotations
 
+import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from statistics import mean, median
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +26,26 @@ from numpy.typing import NDArray
 from rauca_core.contract import Dataset, Frame, RaucaError, by_place_and_weather, load_vehicle, read_ledger
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.environment import load_exact
+from rauca_core.environment.irradiance import Irradiance
+from rauca_core.environment.place_light import light_places
 from rauca_core.environment.views import Composed, Place, View, compose
+from rauca_core.environment.views.paint_light import PaintLight
 from rauca_core.runtime.images import read_image
 
-from .harness import Results, Settings, counted
+from .figures import save_sheet
+from .harness import Results, Row, Settings, counted
 from .in_blender import Wanted, make_dataset, weathers_of
 
 FULL = Settings(
     vehicles=("sedan", "suv"), finishes=("car_paint", "sticker"), size=320, azimuths=8, elevations="8,20",
-    weathers=("sun90-fog0", "sun10-fog0", "sun45-fog50", "heavy-rain-noon", "wet-night"), truths=6, samples=256,
+    weathers=("sun90-fog0", "low-sun", "sun30-fog50", "heavy-rain-noon", "wet-night"), truths=6, samples=256,
     rounds=3,
 )  # fmt: skip
 QUICK = FULL.but(
     vehicles=("sedan",), finishes=("own",), size=160, weathers=("sun90-fog0",), truths=2, samples=64, rounds=1
 )
+Made = TypeVar("Made")
+Pictures = dict[str, NDArray[np.float32]]  # by what they show
 FRAMES = 1000  # of a place, over which its sources are shared out
 SOLID = 0.99  # coverage from which a pixel is no edge
 WANTED = {"paint_db": 34.0, "edge_db": 30.0, "frame_db": 26.0, "frames_per_s": 20.0, "speedup_vs_cycles": 100.0}
@@ -53,16 +66,20 @@ def bench(
     if (sources is None) != (truth is None):
         raise RaucaError("--sources: goes with --truth, cameras rendered in the same places; give both or neither")
     results = Results("views", settings)
-    given = [(Dataset(sources), Dataset(truth))] if sources and truth else list(_rendered(settings, out.parent))
-    for rendered, judges in given:
-        _measure(results, rendered, judges, settings.rounds)
+    nan = float("nan")
+    given = [(Dataset(sources), Dataset(truth), nan)] if sources and truth else _rendered(settings, out.parent)
+    shown: dict[str, Pictures] = {}
+    for rendered, judges, cpu_s in given:
+        shown |= _measure(results, rendered, judges, settings.rounds, cpu_s)
     _tables(results)
-    results.publish(out, docs, "views.md")
+    _sheet(results, shown)
+    results.publish(out, docs, "views.md", width=170)
     return results
 
 
-def _rendered(settings: Settings, folder: Path) -> Iterator[tuple[Dataset, Dataset]]:
-    """Sources, and truths at other cameras between them, of each vehicle and finish."""
+def _rendered(settings: Settings, folder: Path) -> Iterator[tuple[Dataset, Dataset, float]]:
+    """Sources, and truths at other cameras between them, of each vehicle and finish; CPU seconds a source's render
+    took, NaN where some were there already."""
     weathers = weathers_of(settings.weathers)
     for vehicle in settings.vehicles:
         for finish in settings.finishes:
@@ -70,43 +87,82 @@ def _rendered(settings: Settings, folder: Path) -> Iterator[tuple[Dataset, Datas
             around = f"--azimuths {settings.azimuths} --elevations {settings.elevations} --distances 7"
             between = f"--azimuths {settings.truths} --elevations 14 --distances 7.5 --jitter-azimuth 30"
             drawn = f"{between} --jitter-elevation 6 --jitter-distance 0.1 --samples {settings.samples}"
-            made = [
-                make_dataset(Wanted(f"{name}-{vehicle}", vehicle, weathers, f"{options} {alike}"), folder / "views")
+            wanted = [
+                Wanted(f"{name}-{vehicle}", vehicle, weathers, f"{options} {alike}")
                 for name, options in (("sources", around), ("truth", drawn))
             ]
-            yield made[0], made[1]
+            there = (folder / "views" / wanted[0].folder_name).exists()
+            began, began_s = time.perf_counter(), _children_s()
+            sources = make_dataset(wanted[0], folder / "views")
+            wall, spent = time.perf_counter() - began, _children_s() - began_s
+            cpu_s = float("nan") if there else _of_frames(sources, spent, wall)
+            list(light_places(sources.folder))
+            yield sources, make_dataset(wanted[1], folder / "views"), cpu_s
 
 
-def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int) -> None:
-    """Rows of every weather and place that both sets hold."""
+def _of_frames(rendered: Dataset, spent: float, wall: float) -> float:
+    """CPU seconds a frame, of a rendering that ``spent`` so many in ``wall`` seconds: its start is no frame's."""
+    seconds = [entry.seconds for entry in read_ledger(rendered.folder).values() if entry.seconds]
+    return spent * min(sum(seconds) / wall, 1.0) / len(seconds) if seconds else float("nan")
+
+
+def _children_s() -> float:
+    """CPU seconds of all processes that this one has started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int, cpu_s: float) -> dict[str, Pictures]:
+    """Rows of every weather and place that both sets hold; the pictures of each frame by its label."""
+    shown: dict[str, Pictures] = {}
     for dataset in (rendered, judges):
         dataset.require_rendered("views are composed from, and held against,")
     vehicle = load_vehicle(rendered.vehicle_folder, read_image)
     reference = srgb_to_linear(np.array(rendered.plan.reference_srgb) / 255)
     sources, truths = by_place_and_weather(rendered.frames()), by_place_and_weather(judges.frames())
     spent = {name: entry.seconds for name, entry in read_ledger(rendered.folder).items() if entry.seconds}
-    shared = [key for key in sources if key in truths]
+    shared, paint_light = [key for key in sources if key in truths], PaintLight.of(rendered)
     if not shared:
         raise RaucaError(f"{judges.folder}: shows none of the places and weathers of {rendered.folder}")
     with counted("composing", sum(len(truths[key]) for key in shared)) as moved:
         for key in shared:
             frames, (_, weather) = sources[key], key
             place = Place.of(rendered, frames)
+            light = paint_light.read(*key) if paint_light else None
             seconds = [spent[frame.id] for frame in frames if frame.id in spent]
-            cycles = mean(seconds) if seconds else float("nan")
+            measured = not np.isnan(cpu_s)
+            cycles = cpu_s if measured else (mean(seconds) if seconds else float("nan"))
             views = [View.of(frame) for frame in truths[key]]
             for frame, view in zip(truths[key], views, strict=True):
-                made, cpu = _timed(lambda place=place, view=view: compose(place, view, vehicle, reference), rounds)
-                results.add(
+                gain, gain_ms = _gain(paint_light, light, frame, rounds)
+                drawn = partial(compose, place, view, vehicle, reference, gain=gain)
+                made, cpu = _timed(drawn, rounds)
+                row = results.add(
                     "frames", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
-                    frame=frame.id, sources=len(frames), cpu_ms=cpu, cycles_s=cycles, known=float(made.known.mean()),
+                    frame=frame.id, sources=len(frames), cpu_ms=cpu, gain_ms=gain_ms, cycles_s=cycles,
+                    cycles_clock="CPU" if measured else "wall", light="warped" if gain is None else "texture",
+                    known=float(made.known.mean()),
                     **compare(made, judges, frame, reference),
                 )  # fmt: skip
+                shown[_label(row)] = _pictures(made, judges, frame, reference)
                 moved(frame.id)
-            results.add("speed", weather=weather, frames_per_s=_rate(place, views, vehicle, reference))
+            results.add(
+                "speed", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
+                frames_per_s=_rate(place, views, vehicle, reference),
+            )  # fmt: skip
+    return shown
 
 
-def _timed(work: Any, rounds: int) -> tuple[Composed, float]:
+def _gain(
+    paint_light: PaintLight | None, light: Irradiance | None, frame: Frame, rounds: int
+) -> tuple[NDArray[np.float32] | None, float]:
+    """The gain of a frame's paint from its texture, and CPU milliseconds with taps built for it; None and 0 without."""
+    if paint_light is None or light is None:
+        return None, 0.0
+    return _timed(partial(paint_light.gain, light, frame.camera_in_vehicle), rounds)
+
+
+def _timed(work: Callable[[], Made], rounds: int) -> tuple[Made, float]:
     """What it makes, and the median CPU milliseconds after a first time."""
     made, laps = work(), []
     for _ in range(rounds):
@@ -122,6 +178,27 @@ def _rate(place: Place, views: list[View], vehicle: Any, reference: NDArray[np.f
         began = time.perf_counter()
         count = len(list(pool.map(lambda view: compose(place, view, vehicle, reference), views * 2)))
         return count / (time.perf_counter() - began)
+
+
+def _label(row: Row) -> str:
+    return f"{row['vehicle']} {row['finish']} {row['frame']}"
+
+
+def _pictures(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]) -> Pictures:
+    """A frame as composed and as rendered, sRGB, and four times their difference."""
+    light = load_exact(judges, frame.id)
+    found, true = (linear_to_srgb(image) for image in (made.passes.image_linear, light.A * reference + light.B))
+    return {"composed": found, "rendered": true, "error x 4": np.clip(4 * np.abs(found - true), 0, 1)}
+
+
+def _sheet(results: Results, shown: dict[str, Pictures]) -> None:
+    """Add the worst and the median frame by ``frame_db``."""
+    rows = sorted(results.rows["frames"], key=lambda row: float(row["frame_db"]))
+    chosen = {
+        f"{place}, {row['frame_db']:.1f} dB": shown[_label(row)]
+        for place, row in (("worst", rows[0]), ("median", rows[len(rows) // 2]))
+    }
+    results.picture(lambda path: save_sheet(path, chosen), ".jpg", "views.jpg")
 
 
 def compare(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]) -> dict[str, float]:
@@ -149,25 +226,30 @@ def _psnr(found: NDArray[np.float32], true: NDArray[np.float32], where: NDArray[
 
 
 def _tables(results: Results) -> None:
-    names = ("frame_db", "vehicle_db", "paint_db", "edge_db", "box_px", "known", "cpu_ms")
+    names = ("frame_db", "vehicle_db", "paint_db", "edge_db", "box_px", "known", "cpu_ms", "gain_ms")
     kinds = list(dict.fromkeys((r["vehicle"], r["finish"], r["weather"], r["sources"]) for r in results.rows["frames"]))
     for vehicle, finish, weather, sources in kinds:
         rows = results.where("frames", vehicle=vehicle, finish=finish, weather=weather, sources=sources)
         means = {name: float(np.nanmean([row[name] for row in rows])) for name in names}
         cycles, each = rows[0]["cycles_s"], means["cpu_ms"] / 1e3
+        clocks = {row["cycles_clock"] for row in rows}
         speedup = FRAMES * cycles / (FRAMES * each + sources * cycles)
-        rate = mean(row["frames_per_s"] for row in results.where("speed", weather=weather))
+        rate = mean(
+            row["frames_per_s"] for row in results.where("speed", vehicle=vehicle, finish=finish, weather=weather)
+        )
         results.add(
-            "weathers", vehicle=vehicle, finish=finish, weather=weather, sources=sources, **means,
-            frames_per_s=rate, speedup_vs_cycles=speedup,
+            "weathers", vehicle=vehicle, finish=finish, weather=weather, sources=sources, light=rows[0]["light"],
+            **means, cycles_s=cycles, cycles_clock="/".join(sorted(clocks)), frames_per_s=rate,
+            speedup_vs_cycles=speedup,
         )  # fmt: skip
     rows = results.rows["weathers"]
     for name, wanted in WANTED.items():
         results.target(f"{name}, worst weather", wanted, min(row[name] for row in rows))
     columns = {
         "vehicle": "{vehicle}", "finish": "{finish}", "weather": "{weather}", "sources": "{sources}",
-        "frame dB": "{frame_db:.1f}", "vehicle dB": "{vehicle_db:.1f}", "paint dB": "{paint_db:.1f}",
-        "edges dB": "{edge_db:.1f}", "box px": "{box_px:.1f}", "seen": "{known:.3f}", "CPU ms": "{cpu_ms:.0f}",
+        "frame dB": "{frame_db:.1f}", "vehicle dB": "{vehicle_db:.1f}", "light": "{light}",
+        "paint dB": "{paint_db:.1f}", "edges dB": "{edge_db:.1f}", "box px": "{box_px:.1f}", "seen": "{known:.3f}",
+        "CPU ms": "{cpu_ms:.0f}", "light, ms": "{gain_ms:.0f}", "Cycles s": "{cycles_s:.1f} {cycles_clock}",
         "frames/s": "{frames_per_s:.1f}", "x Cycles": "{speedup_vs_cycles:.0f}",
     }  # fmt: skip
     results.table("Composed frames against renders", columns, rows)
