@@ -18,6 +18,7 @@ from ...contract.semantics import Instance
 from ...runtime.images import read_image
 from ..exact import load_exact
 from ..without_rain import drops_of, without_rain
+from .flying import flying
 from .fog_glow import FogGlow
 from .lens import Lens, depth_of
 from .sources import Sources, mixed
@@ -84,6 +85,8 @@ class Place:
             light.append(B)
             labels.append(np.stack([semantic, instances], -1))
         ids, whole, both = np.stack(labels), np.stack(light), np.stack(gains)
+        nothing = flying(lenses, np.stack(depths).astype(np.float32))
+        surroundings = np.where(nothing, 0, np.stack(around)).astype(np.float32)
         fog = FogGlow.of(frames[0].weather, lenses, np.stack(depths), whole)
         if fog is not None:
             for n, lens in enumerate(lenses):
@@ -94,7 +97,7 @@ class Place:
         others: list[Instance] = [other for frame in frames for other in frame.instances]
         return Place(
             tuple(frames),
-            Sources(lenses, np.stack(around).astype(np.float32), whole, ids),
+            Sources(lenses, surroundings, whole, ids),
             Sources(lenses, np.stack(painted).astype(np.float32), both, ids),
             Sources(lenses, np.stack(rest).astype(np.float32), whole, ids),
             {other.id: other.category for other in others},
