@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -47,6 +47,7 @@ QUICK = FULL.but(
 Made = TypeVar("Made")
 Pictures = dict[str, NDArray[np.float32]]  # by what they show
 FRAMES = 1000  # of a place, over which its sources are shared out
+FLIGHT = 8  # frames of the picture of a camera that flies around
 SOLID = 0.99  # coverage from which a pixel is no edge
 WANTED = {"paint_db": 34.0, "edge_db": 30.0, "frame_db": 26.0, "frames_per_s": 20.0, "speedup_vs_cycles": 100.0}
 
@@ -73,6 +74,7 @@ def bench(
         shown |= _measure(results, rendered, judges, settings.rounds, cpu_s)
     _tables(results)
     _sheet(results, shown)
+    _flight(results, shown)
     results.publish(out, docs, "views.md", width=170)
     return results
 
@@ -139,9 +141,9 @@ def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int, 
                 made, cpu = _timed(drawn, rounds)
                 row = results.add(
                     "frames", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
-                    frame=frame.id, sources=len(frames), cpu_ms=cpu, gain_ms=gain_ms, cycles_s=cycles,
-                    cycles_clock="CPU" if measured else "wall", light="warped" if gain is None else "texture",
-                    known=float(made.known.mean()),
+                    frame=frame.id, azimuth_deg=frame.azimuth_deg, sources=len(frames), cpu_ms=cpu, gain_ms=gain_ms,
+                    cycles_s=cycles, cycles_clock="CPU" if measured else "wall",
+                    light="warped" if gain is None else "texture", known=float(made.known.mean()),
                     **compare(made, judges, frame, reference),
                 )  # fmt: skip
                 shown[_label(row)] = _pictures(made, judges, frame, reference)
@@ -201,6 +203,18 @@ def _sheet(results: Results, shown: dict[str, Pictures]) -> None:
     results.picture(lambda path: save_sheet(path, chosen), ".jpg", "views.jpg")
 
 
+def _flight(results: Results, shown: dict[str, Pictures]) -> None:
+    """Add the first car's frames of its first weather, as a camera that flies around it sees them."""
+    first = results.rows["frames"][0]
+    rows = results.where("frames", **{name: first[name] for name in ("vehicle", "finish", "weather")})
+    around = sorted(rows, key=lambda row: float(row["azimuth_deg"]))[:FLIGHT]
+    chosen = {
+        kind: {f"{row['azimuth_deg']:.0f} degrees": shown[_label(row)][kind] for row in around}
+        for kind in shown[_label(first)]
+    }
+    results.picture(lambda path: save_sheet(path, chosen), "-around.jpg", "views-around.jpg")
+
+
 def compare(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]) -> dict[str, float]:
     """PSNR in dB of sRGB values against a rendered frame, the paint's of the gain in grey; boxes differ by px."""
     folder, light = judges.frame_folder(frame.id), load_exact(judges, frame.id)
@@ -225,12 +239,18 @@ def _psnr(found: NDArray[np.float32], true: NDArray[np.float32], where: NDArray[
     return float(-10 * np.log10(max(float(np.mean((found[where] - true[where]) ** 2)), 1e-10)))
 
 
+def _mean(values: Sequence[float]) -> float:
+    """Of those that are numbers; NaN if none is: a car may show no edge of its paint."""
+    known = [value for value in values if not np.isnan(value)]
+    return mean(known) if known else float("nan")
+
+
 def _tables(results: Results) -> None:
     names = ("frame_db", "vehicle_db", "paint_db", "edge_db", "box_px", "known", "cpu_ms", "gain_ms")
     kinds = list(dict.fromkeys((r["vehicle"], r["finish"], r["weather"], r["sources"]) for r in results.rows["frames"]))
     for vehicle, finish, weather, sources in kinds:
         rows = results.where("frames", vehicle=vehicle, finish=finish, weather=weather, sources=sources)
-        means = {name: float(np.nanmean([row[name] for row in rows])) for name in names}
+        means = {name: _mean([row[name] for row in rows]) for name in names}
         cycles, each = rows[0]["cycles_s"], means["cpu_ms"] / 1e3
         clocks = {row["cycles_clock"] for row in rows}
         speedup = FRAMES * cycles / (FRAMES * each + sources * cycles)

@@ -130,7 +130,7 @@ JUDGING: dict[str, Callable[[Path, Path], Any]] = {
     "dataset light": lambda data, worn: list(light_places(data)),
     "agreement": lambda data, worn: measure_agreement(Dataset(data), worn, data),
     "bench agreement": lambda data, worn: benchmarks.agreement.bench(data / "out.json", data, worn),
-    "bench views": lambda data, worn: _measure(SimpleNamespace(), Dataset(data), Dataset(data), 1),
+    "bench views": lambda data, worn: _measure(SimpleNamespace(), Dataset(data), Dataset(data), 1, 0.0),
     "bench views-agreement": lambda data, worn: benchmarks.views_agreement.bench(data / "out.json", data),
     "bench defences": lambda data, worn: read_views(data.parent),
     "new views": lambda data, worn: Views(Dataset(data), 2),
