@@ -6,7 +6,8 @@
     yolo   OUT/data.yaml, OUT/train.txt, OUT/val.txt, OUT/images/<frame>.png, OUT/labels/<frame>.txt
 
 In a camouflage a frame is called ``<frame>--<label>``. Every picture of a place is in the same split, ``val`` for the
-last quarter of the places; where there is one place alone, it is both.
+last quarter of the places; where there is one place alone, it is both. Composed frames are learnt from and never judged
+on: they are in ``train``, and those of the last quarter of the places, whose rendered frames judge, are ``unused``.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ..contract.files import disk_errors, png_bytes, require_space, write_bytes,
 from .stored import StoredFrame, Target, categories_of, coco_id, load_vehicle, targets_of
 
 FORMATS = ("coco", "yolo")
-TRAIN, VAL = "train", "val"
+TRAIN, VAL, UNUSED = "train", "val", "unused"
 BYTES_PER_PIXEL = 3
 Wearer = Callable[[Frame], NDArray[np.uint8] | None]
 """A frame in a camouflage, (H, W, 3) sRGB; None where that shows nothing of it."""
@@ -37,7 +38,7 @@ class Exported:
 
     Attributes:
         camouflage: its label; empty in the reference paint.
-        split: ``train`` or ``val``; empty where a place is both.
+        split: ``train``, ``val`` or ``unused``; empty where a place is both.
     """
 
     name: str
@@ -97,7 +98,8 @@ def _written(
     held_out = places - max(1, places // 4)  # of those planned: a data set that grows keeps its split
     for done, stored in enumerate(frames, 1):
         frame, targets = stored.frame, list(targets_of(stored, own))
-        split = "" if places == 1 else VAL if frame.location >= held_out else TRAIN
+        judged, learnt = (UNUSED, TRAIN) if frame.composed else (VAL, TRAIN if places > 1 else "")
+        split = judged if 0 < held_out <= frame.location else learnt
         image = out / "images" / f"{frame.id}.png"
         with disk_errors(image):  # a copy, not a link: a tool that edits its images must not reach the data set
             image.parent.mkdir(parents=True, exist_ok=True)
@@ -128,6 +130,7 @@ def _write_coco(out: Path, name: str, categories: list[str], exported: Iterable[
                 "view": frame.view,
                 "camouflage": one.camouflage,
                 "split": one.split,
+                "composed": bool(frame.composed),
             }
         )
         for target in one.targets:
@@ -168,13 +171,17 @@ def _write_yolo(out: Path, name: str, categories: list[str], exported: Iterable[
             numbers = " ".join(f"{value:.6f}" for value in (*center, *size))
             lines.append(f"{categories.index(target.category)} {numbers}\n")
         write_bytes(out / "labels" / f"{one.name}.txt", "".join(lines).encode())
-        for split in (one.split,) if one.split else lists:
-            lists[split].append(f"./images/{one.name}.png\n")
+        for split, listed in lists.items():
+            if one.split in ("", split):
+                listed.append(f"./images/{one.name}.png\n")
         written += len(lines)
     names = "".join(f"  {number}: {category}\n" for number, category in enumerate(categories))
     for split, listed in lists.items():
         write_bytes(out / f"{split}.txt", "".join(listed).encode())
-    text = f"# train and val are of other places, if there are several\ntrain: train.txt\nval: val.txt\nnames:\n{names}"
+    told = "train and val are of other places, if there are several"
+    if not lists[VAL]:
+        told = "composed frames are not judged on: name here the val.txt of an export of the rendered data set"
+    text = f"# {told}\ntrain: train.txt\nval: val.txt\nnames:\n{names}"
     write_bytes(out / "data.yaml", text.encode())
     return written
 

@@ -93,16 +93,37 @@ def test_coco_says_which_camouflage_and_the_same_masks(mini: Dataset, red: Path,
             assert (a["bbox"], a["segmentation"], a["category_id"]) == (b["bbox"], b["segmentation"], b["category_id"])
 
 
+def in_four_places(mini: Dataset, composed: tuple[str, ...] = ()) -> None:
+    """The frames of the one place stand in three others, too, and say what they were composed from."""
+    write_json(mini.folder / "dataset.json", replace(mini.plan, locations=4).to_json())
+    for frame in mini.frames():
+        for place in (0, 1, 2, 3):
+            copy = mini.folder / "frames" / frame.id.replace("L00", f"L{place:02d}")
+            if place:
+                shutil.copytree(mini.frame_folder(frame.id), copy)
+            record = replace(frame, id=copy.name, location=place, composed=composed)
+            write_json(copy / "frame.json", record.to_json())
+
+
+def test_composed_frames_are_learnt_from_and_never_in_val(mini: Dataset, tmp_path: Path) -> None:
+    """Those of the held-out place show what is judged on, and are in neither list."""
+    in_four_places(mini, composed=("L00-V000-noon",))
+    out = tmp_path / "out"
+    export_dataset(mini.folder, "yolo", out)
+    train = (out / "train.txt").read_text().split()
+    assert {line.split("-")[0] for line in train} == {f"./images/L{place:02d}" for place in (0, 1, 2)}
+    assert (out / "val.txt").read_text() == ""
+    assert "name here the val.txt of an export of the rendered data set" in (out / "data.yaml").read_text()
+    export_dataset(mini.folder, "coco", out)
+    said = json.loads((out / "annotations.json").read_text())["images"]
+    assert {(image["location"], image["split"], image["composed"]) for image in said} == {
+        (0, "train", True), (1, "train", True), (2, "train", True), (3, "unused", True),
+    }  # fmt: skip
+
+
 def test_a_frame_and_its_camouflages_are_in_one_split(mini: Dataset, red: Path, tmp_path: Path) -> None:
     """Of four places the last is held out, whatever is worn there."""
-    plan = replace(mini.plan, locations=4)
-    write_json(mini.folder / "dataset.json", plan.to_json())
-    for frame in mini.frames():
-        for place in (1, 2, 3):
-            copy = mini.folder / "frames" / frame.id.replace("L00", f"L{place:02d}")
-            shutil.copytree(mini.frame_folder(frame.id), copy)
-            record = replace(frame, id=copy.name, location=place)
-            write_json(copy / "frame.json", record.to_json())
+    in_four_places(mini)
     out = tmp_path / "out"
     export_camouflaged(mini.folder, [str(red)], "yolo", out)
     train, val = ((out / f"{split}.txt").read_text().split() for split in ("train", "val"))
