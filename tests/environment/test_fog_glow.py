@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rauca_core.contract import Camera, Weather
+from rauca_core.environment.views import fog_glow
 from rauca_core.environment.views.fog_glow import FogGlow
 from rauca_core.environment.views.lens import FAR_M, Lens
 
@@ -71,6 +72,27 @@ def test_the_glow_is_found_from_two_distances_and_taken_out() -> None:
     missed = np.abs(clear * left[..., None] + glow - light)[ground]
     assert missed.max() < 0.01
     assert missed.mean() < 0.1 * np.abs(light - clear)[ground].mean()  # of what would be missing without
+
+
+def test_a_glow_brighter_than_what_is_seen_is_drawn_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wet road mirrors the low sun towards the far cameras alone: that looks like glow, and is not."""
+    lenses = [look(azimuth, metres) for azimuth in range(0, 360, 45) for metres in (6.0, 12.0)]
+    seen = [in_fog(lens) for lens in lenses]
+    depths, light = np.stack([depth for depth, _, _ in seen]), np.stack([B for _, _, B in seen])
+    light[1::2] += np.float32(0.4)
+    light[:, ::2] *= np.float32(0.3)  # dark stripes, darker than that glow
+
+    def darker() -> float:
+        """The mean of what the glow exceeds the light by."""
+        fog = FogGlow.of(FOG, lenses, depths, light)
+        assert fog is not None
+        return float(
+            np.mean([np.maximum(fog.at(lens, depths[n])[1] - light[n], 0).mean() for n, lens in enumerate(lenses)])
+        )
+
+    bounded = darker()
+    monkeypatch.setattr(fog_glow, "DARKER", 0.0)
+    assert darker() > 1.2 * bounded
 
 
 def test_the_sky_has_its_glow_already() -> None:

@@ -3,7 +3,7 @@
 A source's light is kept as it is without fog, and a new view gets the fog of its own distances. What dims is known
 (`environment.fog`). The glow is that of a layer that glows alike everywhere and is the brighter the nearer one looks
 towards the sun: B = T L + (1 - T) S(direction). Two sources that see one point differ in T and direction alone, so
-that S follows by least squares from such pairs, L dropping out.
+that S follows by least squares from such pairs, L dropping out. No point is darker than the glow before it: L >= 0.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ MIRRORS_ALIKE = 0.3  # radians between two lines of sight: the farther apart, th
 RIDGE = 1e-3  # of the mean square of the equations
 COARSE = 8  # pixels between directions that the glow is computed in
 LEAST = 1e-6  # linear light that counts as none
-ROUNDS = 3  # of least squares, each with less weight on what mirrors
+ROUNDS = 6  # of least squares, each with less weight on what mirrors and more on what is darker than its glow
+DARKER = 0.03  # weight of all pixels darker than the glow before them, were they as many as the equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ class FogGlow:
         design, target = map(
             np.concatenate, zip(*(_pairs(weather, *two) for two in permutations(seen, 2)), strict=True)
         )
-        return FogGlow(weather, _robust(design, target)) if len(design) > 100 else None
+        most, light = (np.concatenate(some) for some in zip(*(_bounds(weather, one) for one in seen), strict=True))
+        return FogGlow(weather, _robust(design, target, most, light)) if len(design) > 100 else None
 
     def at(self, lens: Lens, depth: Image) -> tuple[Image, Image]:
         """Share (H, W) of light that reaches the camera from ``depth`` (H, W), metres along z, and glow (H, W, 3). Of
@@ -147,16 +149,32 @@ def _pairs(weather: Weather, one: _Seen, two: _Seen) -> tuple[Array, Array]:
     return alike * design, alike * (u[:, None] * one.light[r, c] - t[:, None] * two.light[rr, cc])
 
 
-def _robust(design: Array, target: Array) -> Array:
+def _bounds(weather: Weather, one: _Seen) -> tuple[Array, Array]:
+    """What the glow before a source's points is at most: (M, 5) times coefficients is below its light (M, 3)."""
+    height, width = one.depth.shape
+    r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
+    seen = (one.depth[r, c] > 0) & (one.depth[r, c] < 0.5 * FAR_M)
+    r, c = r[seen], c[seen]
+    _, rays = _points(one.lens, c + 0.5, r + 0.5, one.depth[r, c])
+    return (1 - one.left[r, c].astype(np.float64))[:, None] * _directions(weather, rays), one.light[r, c]
+
+
+def _robust(design: Array, target: Array, most: Array, light: Array) -> Array:
     """Coefficients (5, 3) by least squares, again with less weight on what fits badly: it mirrors, or is another
-    point."""
-    weight = np.ones(len(design))
+    point; and with ``most`` times coefficients drawn down to ``light`` where it is more."""
+    weight, over = np.ones(len(design)), np.zeros(light.shape, bool)
     coefficients = np.zeros((design.shape[1], 3))
     for _ in range(ROUNDS):
         scaled = design * weight[:, None]
         normal = scaled.T @ design
         normal += (RIDGE * np.trace(normal) / len(normal) + LEAST**2) * np.eye(len(normal))
-        coefficients = np.linalg.solve(normal, scaled.T @ target)
+        strength = DARKER * weight.mean() * len(design) / len(most)
+        for channel in range(3):
+            rows, bound = most[over[:, channel]], light[over[:, channel], channel]
+            coefficients[:, channel] = np.linalg.solve(
+                normal + strength * rows.T @ rows, scaled.T @ target[:, channel] + strength * rows.T @ bound
+            )
         miss = np.abs(design @ coefficients - target).mean(1)
         weight = 1 / np.maximum(miss, np.median(miss) + LEAST)
+        over = most @ coefficients > light
     return coefficients

@@ -91,7 +91,7 @@ class Place:
         if fog is not None:
             for n, lens in enumerate(lenses):
                 left, glow = fog.at(lens, depths[n])
-                whole[n] = (whole[n] - glow) / left[..., None]
+                whole[n] = np.maximum(whole[n] - glow, 0) / left[..., None]
                 both[n, ..., :3] /= left[..., None]
                 both[n, ..., 3:] = whole[n]
         others: list[Instance] = [other for frame in frames for other in frame.instances]
