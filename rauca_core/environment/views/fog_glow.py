@@ -62,11 +62,12 @@ class FogGlow:
             _Seen(lens, depth, one, _share_left(weather, lens, depth))
             for lens, depth, one in zip(lenses, depths, light, strict=True)
         ]
-        design, target = map(
-            np.concatenate, zip(*(_pairs(weather, *two) for two in permutations(seen, 2)), strict=True)
+        equations = [_pairs(weather, *two) for two in permutations(seen, 2)]
+        bounds = [_bounds(weather, one) for one in seen]
+        design, target, most, most_light = (
+            np.concatenate(some) for both in (equations, bounds) for some in zip(*both, strict=True)
         )
-        most, light = (np.concatenate(some) for some in zip(*(_bounds(weather, one) for one in seen), strict=True))
-        return FogGlow(weather, _robust(design, target, most, light)) if len(design) > 100 else None
+        return FogGlow(weather, _robust(design, target, most, most_light)) if len(design) > 100 else None
 
     def at(self, lens: Lens, depth: Image) -> tuple[Image, Image]:
         """Share (H, W) of light that reaches the camera from ``depth`` (H, W), metres along z, and glow (H, W, 3). Of
@@ -125,13 +126,19 @@ def _directions(weather: Weather, rays: Array) -> Array:
     return np.stack([np.ones(len(rays)), rays[:, 2], near, near**4, near**16], 1)
 
 
+def _sampled(one: _Seen) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
+    """Rows and columns (N,) of every :data:`STEP`-th pixel without sky, and what is there, as :func:`_points` says."""
+    height, width = one.depth.shape
+    r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
+    solid = (one.depth[r, c] > 0) & (one.depth[r, c] < 0.5 * FAR_M)
+    r, c = r[solid], c[solid]
+    return r, c, *_points(one.lens, c + 0.5, r + 0.5, one.depth[r, c])
+
+
 def _pairs(weather: Weather, one: _Seen, two: _Seen) -> tuple[Array, Array]:
     """Equations of points that both sources see: (M, 5) times coefficients is (M, 3)."""
     height, width = one.depth.shape
-    r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
-    seen = (one.depth[r, c] > 0) & (one.depth[r, c] < 0.5 * FAR_M)
-    r, c = r[seen], c[seen]
-    points, rays = _points(one.lens, c + 0.5, r + 0.5, one.depth[r, c])
+    r, c, points, rays = _sampled(one)
     there = np.column_stack([points, np.ones(len(points))]) @ two.lens.matrix.T
     inside = there[:, 2] > 0.1
     x, y = (np.where(inside, there[:, k] / np.where(inside, there[:, 2], 1), -1) for k in (0, 1))
@@ -151,12 +158,8 @@ def _pairs(weather: Weather, one: _Seen, two: _Seen) -> tuple[Array, Array]:
 
 def _bounds(weather: Weather, one: _Seen) -> tuple[Array, Array]:
     """What the glow before a source's points is at most: (M, 5) times coefficients is below its light (M, 3)."""
-    height, width = one.depth.shape
-    r, c = (k.ravel() for k in np.mgrid[STEP // 2 : height : STEP, STEP // 2 : width : STEP])
-    seen = (one.depth[r, c] > 0) & (one.depth[r, c] < 0.5 * FAR_M)
-    r, c = r[seen], c[seen]
-    _, rays = _points(one.lens, c + 0.5, r + 0.5, one.depth[r, c])
-    return (1 - one.left[r, c].astype(np.float64))[:, None] * _directions(weather, rays), one.light[r, c]
+    r, c, _, rays = _sampled(one)
+    return (1 - one.left[r, c].astype(np.float64))[:, None] * _directions(weather, rays), one.light[r, c].astype(np.float64)
 
 
 def _robust(design: Array, target: Array, most: Array, light: Array) -> Array:
