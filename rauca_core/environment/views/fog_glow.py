@@ -159,7 +159,8 @@ def _pairs(weather: Weather, one: _Seen, two: _Seen) -> tuple[Array, Array]:
 def _bounds(weather: Weather, one: _Seen) -> tuple[Array, Array]:
     """What the glow before a source's points is at most: (M, 5) times coefficients is below its light (M, 3)."""
     r, c, _, rays = _sampled(one)
-    return (1 - one.left[r, c].astype(np.float64))[:, None] * _directions(weather, rays), one.light[r, c].astype(np.float64)
+    left, light = (image[r, c].astype(np.float64) for image in (one.left, one.light))
+    return (1 - left)[:, None] * _directions(weather, rays), light
 
 
 def _robust(design: Array, target: Array, most: Array, light: Array) -> Array:
