@@ -139,14 +139,15 @@ def _measure(results: Results, rendered: Dataset, judges: Dataset, rounds: int, 
                 gain, gain_ms = _gain(paint_light, light, frame, rounds)
                 drawn = partial(compose, place, view, vehicle, reference, gain=gain)
                 made, cpu = _timed(drawn, rounds)
+                errors, pictures = compare(made, judges, frame, reference)
                 row = results.add(
                     "frames", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
                     frame=frame.id, azimuth_deg=frame.azimuth_deg, sources=len(frames), cpu_ms=cpu, gain_ms=gain_ms,
                     cycles_s=cycles, cycles_clock="CPU" if measured else "wall",
                     light="warped" if gain is None else "texture", known=float(made.known.mean()),
-                    **compare(made, judges, frame, reference),
+                    **errors,
                 )  # fmt: skip
-                shown[_label(row)] = _pictures(made, judges, frame, reference)
+                shown[_label(row)] = pictures
                 moved(frame.id)
             results.add(
                 "speed", vehicle=rendered.plan.vehicle_name, finish=rendered.plan.finish, weather=weather,
@@ -186,13 +187,6 @@ def _label(row: Row) -> str:
     return f"{row['vehicle']} {row['finish']} {row['frame']}"
 
 
-def _pictures(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]) -> Pictures:
-    """A frame as composed and as rendered, sRGB, and four times their difference."""
-    light = load_exact(judges, frame.id)
-    found, true = (linear_to_srgb(image) for image in (made.passes.image_linear, light.A * reference + light.B))
-    return {"composed": found, "rendered": true, "error x 4": np.clip(4 * np.abs(found - true), 0, 1)}
-
-
 def _sheet(results: Results, shown: dict[str, Pictures]) -> None:
     """Add the worst and the median frame by ``frame_db``."""
     rows = sorted(results.rows["frames"], key=lambda row: float(row["frame_db"]))
@@ -215,8 +209,13 @@ def _flight(results: Results, shown: dict[str, Pictures]) -> None:
     results.picture(lambda path: save_sheet(path, chosen), "-around.jpg", "views-around.jpg")
 
 
-def compare(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]) -> dict[str, float]:
-    """PSNR in dB of sRGB values against a rendered frame, the paint's of the gain in grey; boxes differ by px."""
+def compare(
+    made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np.float32]
+) -> tuple[dict[str, float], Pictures]:
+    """PSNR in dB of sRGB values against a rendered frame, the paint's of the gain in grey; boxes differ by px.
+
+    And both as pictures (H, W, 3), with four times their difference.
+    """
     folder, light = judges.frame_folder(frame.id), load_exact(judges, frame.id)
     vehicle, paint = (read_image(folder / f"{name}.png") / np.float32(255) for name in ("vehicle", "paint"))
     found, true = (linear_to_srgb(image) for image in (made.passes.image_linear, light.A * reference + light.B))
@@ -224,13 +223,14 @@ def compare(made: Composed, judges: Dataset, frame: Frame, reference: NDArray[np
     stops = np.float32(2.0 ** (frame.exposure_stops - made.frame.exposure_stops))
     gain, true_gain = linear_to_srgb(0.5 * stops * made.passes.A), linear_to_srgb(0.5 * light.A)
     ours, theirs = made.frame.box_xyxy, frame.box_xyxy
-    return {
+    errors = {
         "frame_db": _psnr(found, true, np.ones_like(vehicle, bool)),
         "vehicle_db": _psnr(found, true, vehicle > 0.5),
         "paint_db": _psnr(gain, true_gain, paint > SOLID),
         "edge_db": _psnr(gain, true_gain, (paint > 0) & (paint <= SOLID)),
         "box_px": float(np.abs(np.subtract(ours, theirs)).max()) if ours and theirs else float(ours != theirs),
     }
+    return errors, {"composed": found, "rendered": true, "error x 4": np.clip(4 * np.abs(found - true), 0, 1)}
 
 
 def _psnr(found: NDArray[np.float32], true: NDArray[np.float32], where: NDArray[np.bool_]) -> float:

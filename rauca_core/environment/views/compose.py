@@ -16,7 +16,6 @@ from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
-from .fog_glow import FogGlow
 from .gather import Gathered, gather, refine
 from .holes import fill_holes
 from .lens import FAR_M, Lens
@@ -109,8 +108,8 @@ def compose(
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
     if place.fog is not None:
-        _add_fog(place.fog, lens, around.values, np.where(around.weight > 0, depth, 0))
-        left = _add_fog(place.fog, lens, mirrored, body.depth)
+        seen_depth = np.where(around.weight > 0, depth, 0)
+        _, left = place.fog.lay_before(lens, (around.values, seen_depth), (mirrored, body.depth))
         warped_gain *= left[..., None]
     fill_holes(around.values, around.weight > 0)
     fill_holes(depth[..., None], depth > 0)
@@ -119,14 +118,6 @@ def compose(
     semantic, instances, distance = _labels(around, depth, body, hidden, lens)
     return _finish(place, view, (A, B, share, paint), (semantic, instances, distance), body, chosen, known,
                    reference_linear, seed)  # fmt: skip
-
-
-def _add_fog(fog: FogGlow, lens: Lens, light: Image, depth: Image) -> Image:
-    """Dim light (H, W, 3) from a depth (H, W), in place, and let the fog before it glow; returns what share is left."""
-    left, glow = fog.at(lens, depth)
-    light *= left[..., None]
-    light += glow
-    return left
 
 
 def _lit(A: Image, B: Image, color: Image) -> Image:

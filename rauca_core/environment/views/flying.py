@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ...render.kernels import njit
-from .lens import FAR_M, NEAR_M, Image, Lens, Mask
+from .lens import FAR_M, NEAR_M, Image, Lens, Mask, project
+from .sources import SAME_POINT
 
-SAME_POINT = 0.02  # of the depth, by which that of another view may differ and confirm the point
 BEYOND = 0.06  # of the depth, by which it must be farther to have looked through it
 
 
@@ -26,9 +26,7 @@ def flying(lenses: Sequence[Lens], depth: Image) -> Mask:
     """
     found = np.zeros(depth.shape, bool)
     for n, lens in enumerate(lenses):
-        turns = np.stack([lens.to(other) for other in lenses])
-        turns[:, :2] -= 0.5 * turns[:, 2:]
-        _flying(depth, n, turns, found[n])
+        _flying(depth, n, lens.turns(lenses), found[n])
     return found
 
 
@@ -44,11 +42,9 @@ def _flying(depths: Any, own: int, turns: Any, found: Any) -> None:
             for m in range(count):
                 if m == own:
                     continue
-                w = z * (turns[m, 2, 0] * x + turns[m, 2, 1] * y + turns[m, 2, 2]) + turns[m, 2, 3]
+                u, v, w = project(turns[m], x, y, z)
                 if w < NEAR_M:
                     continue
-                u = (z * (turns[m, 0, 0] * x + turns[m, 0, 1] * y + turns[m, 0, 2]) + turns[m, 0, 3]) / w
-                v = (z * (turns[m, 1, 0] * x + turns[m, 1, 1] * y + turns[m, 1, 2]) + turns[m, 1, 3]) / w
                 left, top = int(np.floor(u)), int(np.floor(v))
                 if left < 0 or top < 0 or left >= width - 1 or top >= height - 1:
                     continue

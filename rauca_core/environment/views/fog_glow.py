@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from ...contract import Weather
 from ..fog import transmittance
 from .lens import FAR_M, Lens
+from .sources import SAME_POINT
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 STEP = 5  # pixels, of those that are paired
-SAME_POINT = 0.02  # of the depth
 THINNEST = 0.05  # light that is dimmed more than this is taken for glow
 MIRRORS_ALIKE = 0.3  # radians between two lines of sight: the farther apart, the less what mirrors is the same in both
 RIDGE = 1e-3  # of the mean square of the equations
@@ -74,6 +74,22 @@ class FogGlow:
         the sky and where depth is 0 they are 1 and 0: the sky is the same from everywhere, with its glow."""
         left = _share_left(self.weather, lens, depth)
         return left, (1 - left)[..., None] * self._brightness(lens, *depth.shape)
+
+    def lay_before(self, lens: Lens, *layers: tuple[Image, Image]) -> list[Image]:
+        """Dim the light (H, W, 3) of each layer from its depth (H, W), and let the fog before it glow.
+
+        The light is changed in place.
+
+        Returns:
+            what share (H, W) is left of each.
+        """
+        brightness, shares = self._brightness(lens, *layers[0][1].shape), []
+        for light, depth in layers:
+            left = _share_left(self.weather, lens, depth)
+            light *= left[..., None]
+            light += (1 - left)[..., None] * brightness
+            shares.append(left)
+        return shares
 
     def _brightness(self, lens: Lens, height: int, width: int) -> Image:
         """S (H, W, 3) in the directions of all pixels; it is smooth, so a coarse grid of it is enough."""

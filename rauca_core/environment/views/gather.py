@@ -13,16 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...render.kernels import njit
-from .lens import NEAR_M, Image, Lens
-from .sources import Sources
+from .lens import NEAR_M, Image, Lens, project
+from .sources import SAME_POINT, Sources
 
-SAME_POINT = 0.02  # of the depth, by which two views of one point may differ
 SAME_POINT_M = 0.01  # and so many metres more
 SLOPES = 1.5  # and so many steps to the next pixel of a slope
 FADE = 8.0  # pixels over which a source fades out towards its border
-ASKED = (
-    2  # sources that make a pixel, at most: a third brings a frame 0.03 dB and its paint 0.15, for a tenth of the time
-)
+ASKED = 2  # sources that make a pixel, at most: a third brings a frame 0.03 dB, for a tenth of the time
 LEAST_SHARE = 0.1  # of a lookup's four pixels that must see the point
 
 
@@ -62,9 +59,10 @@ def gather(
     labels = np.zeros((height, width, sources.labels.shape[-1]), np.uint8)
     weight = np.zeros((height, width), np.float32)
     asides = np.stack([lens.eye - sources.lenses[n].eye for n in chosen.tolist()])
+    turns = lens.turns([sources.lenses[n] for n in chosen.tolist()])
     _gather(
-        (sources.depth, sources.values, sources.labels), (chosen, _turns(sources, chosen, lens), asides), depth,
-        lens.rays, (sharpness**2, same_point, ASKED), (values, labels, weight),
+        (sources.depth, sources.values, sources.labels), (chosen, turns, asides), depth, lens.rays,
+        (sharpness**2, same_point, ASKED), (values, labels, weight),
     )  # fmt: skip
     return Gathered(values, labels, weight)
 
@@ -73,15 +71,8 @@ def refine(sources: Sources, chosen: NDArray[np.int64], depth: Image, lens: Lens
     """A splat's depth (H, W) is that of a source pixel's middle, off by half a pixel's slope: one step towards the
     depth that the first source which sees the point has there."""
     found = depth.copy()
-    _refine(sources.depth, chosen, _turns(sources, chosen, lens), SAME_POINT, found)
+    _refine(sources.depth, chosen, lens.turns([sources.lenses[n] for n in chosen.tolist()]), SAME_POINT, found)
     return found
-
-
-def _turns(sources: Sources, chosen: NDArray[np.int64], lens: Lens) -> NDArray[np.float64]:
-    """(n, 3, 4): from the new camera's pixels and depths to those of sources, counted from pixels' middles."""
-    turns = np.stack([lens.to(sources.lenses[n]) for n in chosen.tolist()])
-    turns[:, :2] -= 0.5 * turns[:, 2:]
-    return turns
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -105,7 +96,7 @@ def _gather(source: Any, packed: Any, depth: Any, rays: Any, rule: Any, found: A
             here, met, best, whole = dx * dx + dy * dy + dz * dz, 0, 0.0, 0.0
             best_source = best_row = best_column = 0
             for k in range(chosen.shape[0]):
-                u, v, w = _project(turns[k], x, y, z)
+                u, v, w = project(turns[k], x, y, z)
                 if w < NEAR_M or not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
                     continue
                 n = chosen[k]
@@ -178,7 +169,7 @@ def _refine(depths: Any, chosen: Any, turns: Any, same_point: float, found: Any)
                 continue
             for k in range(chosen.shape[0]):
                 n = chosen[k]
-                u, v, w = _project(turns[k], column + 0.5, row + 0.5, z)
+                u, v, w = project(turns[k], column + 0.5, row + 0.5, z)
                 if w < NEAR_M or not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
                     continue
                 total = _agreed(depths[n], u, v, w, same_point, shares)
@@ -190,16 +181,6 @@ def _refine(depths: Any, chosen: Any, turns: Any, same_point: float, found: Any)
                         mean += shares[i] * depths[n, top + i // 2, left + i % 2]
                 found[row, column] = z * mean / (total * w)
                 break
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _project(turn: Any, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Places among pixels' middles, and depth, of what the new camera sees at a pixel in depth z."""
-    w = z * (turn[2, 0] * x + turn[2, 1] * y + turn[2, 2]) + turn[2, 3]
-    inverse = 1.0 / max(w, NEAR_M)
-    u = (z * (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2]) + turn[0, 3]) * inverse
-    v = (z * (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2]) + turn[1, 3]) * inverse
-    return u, v, w
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

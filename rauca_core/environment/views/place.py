@@ -80,14 +80,15 @@ class Place:
             around.append(np.where(clean & (covers == 0), depth, 0))
             painted.append(np.where(clean & (paint >= SOLID), depth, 0))
             rest.append(np.where(clean & (covers >= SOLID) & (paint == 0), depth, 0))
-            depths.append(np.where(clean, depth, 0))
+            depths.append(np.where(clean, depth, np.float32(0)))
             gains.append(np.concatenate([A, B], -1))
             light.append(B)
             labels.append(np.stack([semantic, instances], -1))
         ids, whole, both = np.stack(labels), np.stack(light), np.stack(gains)
-        nothing = flying(lenses, np.stack(depths).astype(np.float32))
+        seen = np.stack(depths)
+        nothing = flying(lenses, seen)
         surroundings = np.where(nothing, 0, np.stack(around)).astype(np.float32)
-        fog = FogGlow.of(frames[0].weather, lenses, np.stack(depths), whole)
+        fog = FogGlow.of(frames[0].weather, lenses, seen, whole)
         if fog is not None:
             for n, lens in enumerate(lenses):
                 left, glow = fog.at(lens, depths[n])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .lens import Image, Lens, Mask
 
+SAME_POINT = 0.02  # of the depth, by which two views of one point may differ
 MIXED_JUMP = 0.06  # of the inverse depth, relative: pixels on such an edge may hold a mean of both sides
 MIXED_SHARE = 0.15  # of the jump: nearer to one side than this, a pixel belongs to it
 
