@@ -29,7 +29,9 @@ Views = Annotated[
 
 
 def harden(
-    detector: Annotated[str, typer.Argument(help="frcnn-synth, detr-synth, yolov3-tiny ..., or hardened weights")],
+    detector: Annotated[
+        str, typer.Argument(help="frcnn-synth, yolov3-tiny ..., an .onnx of YOLO or YOLOX, or hardened weights")
+    ],
     held_out: Held,
     data: Data,
     out: Annotated[Path, typer.Option(help="folder for the weights, report and all on the way; run again to resume")],

@@ -47,6 +47,9 @@ class OnnxDetector(SinglePassDetector):
         kind: what the graph was recognized as, for people.
         network: the graph in torch, if it can be converted.
         differentiable: gradients flow from the predictions to the images.
+        obstacle: why they do not; empty if they do.
+        layout: how the graph is fed and read.
+        torch_batch: how many images ``network`` takes at once; None for any number.
     """
 
     def __init__(
@@ -87,10 +90,10 @@ class OnnxDetector(SinglePassDetector):
             _LOG.info("%s: read as %s", path, found.kind)
         if found.scaling is not None and size is not None and graph.height is None:
             found = replace(found, scaling=found.scaling.of_size(name, size))
-        self._layout, self.kind = found, found.kind
+        self.layout, self.kind = found, found.kind
         self.class_names = _class_names(graph, found.classes, names)
-        self.network, self._why_not, one_by_one = _differentiable(graph, found, image, outputs)
-        self._torch_batch = graph.batch or 1 if one_by_one else self._batch
+        self.network, self.obstacle, one_by_one = _differentiable(graph, found, image, outputs)
+        self.torch_batch = graph.batch or 1 if one_by_one else self._batch
         shape = self.size if self.shape == (self.size, self.size) else self.shape
         settings = f"{graph.sha256} {shape} {found.settings}{unusual_names(self.class_names)}"
         self.fingerprint = hashlib.sha256(settings.encode()).hexdigest()
@@ -106,17 +109,17 @@ class OnnxDetector(SinglePassDetector):
             RaucaError: a gradient is wanted that the graph does not have, or predictions that it does not give; the
                 line says why, and the command that exports another.
         """
-        wanted = bool(self._layout.final) or (images.requires_grad and torch.is_grad_enabled())
+        wanted = bool(self.layout.final) or (images.requires_grad and torch.is_grad_enabled())
         if wanted and not self.differentiable:
-            raise RaucaError(f"{self.name}: has no gradients; {self._why_not}")
+            raise RaucaError(f"{self.name}: has no gradients; {self.obstacle}")
         return super().dense(images)
 
     def _predict(self, images: Tensor) -> DensePredictions:
-        return self._layout.predict(self.name, images, self.shape, self._forward)
+        return self.layout.predict(self.name, images, self.shape, self._forward)
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
-        if self._layout.queries:
-            return of_queries(self._predict(images), score_threshold, self._layout.exclusive)
+        if self.layout.queries:
+            return of_queries(self._predict(images), score_threshold, self.layout.exclusive)
         return super()._final(images, score_threshold, iou_threshold)
 
     def _checked(self, images: Tensor, waits: bool = False) -> Tensor:
@@ -128,15 +131,20 @@ class OnnxDetector(SinglePassDetector):
         wants_gradient = prepared.requires_grad and torch.is_grad_enabled()
         in_torch = wants_gradient or prepared.device.type != "cpu" or prepared.dtype != torch.float32
         run = self.network if in_torch and self.network is not None else self._session
-        batch = self._torch_batch if run is self.network else self._batch
-        parts = [_of_batch(run, part, batch) for part in prepared.split(batch or len(prepared))]
-        return tuple(precise(torch.cat(part) if len(parts) > 1 else part[0]) for part in zip(*parts, strict=True))
+        batch = self.torch_batch if run is self.network else self._batch
+        return in_batches(run, prepared, batch)
 
 
 def load(found: Resolved, size: int | None) -> OnnxDetector:
     """Of a graph, which may name its classes itself."""
     families: dict[str, GraphFamily] = {"yolox": "yolox", "ultralytics": "ultralytics"}
     return OnnxDetector(found.name, found.files[0], found.class_names, size, families.get(found.network))
+
+
+def in_batches(run: Callable[[Tensor], Outputs], images: Tensor, batch: int | None) -> Outputs:
+    """What a graph that takes ``batch`` images at once, None for any number, says of any number; float32."""
+    parts = [_of_batch(run, part, batch) for part in images.split(batch or len(images))]
+    return tuple(precise(torch.cat(part) if len(parts) > 1 else part[0]) for part in zip(*parts, strict=True))
 
 
 def _of_batch(run: Callable[[Tensor], Outputs], images: Tensor, batch: int | None) -> Outputs:

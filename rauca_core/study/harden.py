@@ -2,7 +2,7 @@
 
 Folder, run again to go on; every step only makes what is missing::
 
-    hardened-<name>.safetensors, .json      the result, loaded by its path: links into
+    hardened-<name>.safetensors, .json      the result, loaded by its path (.onnx, if that was given): links into
     store/hardened/...                      round-<k>/ with the camouflage made against the detector of that round, and
                                             the detector after it
     adaptive/<vehicle>/                     a link to a camouflage made against the result
@@ -22,6 +22,7 @@ from ..contract.files import file_digest
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
+from ..training.hardenable import named_as
 from ..training.settings import HardenSettings
 from . import recipes
 from .artifact import Artifact
@@ -109,7 +110,7 @@ def harden(
         (folder,) = engine.make(recipe)
         _refuse_trained(candidates, folder.glob("round-*/attack/camouflage.json"))
         weights = link_weights(folder, out)
-        both = detectors_for([detector, str(weights)], [one.category for one in matched], engine.machine)
+        both = detectors_for([detector, named_as(detector, weights)], [one.category for one in matched], engine.machine)
         (_, before), (typed, after) = next(iter(both.values()))
         asked = attack_settings(chosen, ADAPTIVE, adaptive_steps or 1, ADAPTIVE, engine.store.folder / "taps")
         adaptive = _adaptive(engine, out, matched, data, asked, (typed, after)) if adaptive_steps else {}
@@ -161,10 +162,12 @@ def recipe_of(
 
 def link_weights(folder: Path, out: Path) -> Path:
     """Let a hardened detector be found in ``out``; returns its weights in the store."""
-    weights = next(folder.glob("hardened-*.safetensors"))
-    for made in (weights, weights.with_suffix(".json")):
-        link(out / made.name, made)
-    return weights
+    card = next(folder.glob("hardened-*.json"))
+    made = [card.with_suffix(suffix) for suffix in (".onnx", ".safetensors", ".names", ".json")]
+    there = [path for path in made if path.is_file()]
+    for path in there:
+        link(out / path.name, path)
+    return there[0]
 
 
 def _refuse_trained(candidates: Sequence[Candidate], trained: Iterable[Path]) -> None:

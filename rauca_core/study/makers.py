@@ -219,7 +219,7 @@ def make_ranking(job: Job) -> None:
 
 
 def has_hardened(artifact: Artifact, folder: Path) -> bool:
-    return any(path.with_suffix(".json").is_file() for path in folder.glob("hardened-*.safetensors"))
+    return any(folder.glob("hardened-*.json"))  # the card, which comes last
 
 
 def make_hardened(job: Job) -> None:

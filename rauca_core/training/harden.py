@@ -22,7 +22,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
 from ..detect.interface import Detector
-from ..detect.synth.card import HARDENED, DetectorCard, as_detector, load_weights, save_weights
+from ..detect.synth.card import HARDENED, DetectorCard, as_detector
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.devices import find_device
@@ -31,9 +31,10 @@ from ..runtime.tensor_files import require_same, require_state, started
 from .camouflaged import CamouflagedSamples
 from .detector import Job, train
 from .fit import describe
+from .hardenable import origin_of
 from .loop import RoundReport
 from .measure import ALL, CAR, Findings, Score, measure
-from .origin import Origin, origin_of
+from .origin import Origin
 from .settings import HardenSettings
 
 FORMAT = ("rauca-hardening", 1)
@@ -104,7 +105,8 @@ def harden(
     on_test: OnTest = lambda report: None,
     on_step: OnStep = lambda number, done, steps, loss: None,
 ) -> Path:
-    """Harden a detector, or go on; returns its weights, ``out/hardened-NAME.safetensors``, their card beside them.
+    """Harden a detector, or go on; returns its weights, ``out/hardened-NAME.safetensors`` or ``.onnx``, their card
+    beside them.
 
     A run resumed on the same machine ends in the same bits as one that never stopped.
 
@@ -115,7 +117,7 @@ def harden(
     rounds = _Rounds(wanted, origin)
     with alone_in(wanted.out):
         _claim(wanted.out, rounds.identity, resume)
-        target = wanted.out / f"hardened-{origin.card.name}.safetensors"
+        target = wanted.out / f"hardened-{origin.card.name}{origin.suffix}"
         if not target.with_suffix(".json").is_file():
             rounds.run(target, on_test, on_step)
     return target
@@ -187,18 +189,18 @@ class _Rounds:
         pool, weights, began = list(self.wanted.camouflages), None, time.process_time()
         for number in range(1, self.settings.rounds + 1):
             folder = self.wanted.out / f"round-{number}"
-            detector = self.origin.detector() if weights is None else load_weights(weights)
+            detector = self.origin.detector() if weights is None else self.origin.opened(weights)
             detector.to(self.device)
             if self.settings.attack_steps:
                 pool.append(self.wanted.attack(detector, number, folder / "attack"))
-            after = folder / "weights.safetensors"
+            after = folder / f"weights{self.origin.suffix}"
             if not after.with_suffix(".json").is_file():
                 self._tune(number, weights, pool, after, on_test, on_step)
             weights = after
         assert weights is not None
         network, card = self.origin.network(weights)
         minutes = round((time.process_time() - began) / 60, 1)
-        save_weights(target, network, replace(card, cpu_minutes=minutes, hardened=self._against(pool)))
+        self.origin.save(target, network, replace(card, cpu_minutes=minutes, hardened=self._against(pool)))
 
     def _tune(
         self, number: int, start: Path | None, pool: list[Path], after: Path, on_test: OnTest, on_step: OnStep
@@ -230,7 +232,7 @@ class _Rounds:
             lambda report: on_test(HardenReport(number, rounds, report)),
             lambda done, steps, loss: on_step(number, done, steps, loss),
         )
-        save_weights(after, average, self._card(number, findings))
+        self.origin.save(after, average, self._card(number, findings))
 
     def wears(self, index: int, camouflage: Path) -> bool:
         """Whether the frame's vehicle is a car that the camouflage fits."""

@@ -181,7 +181,7 @@ def test_mistakes_are_told_before_anything_is_done(data: Dataset, noise: Path, t
     stranger = tmp_path / "stranger.json"
     save_camouflage(stranger, Camouflage("x", "tank", "123", 2, "plain"), png_bytes(np.zeros((2, 2, 3), np.uint8)))
     for changed, message in (
-        ({"detector": "yolox-nano"}, "yolox-nano: rauca hardens its own detectors"),
+        ({"detector": "ssd-mobilenet-v2"}, "ssd-mobilenet-v2: rauca hardens its own detectors.*dataset export"),
         ({"detector": "yolov9"}, "yolov9"),
         ({"camouflages": [stranger]}, "stranger.json: made for UV atlas 123 of tank, which no data set shows"),
         ({"camouflages": [tmp_path / "none.json"]}, "none.json: not found"),

@@ -12,9 +12,10 @@ from rauca_core.detect.darknet import read_weights
 from rauca_core.detect.darknet_network import DarknetNetwork
 from rauca_core.detect.interface import DensePredictions
 from rauca_core.detect.synth.card import save_weights
-from rauca_core.detect.synth.darknet_student import DarknetStudent, _image_losses, cross_entropy
+from rauca_core.detect.synth.darknet_student import DarknetStudent
 from rauca_core.detect.synth.network import Truth
-from rauca_core.training.origin import origin_of
+from rauca_core.detect.synth.student_losses import cross_entropy, image_losses
+from rauca_core.training.hardenable import origin_of
 
 torch.set_num_threads(1)
 
@@ -89,7 +90,7 @@ def test_a_lost_vehicle_is_taught_and_not_kept_lost() -> None:
     logits = torch.full((1, 4), -20.0, requires_grad=True)
     classes = torch.full((1, 4, 2), 0.5)
     found = DensePredictions(boxes, logits.sigmoid(), classes)
-    losses = _image_losses(found, DensePredictions(boxes, torch.full((1, 4), 0.02), classes), 0, car())
+    losses = image_losses(found, DensePredictions(boxes, torch.full((1, 4), 0.02), classes), 0, car())
     (present,) = torch.autograd.grad(losses["present"], logits, retain_graph=True)
     (kept,) = torch.autograd.grad(losses["kept"], logits)
     assert present[0].tolist() == pytest.approx([-1 / 3] * 3 + [0.0])

@@ -31,7 +31,7 @@ from rauca_core.study.ranking import rank_camouflages
 from rauca_core.training.extractor_fit import Fit, fit
 from rauca_core.training.fit import Given, describe
 from rauca_core.training.harden import Hardening, _Rounds
-from rauca_core.training.origin import origin_of
+from rauca_core.training.hardenable import origin_of
 from rauca_core.training.settings import ExtractorSettings, HardenSettings
 from tests.environment.room import make_room
 
