@@ -69,5 +69,6 @@ def _posed(points: MarkedPoints, fov_deg: float, width: int, height: int) -> Cam
         return None
     if not done or not np.isfinite(t).all():
         return None
-    camera = Camera(K, cv2.Rodrigues(turn)[0], t[:, 0], width, height)
+    rotation, shift = (np.asarray(a, np.float64) for a in (cv2.Rodrigues(turn)[0], t[:, 0]))
+    camera = Camera(K, rotation, shift, width, height)
     return camera if (camera.project(points.vehicle_m)[1] > 0).all() else None
