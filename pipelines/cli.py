@@ -33,6 +33,7 @@ from .harden import harden
 from .methods import methods
 from .optimize import optimize
 from .options import Blender, PaintMask, PaintMaterial
+from .picture_commands import picture_app
 from .tradeoff import tradeoff
 
 EXTRAS = {
@@ -52,7 +53,7 @@ app = typer.Typer(
 )
 GROUPS = {
     "dataset": dataset_app, "efe": efe_app, "detectors": detectors_app, "weights": weights_app, "bench": bench_app,
-    "cache": cache_app,
+    "cache": cache_app, "picture": picture_app,
 }  # fmt: skip
 for name, group in GROUPS.items():
     app.add_typer(group, name=name)

@@ -1,0 +1,135 @@
+"""A picture as a frame of a data set.
+
+The frame names its picture in ``composed``: it was not rendered here and its light is estimated, so that it may be
+learned from and looked at, and whoever averages rendered results refuses it by the rule that is there already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import (
+    Camera,
+    Frame,
+    FramePasses,
+    LedgerEntry,
+    Plan,
+    RaucaError,
+    Ring,
+    Vehicle,
+    Weather,
+    append_entry,
+    frame_folder,
+    load_vehicle,
+    read_plan,
+    save_frame,
+    seal_dataset,
+)
+from ..contract.color import srgb_to_linear
+from ..contract.files import write_json
+from ..contract.semantics import mask_box
+from ..environment import estimate_image, load_extractor
+from ..render import rasterize
+from ..render.raster.pattern import pattern
+from ..render.surface import find_surface, mask_at
+from ..runtime.images import read_image
+
+WEATHER = Weather("picture", sun_altitude_angle=45.0)
+"""Nobody knows a picture's weather: the name says so, the numbers are placeholders."""
+SUBSAMPLES = 4
+
+
+def add_picture(
+    out: Path,
+    name: str,
+    image: NDArray[np.uint8],
+    vehicle: Vehicle,
+    camera: Camera,
+    mask: NDArray[np.float32],
+    paint_srgb: tuple[int, int, int],
+) -> Frame:
+    """Append a frame to the data set ``out``, which is begun if it is not there.
+
+    Args:
+        name: of the picture, for the frame's ``composed``.
+        image: (S, S, 3) 8-bit sRGB.
+        camera: in the vehicle's frame.
+        mask: (S, S) coverage of the vehicle in [0, 1]; where another thing hides it, 0.
+        paint_srgb: 8-bit color of the vehicle's paint; one for the whole set.
+
+    Raises:
+        RaucaError: a picture that is not square; a set of another vehicle, size or paint, or of rendered frames.
+    """
+    if image.shape[0] != image.shape[1]:
+        raise RaucaError(f"{name}: {image.shape[1]}x{image.shape[0]} pixels; frames are square: crop the picture first")
+    eye = camera.position - vehicle.positions.mean(0)
+    distance = float(np.linalg.norm(eye))
+    azimuth = float(np.degrees(np.arctan2(eye[1], eye[0])))
+    elevation = float(np.degrees(np.arcsin(eye[2] / distance)))
+    plan = _grown(Path(out), vehicle, len(image), paint_srgb, Ring((azimuth,), (elevation,), (distance,)))
+    planned = plan.frames()[-1]
+    paint, away = _seen(vehicle, camera)
+    light = estimate_image(image, paint * mask, plan.reference_srgb, load_extractor()[0])
+    expected = paint.sum()
+    visible = float(np.clip((paint * mask).sum() / expected, 0, 1)) if expected else 0.0
+    frame = Frame(
+        planned.id, planned.location, planned.view, camera, np.eye(4), WEATHER, azimuth, elevation, distance,
+        mask_box(mask >= 0.5), visible, 0, composed=(f"picture {name}",),
+    )  # fmt: skip
+    linear = srgb_to_linear(image / 255.0)
+    save_frame(frame_folder(out, frame.id), frame, FramePasses(linear, mask, paint * mask, away, light.A, light.B))
+    write_json(Path(out) / "dataset.json", plan.to_json())
+    append_entry(out, LedgerEntry(frame.id, "done"))
+    seal_dataset(out)
+    return frame
+
+
+def _grown(out: Path, vehicle: Vehicle, size: int, paint_srgb: tuple[int, int, int], ring: Ring) -> Plan:
+    """The set's plan with one place more; each picture is a place of its own, seen by one camera."""
+    if not (out / "dataset.json").is_file():
+        vehicle.save(out / "vehicle")
+        return Plan.of(
+            [WEATHER], ring, name=out.name, vehicle_name=vehicle.name, atlas_id=vehicle.atlas_id, size=size,
+            reference_srgb=paint_srgb, min_visible=0.0,
+        )  # fmt: skip
+    plan = read_plan(out)
+    if plan.weathers != (WEATHER,):
+        raise RaucaError(f"{out}: holds rendered frames; give pictures a folder of their own")
+    if load_vehicle(out / "vehicle", read_image).changed(vehicle):
+        raise RaucaError(f"{out}: holds pictures of another vehicle, {plan.vehicle_name}; choose another folder")
+    if (plan.size, plan.reference_srgb) != (size, paint_srgb):
+        told = f"{plan.size} pixels in paint {bytes(plan.reference_srgb).hex()}"
+        raise RaucaError(f"{out}: holds pictures of {told}; scale this one, give its --paint-color, or another folder")
+    return replace(plan, locations=plan.locations + 1)
+
+
+def _seen(vehicle: Vehicle, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Coverage of the paint (H, W), and metres to the vehicle (H, W), infinity beside it."""
+    raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
+    surface = find_surface(raster, np.ones(len(vehicle.triangles), bool))
+    painted = vehicle.paint_faces()[surface.faces] * mask_at(vehicle.paint_mask, surface.interpolate(vehicle.uvs))
+    points = surface.interpolate(vehicle.positions[vehicle.triangles])
+    away = np.linalg.norm(points - camera.position, axis=1)
+    rows, columns = np.nonzero(surface.index >= 0)
+    pixel = (rows + raster.y0) // SUBSAMPLES * camera.width + (columns + raster.x0) // SUBSAMPLES
+    many = camera.width * camera.height
+    paint = np.bincount(pixel, painted, many) / SUBSAMPLES**2
+    count = np.bincount(pixel, minlength=many)
+    mean = np.bincount(pixel, away, many) / np.maximum(count, 1)
+    distance = np.where(count > 0, mean, np.inf)
+    shape = camera.height, camera.width
+    return paint.reshape(shape).astype(np.float32), distance.reshape(shape).astype(np.float32)
+
+
+def draw_fit(image: NDArray[np.uint8], fitted: NDArray[np.float32], mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """The picture (H, W, 3) with the mask's outline in red and the fitted vehicle's in green."""
+    drawn = image.copy()  # a picture just read may be read-only
+    for coverage, color in ((mask, (255, 0, 0)), (fitted, (0, 255, 0))):
+        lines, _ = cv2.findContours((coverage >= 0.5).astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(drawn, lines, -1, color, 1)
+    return drawn

@@ -1,0 +1,79 @@
+"""Pictures become frames: the camera is found again from noisy marks and the silhouette, and judges refuse the set."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pipelines.cli import app
+from rauca_core.contract import Camera, Dataset, RaucaError, Vehicle, load_vehicle
+from rauca_core.contract.assets import assets_folder
+from rauca_core.contract.files import png_bytes
+from rauca_core.pictures.points import MarkedPoint, MarkedPoints
+from rauca_core.pictures.silhouette import coverage, iou, refine
+from rauca_core.pictures.solve import moved, reprojection_px, solve_camera
+from rauca_core.runtime.images import read_image
+from rauca_core.study.evaluate import open_views
+
+SIZE = 256
+
+
+@pytest.fixture(scope="module")
+def sedan() -> Vehicle:
+    return load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
+
+
+@pytest.fixture(scope="module")
+def truth() -> Camera:
+    return Camera.look_at(np.array([5.0, 4.0, 2.5]), np.array([0.0, 0, 0.7]), 60.0, SIZE, SIZE)
+
+
+def marks(vehicle: Vehicle, camera: Camera, noise_px: float) -> MarkedPoints:
+    rng = np.random.default_rng(3)
+    chosen = vehicle.positions[rng.choice(len(vehicle.positions), 8, replace=False)].astype(float)
+    pixels = camera.project(chosen)[0] + rng.normal(size=(8, 2)) * noise_px
+    return MarkedPoints(tuple(MarkedPoint(f"p{i}", *pair) for i, pair in enumerate(zip(chosen, pixels, strict=True))))
+
+
+def test_exact_marks_give_the_camera_and_its_focal_length(sedan: Vehicle, truth: Camera) -> None:
+    points = marks(sedan, truth, 0.0)
+    found = solve_camera(points, SIZE, SIZE)
+    assert reprojection_px(found, points) < 0.01
+    assert found.fov_deg == pytest.approx(truth.fov_deg, abs=0.1)
+    assert np.allclose(found.position, truth.position, atol=0.02)
+
+
+def test_the_silhouette_mends_what_noisy_marks_leave(sedan: Vehicle, truth: Camera) -> None:
+    wanted = coverage(sedan, truth)
+    start = moved(truth, np.array([0.04, 0.02, -0.02, 0.02, 0.01, 0.01, 0.03]))
+    found = refine(sedan, start, wanted, marks(sedan, truth, 1.0))
+    assert iou(coverage(sedan, start), wanted) < 0.95
+    assert iou(coverage(sedan, found), wanted) > 0.985
+
+
+def test_points_of_one_plane_are_refused() -> None:
+    flat = tuple(MarkedPoint(str(i), np.array([i, i**2, 0.0]), np.zeros(2)) for i in range(6))
+    with pytest.raises(RaucaError, match="one plane"):
+        MarkedPoints(flat).check("points.json")
+
+
+def test_the_command_writes_a_frame_that_judges_refuse(sedan: Vehicle, truth: Camera, tmp_path: Path) -> None:
+    (tmp_path / "camera.json").write_text(json.dumps(truth.to_json()))
+    seen = coverage(sedan, truth)
+    (tmp_path / "car.png").write_bytes(png_bytes(np.repeat((60 + 100 * seen)[..., None], 3, 2).astype(np.uint8)))
+    out = tmp_path / "set"
+    for number in (1, 2):
+        told = [str(tmp_path / "car.png"), "--vehicle", "sedan", "--camera", str(tmp_path / "camera.json")]
+        done = CliRunner().invoke(app, ["picture", "add", *told, "--out", str(out)], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+        frames = Dataset(out).frames()
+        assert len(frames) == number
+    assert frames[-1].composed == ("picture car.png",)
+    assert frames[-1].visible == pytest.approx(1, abs=0.1)
+    assert (out / "fits" / f"{frames[-1].id}.png").is_file()
+    with pytest.raises(RaucaError, match="composed"):
+        open_views([out])
