@@ -38,6 +38,9 @@ from .semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, Box, Instance
 from .vehicle import load_arrays
 from .weather import Weather
 
+PICTURE = "picture "
+"""Begins what a frame was composed from where that is a photograph, or another simulator's picture."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frame(Record):
@@ -83,6 +86,11 @@ class Frame(Record):
         """As of any record; a rendered frame says nothing of ``composed``, and stays what older versions read."""
         told = super().to_json()
         return told if self.composed else {name: value for name, value in told.items() if name != "composed"}
+
+    @property
+    def pictured(self) -> bool:
+        """Made of a picture from elsewhere: its camera stands where the photographer stood, not on the plan's ring."""
+        return any(source.startswith(PICTURE) for source in self.composed)
 
     @property
     def camera_in_vehicle(self) -> Camera:

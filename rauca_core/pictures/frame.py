@@ -31,7 +31,8 @@ from ..contract import (
     seal_dataset,
 )
 from ..contract.color import srgb_to_linear
-from ..contract.files import write_json
+from ..contract.files import SUMS_FILE, write_json
+from ..contract.frame import PICTURE
 from ..contract.semantics import mask_box
 from ..environment import estimate_image, load_extractor
 from ..render import rasterize
@@ -67,22 +68,24 @@ def add_picture(
     """
     if image.shape[0] != image.shape[1]:
         raise RaucaError(f"{name}: {image.shape[1]}x{image.shape[0]} pixels; frames are square: crop the picture first")
-    eye = camera.position - vehicle.positions.mean(0)
+    eye = camera.position - (vehicle.positions.min(0) + vehicle.positions.max(0)) / 2
     distance = float(np.linalg.norm(eye))
     azimuth = float(np.degrees(np.arctan2(eye[1], eye[0])))
     elevation = float(np.degrees(np.arcsin(eye[2] / distance)))
     plan = _grown(Path(out), vehicle, len(image), paint_srgb, Ring((azimuth,), (elevation,), (distance,)))
     planned = plan.frames()[-1]
     paint, away = _seen(vehicle, camera)
-    light = estimate_image(image, paint * mask, plan.reference_srgb, load_extractor()[0])
+    shown = np.round(paint * mask * 255) / 255  # as it is stored: where nothing of the paint is left, there is no A
+    light = estimate_image(image, shown, plan.reference_srgb, load_extractor()[0])
     expected = paint.sum()
-    visible = float(np.clip((paint * mask).sum() / expected, 0, 1)) if expected else 0.0
+    visible = float(np.clip(shown.sum() / expected, 0, 1)) if expected else 0.0
     frame = Frame(
         planned.id, planned.location, planned.view, camera, np.eye(4), WEATHER, azimuth, elevation, distance,
-        mask_box(mask >= 0.5), visible, 0, composed=(f"picture {name}",),
+        mask_box(mask >= 0.5), visible, 0, composed=(f"{PICTURE}{name}",),
     )  # fmt: skip
     linear = srgb_to_linear(image / 255.0)
-    save_frame(frame_folder(out, frame.id), frame, FramePasses(linear, mask, paint * mask, away, light.A, light.B))
+    save_frame(frame_folder(out, frame.id), frame, FramePasses(linear, mask, shown, away, light.A, light.B))
+    (Path(out) / SUMS_FILE).unlink(missing_ok=True)  # the plan grows with every picture: seal it anew
     write_json(Path(out) / "dataset.json", plan.to_json())
     append_entry(out, LedgerEntry(frame.id, "done"))
     seal_dataset(out)

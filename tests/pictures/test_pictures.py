@@ -13,6 +13,7 @@ from pipelines.cli import app
 from rauca_core.contract import Camera, Dataset, RaucaError, Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import png_bytes
+from rauca_core.dataset_tools.check import check_dataset
 from rauca_core.pictures.points import MarkedPoint, MarkedPoints
 from rauca_core.pictures.silhouette import coverage, iou, refine
 from rauca_core.pictures.solve import moved, reprojection_px, solve_camera
@@ -62,11 +63,12 @@ def test_points_of_one_plane_are_refused() -> None:
 
 
 def test_the_command_writes_a_frame_that_judges_refuse(sedan: Vehicle, truth: Camera, tmp_path: Path) -> None:
-    (tmp_path / "camera.json").write_text(json.dumps(truth.to_json()))
     seen = coverage(sedan, truth)
     (tmp_path / "car.png").write_bytes(png_bytes(np.repeat((60 + 100 * seen)[..., None], 3, 2).astype(np.uint8)))
     out = tmp_path / "set"
-    for number in (1, 2):
+    nearer = moved(truth, np.array([0, 0, 0.2, 0, 0, 0, -0.2]))
+    for number, camera in enumerate((truth, nearer), 1):
+        (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
         told = [str(tmp_path / "car.png"), "--vehicle", "sedan", "--camera", str(tmp_path / "camera.json")]
         done = CliRunner().invoke(app, ["picture", "add", *told, "--out", str(out)], catch_exceptions=False)
         assert done.exit_code == 0, done.output
@@ -75,5 +77,6 @@ def test_the_command_writes_a_frame_that_judges_refuse(sedan: Vehicle, truth: Ca
     assert frames[-1].composed == ("picture car.png",)
     assert frames[-1].visible == pytest.approx(1, abs=0.1)
     assert (out / "fits" / f"{frames[-1].id}.png").is_file()
+    assert not check_dataset(out).findings
     with pytest.raises(RaucaError, match="composed"):
         open_views([out])
