@@ -51,11 +51,12 @@ class Dataset:
 
     def require_rendered(self, purpose: str) -> None:
         """Raise :class:`RaucaError` for a data set with composed frames; ``purpose`` says what wants rendered ones."""
-        composed = next((frame.id for frame in self.frames() if frame.composed), None)
+        composed = next((frame for frame in self.frames() if frame.composed), None)
         if composed is not None:
+            what = "is a picture whose light is estimated" if composed.pictured else "was composed from other frames"
             raise RaucaError(
-                f"{self.folder}: frame {composed} was composed from other frames, to learn from; {purpose} rendered "
-                "ones alone: give a data set of `rauca dataset make`"
+                f"{self.folder}: frame {composed.id} {what}, to learn from; {purpose} rendered ones alone: give a data "
+                "set of `rauca dataset make`"
             )
 
     def begun(self) -> frozenset[str]:

@@ -105,9 +105,10 @@ def folder_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
             made[kind] = tmp_path_factory.mktemp("networks") / kind.partition("/")[0]
             made[kind].mkdir()
             described(kind).dump(made[kind] / "config.py")
-            model = import_registry().build(
-                importlib.import_module("mmengine.config").ConfigDict(read_config(made[kind] / "config.py").model)
-            )
+            config = importlib.import_module("mmengine.config").ConfigDict(read_config(made[kind] / "config.py").model)
+            with torch.random.fork_rng(devices=[]):  # biases are drawn as it is built, else by what ran before
+                torch.manual_seed(0)
+                model = import_registry().build(config)
             torch.save({"meta": {"epoch": 12}, "state_dict": seeded(model).state_dict()}, made[kind] / "epoch_12.pth")
         return made[kind]
 

@@ -78,5 +78,20 @@ def test_the_command_writes_a_frame_that_judges_refuse(sedan: Vehicle, truth: Ca
     assert frames[-1].visible == pytest.approx(1, abs=0.1)
     assert (out / "fits" / f"{frames[-1].id}.png").is_file()
     assert not check_dataset(out).findings
-    with pytest.raises(RaucaError, match="composed"):
+    with pytest.raises(RaucaError, match="is a picture whose light is estimated"):
         open_views([out])
+
+
+def test_the_command_solves_the_camera_from_marks_and_mask(sedan: Vehicle, truth: Camera, tmp_path: Path) -> None:
+    seen = coverage(sedan, truth)
+    marked = {"format": "rauca-points", "version": 1} | marks(sedan, truth, 1.0).to_json()
+    (tmp_path / "points.json").write_text(json.dumps(marked))
+    (tmp_path / "mask.png").write_bytes(png_bytes((255 * seen).astype(np.uint8)))
+    (tmp_path / "car.png").write_bytes(png_bytes(np.repeat((60 + 100 * seen)[..., None], 3, 2).astype(np.uint8)))
+    files = [str(tmp_path / name) for name in ("car.png", "points.json", "mask.png")]
+    told = [files[0], "--vehicle", "sedan", "--points", files[1], "--mask", files[2], "--out", str(tmp_path / "set")]
+    done = CliRunner().invoke(app, ["picture", "add", *told], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    (frame,) = Dataset(tmp_path / "set").frames()
+    assert iou(coverage(sedan, frame.camera_in_vehicle), seen) > 0.985
+    assert not check_dataset(tmp_path / "set").findings
