@@ -84,6 +84,7 @@ class Job:
     def __init__(self, task: Task, when_done: Callable[[Job], None] | None = None) -> None:
         """Start it; raises :class:`RaucaError` when the program cannot be started."""
         self.task, self.when_done = task, when_done
+        self.when_paused: Callable[[Job], None] | None = None
         self.phase: Phase = "starting"
         self.done = self.total = 0
         self.left_s: float | None = None

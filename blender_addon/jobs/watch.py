@@ -51,6 +51,10 @@ def tick() -> None:
         if found.tick():
             _show(name, found)
             redraw()
+        if found.phase == "paused" and (paused := found.when_paused):
+            found.when_paused = None
+            paused(found)
+            redraw()
         if not found.alive and (told := found.when_done):
             found.when_done = None
             told(found)

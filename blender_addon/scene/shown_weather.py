@@ -24,6 +24,8 @@ from .town.materials import NIGHT_GROUP, set_lit
 from .weather import MARCH_RATE, fill_with_fog, new_fog_box, shine
 
 EEVEE_FOG_END_M = 400.0
+GROUND_RADIUS_M, GROUND_CORNERS = 2000.0, 64
+GROUND_BELOW_M = 0.01  # under the wheels, so that an artist's own ground hides it
 LOWEST_SUN = math.sin(math.radians(4.0))  # a grazing sun lamp would need endless strength
 
 
@@ -53,6 +55,7 @@ def show(
     _expose_for_eevee(world.node_tree, film_exposure(turned))
     fill_with_fog(box, turned)
     box.location = ground
+    shown.ground.location = ground - (0.0, 0.0, GROUND_BELOW_M)
     box.hide_render = box.hide_viewport = turned.extinction == 0.0
     _aim_sun(shown.sun, turned)
     settings: dict[str, Setting] = {  # what Cycles and the display need to show it as the data set's frames have it
@@ -77,11 +80,11 @@ def remove(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup, lamps: list[b
     if scene.world == shown.world:
         scene.world = shown.world_before
     _wet_and_light(lamps, 0.0, 0.0, 0.0, 0.0)
-    added = [shown.world, shown.fog, shown.sun]
-    for thing in (shown.fog, shown.sun):
+    added = [shown.world, shown.fog, shown.sun, shown.ground]
+    for thing in (shown.fog, shown.sun, shown.ground):
         if thing is not None:
             added += [thing.data, *getattr(thing.data, "materials", ())]
-    shown.world = shown.world_before = shown.fog = shown.sun = None
+    shown.world = shown.world_before = shown.fog = shown.sun = shown.ground = None
     shown.overrides, shown.on = "", False
     bpy.data.batch_remove([block for block in added if block is not None])
 
@@ -96,7 +99,7 @@ def _wet_and_light(lamps: list[bpy.types.Object], level: float, film: float, pud
 
 
 def _add_missing(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup) -> None:
-    """Add the world, the fog's box and EEVEE's sun; an artist may have deleted one."""
+    """Add the world, the fog's box, EEVEE's sun and the ground; an artist may have deleted one."""
     if shown.world is None:
         shown.world = new_world()
     if shown.fog is None:
@@ -111,9 +114,26 @@ def _add_missing(scene: bpy.types.Scene, shown: bpy.types.PropertyGroup) -> None
         emission.inputs["Strength"].default_value = 0.0
         shown.sun = bpy.data.objects.new("rauca sun", light)
         shown.sun.hide_select = True
-    for thing in (shown.fog, shown.sun):
+    if shown.ground is None:
+        shown.ground = _new_ground()
+    for thing in (shown.fog, shown.sun, shown.ground):
         if thing.name not in scene.objects:
             scene.collection.objects.link(thing)
+
+
+def _new_ground() -> bpy.types.Object:
+    """A grey disc out to the horizon: without it the sky's lower half, which is black, shows around the vehicle."""
+    turns = np.linspace(0.0, 2.0 * math.pi, GROUND_CORNERS, endpoint=False)
+    corners = [(GROUND_RADIUS_M * math.cos(turn), GROUND_RADIUS_M * math.sin(turn), 0.0) for turn in turns]
+    mesh = bpy.data.meshes.new("rauca ground")
+    mesh.from_pydata(corners, [], [list(range(GROUND_CORNERS))])
+    material = bpy.data.materials.new("rauca ground")
+    tree = nodes.fresh_tree(material)
+    nodes.principled_surface(tree, Base_Color=(GREY_CARD, GREY_CARD, GREY_CARD, 1.0), Roughness=0.9)
+    mesh.materials.append(material)
+    thing = bpy.data.objects.new("rauca ground", mesh)
+    thing.display_type, thing.hide_select = "BOUNDS", True  # else it would hide the grid in the solid view
+    return thing
 
 
 def _expose_for_eevee(tree: bpy.types.NodeTree, exposure: float) -> None:

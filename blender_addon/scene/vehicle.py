@@ -103,9 +103,18 @@ def load_shipped(name: str) -> contract.Vehicle:
     return contract.load_vehicle(assets.assets_folder() / "vehicles" / name, read_image_blender)
 
 
-def add_vehicle(scene: bpy.types.Scene, vehicle: contract.Vehicle) -> bpy.types.Object:
-    """Add a vehicle to ``scene`` at the 3D cursor, its images packed; the object of a shipped one knows what it is."""
+def add_vehicle(
+    scene: bpy.types.Scene, vehicle: contract.Vehicle, collection: bpy.types.Collection
+) -> bpy.types.Object:
+    """Add a vehicle to ``scene`` at the 3D cursor, its images packed; the object of a shipped one knows what it is.
+
+    Args:
+        collection: of the scene, to put it in: the active one, as Blender's own Add menu does.
+    """
     placed, name = SceneVehicle(scene, vehicle), vehicle.name
+    if collection != scene.collection and collection.library is None:
+        collection.objects.link(placed.object)
+        scene.collection.objects.unlink(placed.object)
     placed.paint.pack()
     placed.object.name = placed.object.data.name = name
     placed.object.location = scene.cursor.location

@@ -16,7 +16,14 @@ from ..scene.bake import Baked, Task, add_layer, baked_image, other_layers, prep
 from ..scene.baked_export import export_glb
 from ..scene.mesh_edits import object_mode
 from ..translations import OWN_SENSE
-from .camouflage.painted_vehicle import coat_shown, painted_surface, painted_vehicle, require_coat, surface_of
+from .camouflage.painted_vehicle import (
+    coat_shown,
+    painted_surface,
+    painted_vehicle,
+    require_coat,
+    surface_of,
+    vehicle_gone,
+)
 from .operator import NO_COAT, NO_UNDO, ModalOperator, Obstacle, RaucaOperator
 from .panel import State, StepPanel, folder_setting
 
@@ -49,7 +56,7 @@ def state(context: bpy.types.Context) -> State:
     settings, coat = context.scene.rauca.bake, context.scene.rauca.camouflage.coat
     if RAUCA_OT_bake.running() is not None:
         return State("running", iface("Baking; Esc stops it"))
-    if coat is None:
+    if coat is None or vehicle_gone(context):
         return State("missing", iface("Apply a camouflage first"))
     if not settings.folder:
         return State("missing", iface("Choose a folder for the image"))

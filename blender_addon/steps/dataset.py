@@ -19,7 +19,8 @@ from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.child import child_command
 from ..jobs.thumbnails import thumbnail
 from .cameras import timing
-from .job_panel import draw_job, draw_open_folder, job_state
+from .job_panel import draw_job, draw_open_folder, job_state, shown_job
+from .on_disk import chosen_path, forget, frames_in
 from .operator import BackgroundOperator, Obstacle, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 
@@ -79,10 +80,16 @@ class RaucaDataset(bpy.types.PropertyGroup):
 
 
 def state(context: bpy.types.Context) -> State:
-    if found := job_state(JOB, iface("{done} of {total} frames"), iface("Building the scene in the background")):
+    settings = context.scene.rauca.dataset
+    job = shown_job(JOB, settings.folder)
+    if found := job_state(job, iface("{done} of {total} frames"), iface("Building the scene in the background")):
         return found
-    if not context.scene.rauca.dataset.folder:
+    if not settings.folder:
         return State("missing", iface("Choose a folder for the dataset"))
+    if (there := frames_in(settings.folder)) and there.done:
+        wanted = min(there.planned, settings.part or there.planned)
+        words = iface("{done} of {total} frames are there").format(done=there.done, total=wanted)
+        return State("done" if there.done >= wanted else "ready", words)
     count, time = timing.frame_count(context), contract.format_duration(timing.estimated_seconds(context))
     return State("ready", iface("Ready: {count} frames, about {time}").format(count=count, time=time))
 
@@ -97,11 +104,14 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         if not watch.busy(JOB):
             self._draw_settings(context, layout)
-        draw_job(context, layout, JOB)
-        if icon := pictures.icon(PICTURE):
-            layout.template_icon(icon, scale=8)
-        if found := watch.job(JOB):
+        folder = context.scene.rauca.dataset.folder
+        draw_job(context, layout, JOB, folder)
+        if found := shown_job(JOB, folder):
+            if icon := pictures.icon(PICTURE):
+                layout.template_icon(icon, scale=8)
             draw_open_folder(layout, str(found.task.folder))
+        elif frames_in(folder):
+            draw_open_folder(layout, str(chosen_path(folder)))
 
     def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.dataset
@@ -201,6 +211,7 @@ class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):
         workers = settings.workers
 
         def learn_pace(job: Job) -> None:
+            forget()
             with contextlib.suppress(contract.RaucaError):  # one that ended without frames teaches nothing
                 timing.learn(folder, workers)
 

@@ -8,20 +8,36 @@ from bpy.app.translations import pgettext_iface as iface
 from ..core import contract
 from ..jobs import watch
 from ..jobs.background import Job
+from .on_disk import chosen_path
 from .operator import NO_UNDO, RaucaOperator
 from .panel import State, paragraph
 
 NOTES = 3  # the latest, so that a talkative job does not push the buttons away
 
 
-def job_state(name: str, items: str, starting: str) -> State | None:
-    """The state of a step whose job is at work or done; None when the step's settings decide.
+def shown_job(name: str, folder: str) -> Job | None:
+    """The job that a panel tells of: one at work, whichever file began it, or one that ended in this file's folder.
+
+    Args:
+        folder: the setting of this file.
+    """
+    found = watch.job(name)
+    if found is None or found.alive or _is_here(found, folder):
+        return found
+    return None
+
+
+def _is_here(found: Job, folder: str) -> bool:
+    return bool(folder) and found.task.folder == chosen_path(folder)
+
+
+def job_state(found: Job | None, items: str, starting: str) -> State | None:
+    """The state of a step whose job is at work or done; None when the step's settings and the disk decide.
 
     Args:
         items: with ``{done}`` and ``{total}``, such as "{done} of {total} frames"; translated already, as is
         starting: what is going on before the first item.
     """
-    found = watch.job(name)
     if found is None or found.phase in ("stopped", "failed"):
         return None
     how_far = items.format(done=found.done, total=found.total) if found.total else starting
@@ -37,12 +53,15 @@ def job_state(name: str, items: str, starting: str) -> State | None:
     return State("done" if found.phase == "done" else "running", told)
 
 
-def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str) -> None:
-    """Progress, notes and buttons of a job at work, or how the last one ended."""
-    found = watch.job(name)
+def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str, folder: str) -> None:
+    """Progress, notes and buttons of a job at work, or how the last one in this file's ``folder`` ended."""
+    found = shown_job(name, folder)
     if found is None:
         return
     if found.alive:
+        if not _is_here(found, folder):
+            words = iface("Begun in another file; its results go to {folder}")
+            paragraph(context, layout, words.format(folder=found.task.folder), icon="INFO")
         layout.progress(factor=found.fraction, text=f"{found.fraction:.0%}")
         _draw_buttons(layout, name, found)
     elif found.phase != "done":

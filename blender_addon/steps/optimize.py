@@ -19,8 +19,9 @@ from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.thumbnails import thumbnail
 from ..preferences import CHECK, draw_python, preferences
 from .dataset import JOB as DATASET_JOB
-from .job_panel import draw_job, draw_open_folder, job_state
-from .operator import BackgroundOperator
+from .job_panel import draw_job, draw_open_folder, job_state, shown_job
+from .on_disk import CHECKPOINT, UNFINISHED, chosen_path, forget, paint_in
+from .operator import BackgroundOperator, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting
 
 JOB = "optimize"
@@ -53,10 +54,20 @@ class RaucaOptimize(bpy.types.PropertyGroup):
 
 
 def state(context: bpy.types.Context) -> State:
-    if found := job_state(JOB, iface("{done} of {total} steps"), iface("Reading the dataset and the detectors")):
+    settings = context.scene.rauca.optimize
+    job = shown_job(JOB, settings.folder)
+    if found := job_state(job, iface("{done} of {total} steps"), iface("Reading the dataset and the detectors")):
         return found
-    lack = missing(context)
-    return State("missing", lack) if lack else State("ready", iface("Ready to optimize"))
+    there = paint_in(settings.folder)
+    if there is not None and there.name and there.steps >= settings.steps:
+        words = iface("{name} is there, after {done} steps")
+        return State("done", words.format(name=there.name, done=there.steps))
+    if lack := missing(context):
+        return State("missing", lack)
+    if there is not None:
+        words = iface("Stands after {done} of {total} steps; Optimize goes on")
+        return State("ready", words.format(done=there.steps, total=settings.steps))
+    return State("ready", iface("Ready to optimize"))
 
 
 def missing(context: bpy.types.Context) -> str:
@@ -88,10 +99,15 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
             draw_python(context, layout)
         elif not watch.busy(JOB):
             self._draw_settings(context, layout)
-        draw_job(context, layout, JOB)
-        self._draw_pictures(layout)
-        if found := watch.job(JOB):
+        folder = context.scene.rauca.optimize.folder
+        draw_job(context, layout, JOB, folder)
+        if not RAUCA_OT_use_now.obstacle(context):
+            layout.operator("rauca.use_now", icon="FORWARD")
+        if found := shown_job(JOB, folder):
+            self._draw_pictures(layout, found)
             draw_open_folder(layout, str(found.task.folder))
+        elif paint_in(folder):
+            draw_open_folder(layout, str(chosen_path(folder)))
 
     def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings, settled = context.scene.rauca.optimize, preferences(context)
@@ -104,11 +120,8 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
             column.prop(detector, "use", text=detector.name, translate=False)
         layout.operator("rauca.optimize", icon="PLAY")
 
-    def _draw_pictures(self, layout: bpy.types.UILayout) -> None:
+    def _draw_pictures(self, layout: bpy.types.UILayout, found: Job) -> None:
         """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""
-        found = watch.job(JOB)
-        if found is None:
-            return
         row = layout.row()
         for kind in ("painted", "uv_map"):
             if icon := pictures.icon(f"{JOB}.{kind}"):
@@ -184,14 +197,63 @@ def _command(
     return [*command, "--seed", str(settings.seed), "--name", settings.title or "rauca", "--json-progress"]
 
 
+class RAUCA_OT_use_now(RaucaOperator, bpy.types.Operator):
+    """Put the camouflage as far as it is into step 6; an optimization at work goes on by itself afterwards"""
+
+    bl_label = "Use Now"
+
+    @classmethod
+    def obstacle(cls, context: bpy.types.Context) -> str:
+        found = watch.job(JOB)
+        if found is not None and found.alive and found.phase != "paused":
+            if found.phase != "running" or found.when_paused is not None:
+                return rpt("Wait until a step is done")
+            return ""
+        folder = _folder(context)
+        is_there = folder is not None and (folder / UNFINISHED).is_file()
+        return "" if is_there else rpt("No optimization has been stopped or is at work")
+
+    def work(self, context: bpy.types.Context) -> None:
+        found = watch.job(JOB)
+        if found is not None and found.phase == "running":
+            found.when_paused = _use_and_go_on
+            found.pause()
+            return
+        folder = _folder(context)
+        assert folder is not None  # poll
+        context.scene.rauca.camouflage.file = str(folder / UNFINISHED)
+
+
+def _folder(context: bpy.types.Context) -> Path | None:
+    """Of the paused job, else the one that is chosen."""
+    found, setting = watch.job(JOB), context.scene.rauca.optimize.folder
+    if found is not None and found.alive:
+        return found.task.folder
+    return chosen_path(setting) if setting else None
+
+
+def _use_and_go_on(job: Job) -> None:
+    _choose(job.task.folder / UNFINISHED)
+    job.go_on()
+
+
 def _offer(job: Job) -> None:
-    """Put the finished camouflage into step 6, unless another one is chosen there."""
+    """Put the finished camouflage into step 6 of the file that it was made for, unless another one is chosen there."""
+    forget()
     scene = bpy.context.scene
-    if job.phase == "done" and scene is not None and not scene.rauca.camouflage.file:
-        scene.rauca.camouflage.file = str(job.task.folder / "camouflage.json")
+    if job.phase != "done" or scene is None or shown_job(JOB, scene.rauca.optimize.folder) is None:
+        return
+    if scene.rauca.camouflage.file in ("", str(job.task.folder / UNFINISHED)):
+        _choose(job.task.folder / "camouflage.json")
 
 
-CHECKPOINT = Path("checkpoints") / "checkpoint.json"
+def _choose(camouflage: Path) -> None:
+    """Choose a camouflage in step 6, as a step of undo: what the user did before can be undone without losing it."""
+    bpy.context.scene.rauca.camouflage.file = str(camouflage)
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message="Rauca: Camouflage Chosen")
+
+
 HISTORY = "history.jsonl"
 FIGURES = ("loss", "score")
 MAX_HISTORY_BYTES = 2**28  # as `rauca optimize` reads it

@@ -21,7 +21,8 @@ Kind = Literal["missing", "ready", "running", "done"]
 class State:
     """What a step's panel shows first.
 
-    Panels ask for it at every redraw, so whoever makes one reads settings only: no files, no meshes.
+    Panels ask for it at every redraw, so whoever makes one reads no meshes, and of files only what `on_disk` keeps.
+    It is derived from what is there: no tick stands for something that was done once and may be gone.
 
     Attributes:
         kind: ``missing`` something, ``ready`` to go on, ``running``, or ``done``.

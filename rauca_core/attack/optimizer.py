@@ -32,6 +32,7 @@ from .settings import OptimizerSettings, make_settings
 
 TAPS = "taps"
 AVERAGED_STEPS = 50
+UNFINISHED = "unfinished.json"  # of a stopped run: no reader takes it for a finished one
 OnStep = Callable[[StepReport], None]
 OnView = Callable[[int, int], None]
 
@@ -101,7 +102,8 @@ def run_optimization(
 
     ``out`` receives ``camouflage.json`` and ``.png``, ``history.jsonl``, ``tensorboard/``, ``checkpoints/`` and, while
     the run goes on, the pictures of `history`. A run resumed on the same machine ends in the same bits as one that
-    never stopped.
+    never stopped. A stopped run leaves the camouflage of its last step as ``unfinished.json`` and ``.png``; one that is
+    resumed with fewer steps than were taken ends at once, with the camouflage as it is.
 
     Args:
         dataset: with light maps; frames without a box are skipped.
@@ -132,18 +134,20 @@ def run_optimization(
                 if resume:
                     checkpoint = load_checkpoint(out / CHECKPOINTS)
                     require_same(out, "run", checkpoint.identity, run.identity)
-                    if checkpoint.step > settings.steps:
-                        raise RaucaError(
-                            f"{out}: holds a run after step {checkpoint.step}, beyond --steps {settings.steps}; "
-                            "ask for more steps, or start anew in another folder"
-                        )
                     run.restore(checkpoint)
                 with run.store.warming(run.order.upcoming(), on_view):
                     _loop(run, out, on_step)
             finally:
                 run.close()
+            stopped = run.step < settings.steps
             if processes.is_main:
-                _write_result(run, out)
+                _write_result(run, out / UNFINISHED if stopped else out / "camouflage.json")
+            if stopped:
+                raise StoppedError(
+                    f"{out}: stopped after step {run.step} of {settings.steps}; the camouflage so far is {UNFINISHED}"
+                )
+            for left in (out / UNFINISHED, (out / UNFINISHED).with_suffix(".png")):
+                left.unlink(missing_ok=True)
             return out / "camouflage.json"
 
 
@@ -162,22 +166,22 @@ def _loop(run: Run, out: Path, on_step: OnStep | None) -> None:
             stopping = run.processes.any(bool(stop))
             if recorder is not None and (run.step % every == 0 or run.step == total or stopping):
                 recorder.save(run.checkpoint(), *run.pictures())
-        if run.step < total:
-            raise StoppedError(f"{out}: stopped after step {run.step} of {total}")
 
 
-def _write_result(run: Run, out: Path) -> None:
-    """Write ``camouflage.json`` and ``.png``; losses are means over the last steps of the history.
+def _write_result(run: Run, path: Path) -> None:
+    """Write a camouflage, ``path`` (.json) and the .png beside it; losses are means over the history's last steps.
 
     Raises:
         RaucaError: a history without a step, or damaged.
     """
-    last, settings, texture = read_history(out)[-AVERAGED_STEPS:], run.settings, run.texture
+    last, settings, texture = read_history(path.parent)[-AVERAGED_STEPS:], run.settings, run.texture
     if not last:
-        raise RaucaError(f"{out / HISTORY}: holds no step of the run; bring it back, or start anew in another folder")
+        raise RaucaError(
+            f"{path.parent / HISTORY}: holds no step of the run; bring it back, or start anew in another folder"
+        )
     made: dict[str, Any] = {
         "detector": run.ensemble.name,
-        "steps": settings.steps,
+        "steps": run.step,
         "seed": settings.seed,
         "final_losses": {name: sum(r[name] for r in last) / len(last) for name in CURVES},
         "settings": settings.identity(),
@@ -189,4 +193,4 @@ def _write_result(run: Run, out: Path) -> None:
         png = map_png(run.store.pyramid, texture.texels())
     vehicle = run.store.vehicle
     record = Camouflage(settings.name, vehicle.name, vehicle.atlas_id, settings.map_size, settings.method, made)
-    save_camouflage(out / "camouflage.json", record, png)
+    save_camouflage(path, record, png)

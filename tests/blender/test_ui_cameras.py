@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from blender_addon.scene.vehicle import SceneVehicle
 from blender_addon.scene.vehicle_arrays import read_objects
 from blender_addon.scene.vehicle_reading import find_anchor
 from blender_addon.scene.vehicle_request import VehicleRequest, orient
-from blender_addon.steps.cameras import timing
+from blender_addon.steps.cameras import overlay, timing
+from blender_addon.steps.cameras.panel import state
 from blender_addon.steps.cameras.properties import anchor
 from blender_addon.steps.cameras.timing import Pace, learn, recall
 from rauca_core.contract import LedgerEntry, Plan, RaucaError, Ring, append_entry
@@ -119,6 +121,36 @@ def test_the_ring_is_what_the_panel_says(addon, cameras):
     assert cameras.ring() == Ring(
         (0.0, 120.0, 240.0), (10.0, 17.5, 25.0), (8.0,), jitter_distance=0.12, jitter_roll_deg=4.0
     )
+
+
+class _DrawnError(Exception):
+    """In place of drawing, which needs a window."""
+
+
+def test_a_new_scene_shows_no_ring(addon, cameras, monkeypatch):
+    """Rings are drawn once a vehicle is there and a setting was changed, or where somebody asks for them."""
+
+    def draw() -> None:
+        overlay._draw(SimpleNamespace(scene=addon.context.scene, region_data=SimpleNamespace(view_perspective="PERSP")))
+
+    def lay_on_card(key, make):
+        raise _DrawnError
+
+    monkeypatch.setattr(overlay._ring, "kept", lay_on_card)
+    assert state(addon.context).kind == "ready"
+    draw()
+    addon.ops.rauca.add_vehicle(vehicle="cube")
+    draw()
+    cameras.azimuths = 5
+    assert state(addon.context).kind == "done"
+    with pytest.raises(_DrawnError):
+        draw()
+    cameras.overlay = False
+    cameras.azimuths = 6  # what was switched off by hand stays off
+    draw()
+    cameras.overlay = True
+    addon.data.objects.remove(addon.context.scene.rauca.vehicle.object)
+    draw()
 
 
 def test_looking_through_and_leaving_gives_everything_back(addon, cameras):

@@ -14,6 +14,7 @@ import pytest
 from blender_addon.scene.camera import place
 from blender_addon.scene.render import prepare, render_linear
 from blender_addon.scene.vehicle import load_shipped
+from blender_addon.steps import bake
 from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation
 from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 from rauca_core.contract import Camera, Frame, Quality, Weather
@@ -101,6 +102,14 @@ def test_it_shows_in_renders_on_the_paint_alone(rauca, tmp_path):
     assert 0.3 < changed[there].mean() < 0.95  # the sides, but not the roof
     green = shots["CAMOUFLAGE"][changed].mean(axis=0)
     assert green[1] > 3 * green[0]
+
+
+@pytest.mark.parametrize("remove", [lambda box: bpy.data.objects.remove(box), lambda box: bpy.ops.object.delete()])
+def test_a_deleted_vehicle_wears_nothing(rauca, tmp_path, remove):
+    box = painted_box(tmp_path)
+    remove(box)
+    assert (state().kind, state().words) == ("missing", "The vehicle that wore spots is no longer in this scene")
+    assert bake.state(bpy.context).words == "Apply a camouflage first"
 
 
 def test_toggle_and_undo(rauca, tmp_path):

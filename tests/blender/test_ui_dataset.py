@@ -64,13 +64,17 @@ def test_same_bytes_as_headless_across_a_pause_and_a_loaded_file(addon, steps, h
     assert 1 <= len(list((tmp_path / "set" / "frames").iterdir())) < job.total
     addon.ops.wm.read_homefile(use_empty=True, load_ui=False)
     assert watch.job("dataset") is job
-    assert state(addon.context).words.startswith("Paused: ")
+    assert state(addon.context).words.startswith("Paused: ")  # it is at work, whichever file is open
 
     assert addon.ops.rauca.steer_job(job="dataset", action="GO_ON") == {"FINISHED"}
     addon.ops.ed.undo_push(message="something")
     longest = max(longest, until(lambda: not job.alive))
     assert job.phase == "done"
+    assert state(addon.context).kind == "missing"  # another file's job: this file has no folder yet
+    addon.context.scene.rauca.dataset.folder = str(tmp_path / "set")
     assert state(addon.context).words == f"Finished: {job.total} of {job.total} frames"
+    watch.forget("dataset")  # as after a restart: what is there is read from the disk
+    assert (state(addon.context).kind, state(addon.context).words) == ("done", "3 of 3 frames are there")
     assert not job.task.scratch.exists()
     assert content(tmp_path / "set") == headless
     assert longest < 0.1
@@ -118,7 +122,9 @@ def test_disabling_and_a_death_leave_a_set_that_goes_on_to_the_same_bytes(addon,
     os.kill(job.pid, signal.SIGKILL)
     until(lambda: not job.alive)
     assert "killed" in job.ending
-    assert state(addon.context).kind == "ready"
+    there = len(list((tmp_path / "set" / "frames").glob("L*")))
+    assert state(addon.context).words == f"{there} of 3 frames are there"
+    assert state(addon.context).kind == ("done" if there == 3 else "ready")
 
     start()
     until(lambda: not watch.busy("dataset"))

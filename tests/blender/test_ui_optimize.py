@@ -81,8 +81,49 @@ def test_a_run_is_watched_paused_and_ends_in_a_camouflage(addon, ready, tmp_path
         assert pictures.shown(f"optimize.{kind}") is not None
     made, _ = load_camouflage(tmp_path / "made" / "camouflage.json")
     assert made.size == 64
-    assert addon.context.scene.rauca.camouflage.file == str(tmp_path / "made" / "camouflage.json")
+    assert addon.context.scene.rauca.camouflage.file == ""  # this file is not the one that asked for it
+    ready().folder, ready().steps = str(tmp_path / "made"), STEPS
+    assert state(addon.context).words == f"Finished: {STEPS} of {STEPS} steps"
+    watch.forget("optimize")
+    assert state(addon.context).words == f"rauca is there, after {STEPS} steps"
     assert longest < 0.1
+
+
+def test_a_camouflage_is_used_while_it_is_made_and_can_be_undone(addon, ready, tmp_path):
+    """Use Now writes what is there and goes on; the finished one takes its place, and undo keeps it."""
+    addon.context.preferences.edit.use_global_undo = True
+    file = lambda: Path(addon.context.scene.rauca.camouflage.file)  # noqa: E731
+    assert "No optimization" in refusal(addon.ops.rauca.use_now)
+    addon.ops.rauca.optimize(wait=False)
+    job = watch.job("optimize")
+    until(lambda: job.done >= 1)
+    assert addon.ops.rauca.use_now() == {"FINISHED"}
+    until(lambda: file().name == "unfinished.json" or not job.alive)
+    if file().name == "unfinished.json":  # else it was done first
+        assert 1 <= load_camouflage(file())[0].made["steps"] < STEPS
+    until(lambda: not job.alive)
+    assert job.phase == "done", job.ending
+    assert file() == tmp_path / "made" / "camouflage.json"
+    ready().title = "changed since"
+    addon.ops.ed.undo_push(message="a title")
+    addon.ops.ed.undo()
+    assert (ready().title, file()) == ("rauca", tmp_path / "made" / "camouflage.json")
+
+
+def test_a_stopped_run_can_be_used(addon, ready, tmp_path):
+    addon.ops.rauca.optimize(wait=False)
+    until(lambda: watch.job("optimize").done >= 2)
+    addon.ops.rauca.steer_job(job="optimize", action="STOP")
+    until(lambda: not watch.busy("optimize"))
+    took = json.loads((tmp_path / "made" / "checkpoints" / "checkpoint.json").read_text())["step"]
+    assert state(addon.context).words == f"Stands after {took} of {STEPS} steps; Optimize goes on"
+    assert addon.ops.rauca.use_now() == {"FINISHED"}
+    used = Path(addon.context.scene.rauca.camouflage.file)
+    assert load_camouflage(used)[0].made["steps"] == took
+    ready().steps = 1  # fewer than were taken: the camouflage as it is, and no error
+    assert addon.ops.rauca.optimize() == {"FINISHED"}
+    assert load_camouflage(tmp_path / "made" / "camouflage.json")[0].made["steps"] == took
+    assert not used.exists()
 
 
 def test_a_stopped_run_goes_on_and_another_one_is_refused(addon, ready, tmp_path):

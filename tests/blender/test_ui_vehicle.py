@@ -79,6 +79,35 @@ def test_every_shipped_vehicle_can_be_added_comes_out_as_itself_and_can_be_undon
     assert bpy.context.scene.rauca.vehicle.object.name == "van"
 
 
+def test_a_vehicle_goes_to_the_active_collection(vehicle):
+    own = bpy.data.collections.new("Cars")
+    bpy.context.scene.collection.children.link(own)
+    bpy.context.view_layer.active_layer_collection = bpy.context.view_layer.layer_collection.children["Cars"]
+    bpy.ops.rauca.add_vehicle(vehicle="cube")
+    assert [found.name for found in bpy.context.object.users_collection] == ["Cars"]
+
+
+def test_a_tick_is_given_for_what_was_checked(vehicle):
+    box = a_box()
+    assert state(bpy.context).kind == "ready"  # nobody has looked at its UVs yet
+    bpy.ops.rauca.check_uvs()
+    assert state(bpy.context).kind == "done"
+    for loop in box.data.uv_layers[0].uv:
+        loop.vector = loop.vector * 3.0
+    bpy.ops.rauca.check_uvs()
+    assert state(bpy.context).kind == "missing"
+    assert "triangles are faulty; unwrap the paint" in state(bpy.context).words
+
+
+def test_a_vehicle_whose_paint_nobody_knows_is_not_ticked(vehicle):
+    box = a_box(material="hull")
+    assert state(bpy.context).words == "Which material of Box is paint? Choose it under Paint"
+    vehicle.material = box.data.materials[0]
+    assert state(bpy.context).words == "Box is the vehicle"
+    vehicle.material, vehicle.paint = None, "FACES"
+    assert "mark them" in state(bpy.context).words
+
+
 def test_a_shipped_vehicle_that_was_edited_is_no_longer_the_shipped_one(vehicle):
     bpy.ops.rauca.add_vehicle(vehicle="cube")
     bpy.context.object.data.vertices[0].co.z += 0.25

@@ -271,14 +271,38 @@ def test_a_saved_file_still_knows_what_was_there(addon, weather, tmp_path):
 
 
 def test_the_panels_words(addon, weather, tmp_path):
-    assert state(addon.context).words == "3 weathers for the dataset"
+    assert (state(addon.context).kind, state(addon.context).words) == ("ready", "3 weathers for the dataset")
     weather.used = "ONE"
+    assert state(addon.context).kind == "done"
     assert state(addon.context).words == "One weather for the dataset: clear day"
     weather.used, weather.preset = "LIST", "OWN"
     assert state(addon.context).kind == "missing"
     (tmp_path / "broken.json").write_text("{")
     weather.file = str(tmp_path / "broken.json")
     assert state(addon.context).words == "The file of weathers cannot be read; choose another"
+
+
+def test_the_ground_lies_under_the_vehicle_while_there_is_no_street(addon, weather):
+    addon.ops.rauca.show_weather()
+    ground = weather.shown.ground
+    assert not ground.hide_render
+    assert ground.location.z == pytest.approx(-0.01)
+    hit, place, *_ = addon.context.scene.ray_cast(
+        addon.context.evaluated_depsgraph_get(), (300.0, 5.0, 9.0), (0, 0, -1)
+    )
+    assert hit
+    assert place.z == pytest.approx(-0.01, abs=1e-4)
+    weather.ground = False
+    assert ground.hide_render
+    assert ground.hide_viewport
+    weather.ground = True
+    weather.street = addon.data.collections.new("a street")
+    weather.refresh()
+    assert ground.hide_render
+    addon.ops.rauca.remove_weather()
+    assert "rauca ground" not in {
+        block.name for kind in ("objects", "meshes", "materials") for block in getattr(addon.data, kind)
+    }
 
 
 def test_rain_in_the_viewport_is_the_frames_rain():

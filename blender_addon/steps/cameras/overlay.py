@@ -22,10 +22,11 @@ STYLES = {
 
 def _draw(context: bpy.types.Context) -> None:
     settings = context.scene.rauca.cameras
-    # Not through a view's camera, whose picture the ring would clutter.
-    if not settings.overlay or (settings.looking and context.region_data.view_perspective == "CAMERA"):
-        return
     around, place = anchor(context), context.scene.rauca.weather.place - 1
+    if not settings.overlay or not around.found:
+        return
+    if settings.looking and context.region_data.view_perspective == "CAMERA":
+        return  # the ring would clutter the view's picture
     shots, chosen, pose, center = settings.shots(), settings.chosen(), around.vehicle_to_world, around.center
     key = (shots, place, chosen, pose.tobytes(), center.tobytes())
     batches = _ring.kept(key, lambda: _on_card(ring_lines(shots, place, chosen, pose, center)))

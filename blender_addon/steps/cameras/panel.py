@@ -16,9 +16,10 @@ from .timing import estimated_seconds, frame_count, pace
 
 
 def state(context: bpy.types.Context) -> State:
-    """How many cameras there are."""
-    views = len(context.scene.rauca.cameras.ring())
-    return State("done", iface("{count} views of the vehicle").format(count=views))
+    """How many cameras there are; done once something of them was set."""
+    settings = context.scene.rauca.cameras
+    words = iface("{count} views of the vehicle").format(count=len(settings.ring()))
+    return State("done" if settings.used else "ready", words)
 
 
 class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
@@ -32,7 +33,7 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
         settings = context.scene.rauca.cameras
         layout.prop(settings, "overlay")
         if settings.overlay and not anchor(context).found:
-            text = iface("Drawn around the world's middle: the vehicle is not in this scene.")
+            text = iface("Drawn as soon as the vehicle is in this scene.")
             paragraph(context, layout, text, icon="INFO")
         layout.prop(settings, "azimuths")
         # A count and its two ends; of one ring only the middle counts.

@@ -14,6 +14,10 @@ from ...scene.camera import look
 from ...scene.vehicle_reading import NOWHERE, Anchor, find_anchor
 from ..panel import angle
 
+RING_SETTINGS = (
+    *("azimuths", "elevation_low", "elevation_high", "elevations", "distance_near", "distance_far", "distances"),
+    *("jitter_azimuth", "jitter_elevation", "jitter_distance", "jitter_aim", "jitter_roll", "fov", "view", "overlay"),
+)
 _known: dict[str, tuple[tuple[object, ...], Anchor]] = {}
 
 
@@ -39,7 +43,9 @@ def _looks(thing: bpy.types.Object) -> tuple[object, ...]:
 
 
 def _changed(self: RaucaCameras, context: bpy.types.Context) -> None:
-    """The ring was changed: the view that is looked through follows."""
+    """The ring was changed: it is shown unless that was ever decided by hand, and the looked through view follows."""
+    if not self.is_property_set("overlay"):
+        self.overlay = True
     self.follow(context)
 
 
@@ -76,7 +82,9 @@ class RaucaCameras(bpy.types.PropertyGroup):
     jitter_roll: _angle("Tilt", "Each camera tilts so far to either side at random", 0, 0, 180)
     fov: _angle("Field of View", "How wide the cameras see", 60, 1, 170)
     overlay: bpy.props.BoolProperty(
-        name="Show in Viewport", default=True, description="Draw the rings and cameras in the viewport"
+        name="Show in Viewport",
+        default=False,
+        description="Draw the rings and cameras around the vehicle; comes on with the first change of a setting",
     )
     view: bpy.props.IntProperty(
         name="View", default=1, min=1, update=_changed, description="The view that is drawn large and looked through"
@@ -104,6 +112,11 @@ class RaucaCameras(bpy.types.PropertyGroup):
         """Ring, picture size and seed, as the job gets them."""
         dataset = self.id_data.rauca.dataset
         return viewpoints.Shots(self.ring(), dataset.size, dataset.seed)
+
+    @property
+    def used(self) -> bool:
+        """Whether anything of this step was set by hand in this file."""
+        return any(self.is_property_set(name) for name in RING_SETTINGS)
 
     def chosen(self) -> int:
         """Index of the chosen view."""

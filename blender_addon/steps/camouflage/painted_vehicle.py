@@ -39,7 +39,7 @@ def objects_of(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bp
 def place(context: bpy.types.Context, vehicle: contract.Vehicle) -> list[bpy.types.Object]:
     """Add ``vehicle`` to the scene at the 3D cursor; one of Rauca's own becomes the chosen one of step 1."""
     settings = context.scene.rauca.vehicle
-    thing = add_vehicle(context.scene, vehicle)
+    thing = add_vehicle(context.scene, vehicle, context.collection)
     thing[ATLAS_KEY] = vehicle.atlas_id
     if settings.origin != "FILE" and NAME_KEY in thing:
         settings.choose(thing)
@@ -51,6 +51,14 @@ def coat_shown(context: bpy.types.Context) -> Coat | None:
     """The camouflage that the scene's vehicle wears, or None."""
     tree = context.scene.rauca.camouflage.coat
     return Coat(tree) if tree is not None else None
+
+
+def vehicle_gone(context: bpy.types.Context) -> bool:
+    """Whether the vehicle that a camouflage was applied to is no longer in the scene."""
+    settings = context.scene.rauca.camouflage
+    if settings.coat is None:
+        return False
+    return settings.anchor is None or settings.anchor.name not in context.scene.objects
 
 
 def require_coat(context: bpy.types.Context) -> Coat:

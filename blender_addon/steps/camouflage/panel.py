@@ -10,6 +10,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ...scene.coating import Coat
 from ..panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 from .evaluation import NORMAL, EvaluatedFrame, Views
+from .painted_vehicle import vehicle_gone
 from .shown_evaluation import ask, loaded, paint_of, same_view
 
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
@@ -53,6 +54,8 @@ def state(context: bpy.types.Context) -> State:
     settings = context.scene.rauca.camouflage
     if settings.coat is not None:
         name = settings.coat.get("rauca_camouflage", "")
+        if vehicle_gone(context):
+            return State("missing", iface("The vehicle that wore {name} is no longer in this scene").format(name=name))
         words = {
             "ORIGINAL": iface("The original paint shows; {name} is hidden"),
             "CAMOUFLAGE": iface("The vehicle wears {name}"),

@@ -34,7 +34,7 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str:
         leave_mode(context)
-        thing = add_vehicle(context.scene, load_shipped(self.vehicle))
+        thing = add_vehicle(context.scene, load_shipped(self.vehicle), context.collection)
         context.view_layer.update()
         for other in context.view_layer.objects:
             other.select_set(other == thing)

@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...translations import OWN_SENSE
-from ..panel import SidebarPanel, State, StepPanel, paragraph
+from ..panel import Kind, SidebarPanel, State, StepPanel, paragraph
 from .unwrap import RAUCA_OT_unwrap_paint
 
 
@@ -29,11 +29,20 @@ def state(context: bpy.types.Context) -> State:
         return State("missing", hint)
     if settings.origin == "OBJECT" and picked.name not in context.scene.objects:
         return State("missing", iface("{name} is no longer in this scene; pick another").format(name=picked.name))
+    faults = settings.missing + settings.outside + settings.overlapping + settings.uneven if settings.checked else 0
+    if faults:
+        words = iface("{name}: {count} triangles are faulty; unwrap the paint, under UV Map")
+        return State("missing", words.format(name=picked.name, count=faults))
+    # A shipped vehicle is known to be whole; of another one nobody knows before it was checked.
+    kind: Kind = "done" if settings.checked or settings.is_shipped(context) else "ready"
     if settings.paint == "FACES":
         if not settings.marked:
             return State("missing", iface("Select faces of {name} in edit mode and mark them").format(name=picked.name))
-        return State("done", iface("{name}, {count} faces are paint").format(name=picked.name, count=settings.marked))
-    return State("done", iface("{name} is the vehicle").format(name=picked.name))
+        return State(kind, iface("{name}, {count} faces are paint").format(name=picked.name, count=settings.marked))
+    if not settings.knows_paint(context):
+        words = iface("Which material of {name} is paint? Choose it under Paint")
+        return State("missing", words.format(name=picked.name))
+    return State(kind, iface("{name} is the vehicle").format(name=picked.name))
 
 
 class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):

@@ -8,8 +8,9 @@ import bpy
 
 from ...core import contract
 from ...scene.mesh_edits import marked_count, object_mode
-from ...scene.vehicle import shipped_names
+from ...scene.vehicle import NAME_KEY, shipped_names
 from ...scene.vehicle_files import find_vehicle
+from ...scene.vehicle_paint import choose_paint
 from ...scene.vehicle_reading import Reading, read_vehicle
 from ...scene.vehicle_request import VehicleRequest
 from ...translations import OWN_SENSE
@@ -147,6 +148,25 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         name, by_marks = root.name if root is not None else "", self.paint == "FACES"
         material = self.material.name if self.material is not None and not by_marks else None
         return VehicleRequest(name, front=self.front, paint_material=material, by_marks=by_marks)
+
+    def is_shipped(self, context: bpy.types.Context) -> bool:
+        """Whether the picked object was made from one of Rauca's own vehicles."""
+        return self.origin == "OBJECT" and self.object is not None and NAME_KEY in self.object
+
+    def knows_paint(self, context: bpy.types.Context) -> bool:
+        """Whether the paint's material is chosen or told by its name; asks slots alone, for drawing."""
+        if self.is_shipped(context):
+            return True
+        parts = [thing for thing in self.objects(context) if thing.type == "MESH"]
+        slots = [slot.material for thing in parts for slot in thing.material_slots]
+        if any(len(thing.material_slots) == 0 for thing in parts):
+            slots.append(None)
+        names = list(dict.fromkeys(material.name if material is not None else "" for material in slots))
+        try:
+            choose_paint(names, self.request())
+        except contract.RaucaError:
+            return False
+        return True
 
     def choose(self, shipped: bpy.types.Object) -> None:
         """Choose an object that is one of Rauca's own vehicles."""

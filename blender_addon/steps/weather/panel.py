@@ -11,25 +11,26 @@ from ...scene.town.materials import NIGHT_GROUP
 from ...scene.wetness import GROUP as WETTABLE
 from ..cameras.properties import anchor
 from ..operator import LINKED, NOT_OBJECT_MODE, Obstacle, RaucaOperator
-from ..panel import State, StepPanel, paragraph
+from ..panel import Kind, State, StepPanel, paragraph
 from . import gallery
 from .gallery import display_name
 from .properties import RaucaWeather
 
 
 def state(context: bpy.types.Context) -> State:
-    """Which weathers the dataset gets."""
+    """Which weathers the dataset gets; done once something of them was set."""
     settings = context.scene.rauca.weather
+    kind: Kind = "done" if settings.used_by_hand else "ready"
     if settings.used == "ONE":
         name = display_name(settings.current().name)
-        return State("done", iface("One weather for the dataset: {name}").format(name=name))
+        return State(kind, iface("One weather for the dataset: {name}").format(name=name))
     if settings.preset != gallery.OWN:
-        return State("done", iface("{count} weathers for the dataset").format(count=len(settings.listed())))
+        return State(kind, iface("{count} weathers for the dataset").format(count=len(settings.listed())))
     if not settings.file:
         return State("missing", iface("Choose your file of weathers"))
     if not settings.listed():
         return State("missing", iface("The file of weathers cannot be read; choose another"))
-    return State("done", iface("{count} weathers for the dataset").format(count=len(settings.listed())))
+    return State(kind, iface("{count} weathers for the dataset").format(count=len(settings.listed())))
 
 
 class RAUCA_PT_weather(StepPanel, bpy.types.Panel):
@@ -80,6 +81,8 @@ def _draw_viewport(context: bpy.types.Context, settings: RaucaWeather, layout: b
         number.scale_x = 0.5
         number.prop(settings, "place", text="")
     if settings.shown.on:
+        if settings.street is None:
+            layout.prop(settings, "ground")
         _draw_caveats(context, settings, layout)
 
 

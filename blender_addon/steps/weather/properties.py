@@ -73,6 +73,7 @@ class RaucaShownWeather(bpy.types.PropertyGroup):
     world_before: bpy.props.PointerProperty(type=bpy.types.World)
     fog: bpy.props.PointerProperty(type=bpy.types.Object)
     sun: bpy.props.PointerProperty(type=bpy.types.Object)
+    ground: bpy.props.PointerProperty(type=bpy.types.Object)
     overrides: bpy.props.StringProperty()
 
 
@@ -120,8 +121,19 @@ class RaucaWeather(bpy.types.PropertyGroup):
     )
     street: bpy.props.PointerProperty(type=bpy.types.Collection)
     street_turn_deg: bpy.props.FloatProperty()
+    ground: bpy.props.BoolProperty(
+        name="Ground",
+        default=True,
+        description="Put a plain grey ground under the vehicle while no street is there",
+        update=_moved,
+    )
     shown: bpy.props.PointerProperty(type=RaucaShownWeather)
     setting: bpy.props.BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    @property
+    def used_by_hand(self) -> bool:
+        """Whether anything of this step was chosen in this file."""
+        return self.shown.on or any(self.is_property_set(name) for name in ("used", "preset", "file", "picked"))
 
     def listed(self) -> Sequence[contract.Weather]:
         """The weathers of the chosen list; empty when the user's file cannot be read."""
@@ -163,6 +175,7 @@ class RaucaWeather(bpy.types.PropertyGroup):
         scene, ground = self.id_data, anchor(bpy.context).vehicle_to_world[:3, 3]
         lamps = street.lamps(self.street)
         shown_weather.show(scene, self.shown, self.current(), lamps, ground, self.street_turn_deg)
+        self.shown.ground.hide_render = self.shown.ground.hide_viewport = self.street is not None or not self.ground
 
     def chosen(self) -> tuple[Sequence[contract.Weather], Sequence[str]]:
         """The weathers that the dataset gets, and what the user should know of them.

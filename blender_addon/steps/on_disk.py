@@ -1,0 +1,105 @@
+"""What the chosen folders hold already, for panels: derived from the disk, which is asked twice a second at most."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import bpy
+
+from ..core import contract, schema
+
+ASK_EVERY_S = 0.5
+UNFINISHED = "unfinished.json"  # the camouflage of a stopped run, as `rauca optimize` names it
+CHECKPOINT = Path("checkpoints") / "checkpoint.json"
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a dataset's plan, and how many of them need no more work: rendered, or found to show too little."""
+
+    done: int
+    planned: int
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A finished camouflage and the steps that it took; without a name, a run that was stopped after them."""
+
+    name: str
+    steps: int
+
+
+@dataclass
+class _Answer:
+    asked_at: float
+    stamps: tuple[int, ...]
+    found: object
+
+
+_answers: dict[tuple[str, str], _Answer] = {}
+
+
+def chosen_path(setting: str) -> Path:
+    """The folder of a setting; ``//`` stands for the .blend's."""
+    return Path(bpy.path.abspath(setting)).absolute()
+
+
+def frames_in(setting: str) -> Frames | None:
+    """The dataset in the chosen folder; None where there is none that can be read."""
+    return _ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)
+
+
+def paint_in(setting: str) -> Paint | None:
+    """The camouflage, or the stopped run, in the chosen folder; None where there is none that can be read."""
+    return _ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)
+
+
+def _frames(folder: Path) -> Frames:
+    planned, states = contract.read_plan(folder).frames(), contract.frame_states(folder)
+    return Frames(sum(states.get(frame.id) in ("done", "occluded") for frame in planned), len(planned))
+
+
+def _paint(folder: Path) -> Paint:
+    if (folder / "camouflage.json").is_file():
+        made, _ = contract.load_camouflage(folder / "camouflage.json")
+        steps = made.made.get("steps", 0)
+        return Paint(made.name, steps if isinstance(steps, int) else 0)
+    return Paint("", schema.read_json(folder / CHECKPOINT).integer("step"))
+
+
+def _ask(kind: str, setting: str, names: tuple[str, ...], read: Callable[[Path], T]) -> T | None:
+    """Read anew only when one of the named entries of the folder has changed, and not at every redraw."""
+    if not setting:
+        return None
+    folder, now = chosen_path(setting), time.monotonic()
+    known = _answers.get((kind, str(folder)))
+    if known is None or now - known.asked_at >= ASK_EVERY_S:
+        stamps = tuple(_stamp(folder / name) for name in names)
+        if known is None or known.stamps != stamps:
+            known = _answers[kind, str(folder)] = _Answer(now, stamps, _read(read, folder))
+        known.asked_at = now
+    return known.found  # type: ignore[return-value]
+
+
+def forget() -> None:
+    """Ask the disk again at the next redraw: a job has just ended."""
+    _answers.clear()
+
+
+def _read(read: Callable[[Path], T], folder: Path) -> T | None:
+    try:
+        return read(folder)
+    except (contract.RaucaError, OSError):
+        return None
+
+
+def _stamp(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
