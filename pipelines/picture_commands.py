@@ -7,11 +7,8 @@ from typing import Annotated
 
 import typer
 
-from rauca_core.contract import Camera, RaucaError, load_vehicle
-from rauca_core.contract.assets import assets_folder
+from rauca_core.contract import RaucaError
 from rauca_core.contract.color import find_colors
-from rauca_core.contract.files import png_bytes, write_bytes
-from rauca_core.contract.schema import read_json
 
 from .console import console
 
@@ -36,42 +33,25 @@ def picture_add(
     paint_color: Annotated[str, typer.Option(help="sRGB color of the vehicle's paint, as ff8800")] = "8c8c8c",
 ) -> None:
     """Add a picture of a vehicle: its camera given or solved, its light estimated."""
-    import numpy as np
-
-    from rauca_core.pictures.frame import add_picture, draw_fit
+    from rauca_core.dataset_tools.stored import load_vehicle
+    from rauca_core.pictures.fit import fit_camera, fit_points, read_camera
+    from rauca_core.pictures.frame import add_picture, read_mask, read_picture
     from rauca_core.pictures.points import read_points
-    from rauca_core.pictures.silhouette import coverage, iou, refine
-    from rauca_core.pictures.solve import reprojection_px, solve_camera
-    from rauca_core.runtime.images import read_image
 
     if (camera is None) == (points is None):
         raise RaucaError("picture add: give either --camera or --points")
-    pixels = read_image(image)
-    pixels = pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, 2)
+    pixels = read_picture(image)
     high, wide = pixels.shape[:2]
-    folder = assets_folder() / "vehicles" / vehicle
-    found = load_vehicle(folder if (folder / "vehicle.json").is_file() else Path(vehicle), read_image)
-    seen = None if mask is None else read_image(mask).astype(np.float32) / 255
-    if seen is not None and seen.shape != (high, wide):
-        raise RaucaError(f"{mask}: must be grey and {wide}x{high} pixels, as the picture is; not {seen.shape}")
+    found, seen = load_vehicle(vehicle), None if mask is None else read_mask(mask, wide, high)
     if camera is not None:
-        known = Camera.from_json(read_json(camera))
-        if (known.width, known.height) != (wide, high):
-            raise RaucaError(f"{camera}: of {known.width}x{known.height} pixels, the picture has {wide}x{high}")
+        fit = fit_camera(found, read_camera(camera, wide, high), seen)
     else:
         assert points is not None
-        marked = read_points(points)
-        known = solve_camera(marked, wide, high)
-        console.print(f"points: {reprojection_px(known, marked):.2f} pixels, {known.fov_deg:.1f} degrees wide")
-        if seen is not None:
-            known = refine(found, known, seen, marked)
-            console.print(f"refined: {reprojection_px(known, marked):.2f} pixels, {known.fov_deg:.1f} degrees wide")
-    fitted = coverage(found, known)
-    if seen is not None:
-        console.print(f"silhouette IoU: {iou(fitted, seen):.4f}")
-    shown = fitted if seen is None else seen
-    made = add_picture(out, image.name, pixels, found, known, shown, find_colors(paint_color)[0])
-    overlay = out / "fits" / f"{made.id}.png"
-    overlay.parent.mkdir(exist_ok=True)
-    write_bytes(overlay, png_bytes(draw_fit(pixels, fitted, shown)))
+        fit = fit_points(found, read_points(points), seen, (wide, high))
+        console.print(f"points: {fit.solved_px:.2f} pixels")
+        console.print(f"camera: {fit.points_px:.2f} pixels, {fit.camera.fov_deg:.1f} degrees wide")
+    if fit.iou is not None:
+        console.print(f"silhouette IoU: {fit.iou:.4f}")
+    shown = fit.coverage if seen is None else seen
+    made, overlay = add_picture(out, image.name, pixels, found, fit, shown, find_colors(paint_color)[0])
     console.print(f"{made.id}: {out}; fit drawn in {overlay}", soft_wrap=True)

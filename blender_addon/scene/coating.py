@@ -214,6 +214,12 @@ def uncoat(objects: list[bpy.types.Object]) -> None:
                     bpy.data.images.remove(image)
 
 
+def atlas_layers(thing: bpy.types.Object) -> set[str]:
+    """The UV layers that the camouflage of an object's materials lies in; asks no faces."""
+    trees = [slot.material.node_tree for slot in thing.material_slots if slot.material is not None]
+    return {node.uv_map for tree in trees if tree is not None and (node := tree.nodes.get(ATLAS_NODE)) is not None}
+
+
 def painted_objects(scene: bpy.types.Scene, coat: Coat) -> list[bpy.types.Object]:
     """The objects that wear a coat."""
     return [

@@ -14,6 +14,7 @@ from ..core import contract, files
 from ..folders import chosen_folder
 from ..scene.bake import Baked, Task, add_layer, baked_image, other_layers, prepare_bake, run_bake, show_baked
 from ..scene.baked_export import export_glb
+from ..scene.coating import atlas_layers
 from ..scene.mesh_edits import object_mode
 from ..translations import OWN_SENSE
 from .camouflage.painted_vehicle import (
@@ -27,13 +28,30 @@ from .camouflage.painted_vehicle import (
 from .operator import NO_COAT, NO_UNDO, ModalOperator, Obstacle, RaucaOperator
 from .panel import State, StepPanel, folder_setting
 
+LEAST_DB = 30.0  # of a bake that looks like the camouflage; below, the difference is seen at a glance
+
+
+def _layers(self: RaucaBake, context: bpy.types.Context, typed: str) -> list[str]:
+    """The UV layers to choose from."""
+    return bakeable(context)
+
+
+def bakeable(context: bpy.types.Context) -> list[str]:
+    """UV layers of the painted mesh beside the camouflage's own; asks no faces: quick enough for drawing."""
+    anchor = context.scene.rauca.camouflage.anchor
+    if anchor is None or anchor.type != "MESH":
+        return []
+    own = atlas_layers(anchor)
+    return [layer.name for layer in anchor.data.uv_layers if layer.name not in own]
+
 
 class RaucaBake(bpy.types.PropertyGroup):
-    """Where the camouflage goes; ``baked_layer``, ``file`` and ``difference`` tell of the last bake."""
+    """Where the camouflage goes; ``baked_layer``, ``file``, ``difference`` and ``decibels`` tell of the last bake."""
 
     layer: bpy.props.StringProperty(
         name="UV Layer",
         translation_context=OWN_SENSE,
+        search=_layers,
         description="The UV layer to bake into; empty: the only one beside the camouflage's own",
     )
     size: bpy.props.EnumProperty(
@@ -50,6 +68,7 @@ class RaucaBake(bpy.types.PropertyGroup):
     baked_layer: bpy.props.StringProperty(options={"HIDDEN"})
     file: bpy.props.StringProperty(options={"HIDDEN"})
     difference: bpy.props.FloatProperty(options={"HIDDEN"})
+    decibels: bpy.props.FloatProperty(options={"HIDDEN"})  # PSNR, texel by texel
 
 
 def state(context: bpy.types.Context) -> State:
@@ -61,8 +80,19 @@ def state(context: bpy.types.Context) -> State:
     if not settings.folder:
         return State("missing", iface("Choose a folder for the image"))
     if _is_baked(context) and settings.file:
-        text = iface("Baked to {file}: colors differ by {share:.1%} on average")
-        return State("done", text.format(file=Path(settings.file).name, share=settings.difference))
+        told = {"file": Path(settings.file).name, "share": settings.difference}
+        if settings.decibels < LEAST_DB:
+            text = iface(
+                "Baked to {file}, but it looks different: colors differ by {share:.1%}. Choose a larger size, or a UV "
+                "layer with fewer pieces"
+            )
+            return State("ready", text.format(**told))
+        return State("done", iface("Baked to {file}: colors differ by {share:.1%} on average").format(**told))
+    layers = bakeable(context)
+    if not layers:
+        return State("missing", iface("The vehicle has no other UV layer yet: press New UV Layer"))
+    if settings.layer not in layers and (settings.layer or len(layers) > 1):
+        return State("missing", iface("Choose the UV layer to bake into"))
     return State("ready", iface("Ready to bake"))
 
 
@@ -79,16 +109,12 @@ class RAUCA_PT_bake(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings, camouflage = context.scene.rauca.bake, context.scene.rauca.camouflage
+        settings = context.scene.rauca.bake
         if run := RAUCA_OT_bake.running():
             layout.progress(factor=run.done, text=f"{run.done:.0%}")
             return
-        row = layout.row(align=True)
-        if camouflage.coat is not None and camouflage.anchor is not None and camouflage.anchor.type == "MESH":
-            row.prop_search(settings, "layer", camouflage.anchor.data, "uv_layers", icon="GROUP_UVS")
-        else:
-            row.prop(settings, "layer")
-        row.operator("rauca.new_uv_layer", text="", icon="ADD")
+        layout.prop(settings, "layer", icon="GROUP_UVS")
+        layout.operator("rauca.new_uv_layer", icon="ADD")
         for name in ("size", "folder", "allow_overlaps"):
             layout.prop(settings, name)
         row = layout.row(align=True)
@@ -155,6 +181,9 @@ class RAUCA_OT_bake(ModalOperator, bpy.types.Operator):
         settings = context.scene.rauca.bake
         with object_mode(context):
             surface, coat = painted_surface(context)
+            if settings.layer in {piece.layer for piece in surface.painted_pieces()}:
+                text = rpt("UV layer {layer}: the camouflage lies there already; choose another, or press New UV Layer")
+                raise contract.RaucaError(text.format(layer=repr(settings.layer)))
             layer = _layer(settings.layer, other_layers(surface))
             task = prepare_bake(surface, coat, layer, int(settings.size), settings.allow_overlaps)
         settings.layer = layer
@@ -196,9 +225,10 @@ class RAUCA_OT_bake(ModalOperator, bpy.types.Operator):
             if left is not None and left.users == 0:
                 bpy.data.images.remove(left)
         settings = context.scene.rauca.bake
-        settings.difference, settings.baked_layer, settings.file = baked.difference, run.layer, str(run.path)
-        text = rpt("Baked to {file}: colors differ by {share:.1%} on average (PSNR {decibels:.1f} dB, texel by texel)")
-        self.report({"INFO"}, text.format(file=run.path.name, share=baked.difference, decibels=baked.psnr_db))
+        settings.difference, settings.decibels = baked.difference, baked.psnr_db
+        settings.baked_layer, settings.file = run.layer, str(run.path)
+        text = rpt("Baked to {file}: colors differ by {share:.1%} on average")
+        self.report({"INFO"}, text.format(file=run.path.name, share=baked.difference))
 
 
 def _still_there(image: str) -> bpy.types.Image:

@@ -59,6 +59,21 @@ def paint_in(setting: str) -> Paint | None:
     return _ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)
 
 
+def camouflage_at(setting: str) -> contract.Camouflage | None:
+    """The camouflage in the chosen .json or .png file; None where there is none that can be read."""
+    if not setting:
+        return None
+    path = chosen_path(setting).with_suffix(".json")
+    return _ask(
+        f"camouflage {path.name}", str(path.parent), (path.name,), lambda folder: _camouflage(folder / path.name)
+    )
+
+
+def _camouflage(path: Path) -> contract.Camouflage:
+    found: contract.Camouflage = contract.load_camouflage(path)[0]
+    return found
+
+
 def _frames(folder: Path) -> Frames:
     planned, states = contract.read_plan(folder).frames(), contract.frame_states(folder)
     return Frames(sum(states.get(frame.id) in ("done", "occluded") for frame in planned), len(planned))

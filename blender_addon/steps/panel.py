@@ -76,8 +76,9 @@ class StepPanel(SidebarPanel):
         self.layout.label(text=str(self.number), icon=ICONS[self.step_state(context).kind], translate=False)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        paragraph(context, layout, self.step_state(context).words)
+        # Last: a sentence of one to four lines before the buttons would move them under the mouse.
         self.draw_step(context, layout)
+        paragraph(context, layout, self.step_state(context).words)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         """The step's settings and buttons."""

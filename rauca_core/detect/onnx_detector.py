@@ -191,7 +191,7 @@ def _converted(
         module = fuse(to_torch(graph, shape))
         with torch.no_grad():
             found = module(image)
-        off = max(_difference(*pair, queries) for pair in zip(found, expected, strict=True))
+        off = max(largest_difference(*pair, queries) for pair in zip(found, expected, strict=True))
     except RaucaError as error:
         return None, str(error)
     except Exception as error:  # whatever the operators of a foreign graph may raise
@@ -201,7 +201,7 @@ def _converted(
     return module, ""
 
 
-def _difference(found: Tensor, expected: Tensor, queries: bool) -> float:
+def largest_difference(found: Tensor, expected: Tensor, queries: bool = False) -> float:
     """As a part of the largest value. Queries that are equal but for rounding may come in any order."""
     if found.shape != expected.shape:
         return float("inf")

@@ -7,10 +7,11 @@ boxes, stays as it was exported: what is written has the same nodes, inputs and 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -100,7 +101,7 @@ def _convolutions(graph: OnnxGraph) -> dict[bytes, list[tuple[str, str]]]:
         names = [root.get(name, name) for name in node.input[1:] if name]
         if all(name in stored for name in names):
             weight, bias = (*names, "")[:2]
-            found[_bytes(stored[weight], stored.get(bias))].append((weight, bias))
+            found[_numbers(stored[weight], stored.get(bias))].append((weight, bias))
     return found
 
 
@@ -122,15 +123,10 @@ def _roots(graph: OnnxGraph) -> dict[str, str]:
     return root
 
 
-def _numbers(weight: Tensor, bias: Tensor | None) -> bytes:
-    return _bytes(*(None if one is None else one.detach().cpu().contiguous().numpy() for one in (weight, bias)))
+def _numbers(weight: Tensor | NDArray[np.float32], bias: Tensor | NDArray[np.float32] | None) -> bytes:
+    """What a convolution is known by, in the file and in torch.
 
-
-def _bytes(*arrays: NDArray[np.float32] | None) -> bytes:
-    return b"|".join(_plain(arrays))
-
-
-def _plain(arrays: tuple[NDArray[np.float32] | None, ...]) -> Iterator[bytes]:
-    """A convolution of one pixel has two axes in a fused graph and four in the file: the numbers are the same."""
-    for array in arrays:
-        yield b"" if array is None else np.ascontiguousarray(array).tobytes()
+    Its shape is left out: a convolution of one pixel has two axes in a fused graph and four in the file.
+    """
+    given = (torch.as_tensor(one).detach().cpu().numpy() for one in (weight, bias) if one is not None)
+    return b"|".join(array.tobytes() for array in given)

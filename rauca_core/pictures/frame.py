@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import (
-    Camera,
     Frame,
     FramePasses,
     LedgerEntry,
@@ -31,18 +30,32 @@ from ..contract import (
     seal_dataset,
 )
 from ..contract.color import srgb_to_linear
-from ..contract.files import SUMS_FILE, write_json
+from ..contract.files import SUMS_FILE, png_bytes, write_bytes, write_json
 from ..contract.frame import PICTURE
 from ..contract.semantics import mask_box
 from ..environment import estimate_image, load_extractor
-from ..render import rasterize
-from ..render.raster.pattern import pattern
-from ..render.surface import find_surface, mask_at
+from ..environment.views.body import see_body
+from ..environment.views.compose import as_stored
+from ..environment.views.lens import Lens
 from ..runtime.images import read_image
+from .fit import Fit
 
 WEATHER = Weather("picture", sun_altitude_angle=45.0)
 """Nobody knows a picture's weather: the name says so, the numbers are placeholders."""
-SUBSAMPLES = 4
+
+
+def read_picture(path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) 8-bit sRGB; grey ones get three channels."""
+    pixels = read_image(path)
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, 2)
+
+
+def read_mask(path: Path, width: int, height: int) -> NDArray[np.float32]:
+    """(H, W) in [0, 1] of a grey picture; raises :class:`RaucaError` for one of another size, or in color."""
+    pixels = read_image(path)
+    if pixels.shape != (height, width):
+        raise RaucaError(f"{path}: must be grey and {width}x{height} pixels, as the picture is; not {pixels.shape}")
+    return pixels.astype(np.float32) / 255
 
 
 def add_picture(
@@ -50,16 +63,16 @@ def add_picture(
     name: str,
     image: NDArray[np.uint8],
     vehicle: Vehicle,
-    camera: Camera,
+    fit: Fit,
     mask: NDArray[np.float32],
     paint_srgb: tuple[int, int, int],
-) -> Frame:
-    """Append a frame to the data set ``out``, which is begun if it is not there.
+) -> tuple[Frame, Path]:
+    """Append a frame to the data set ``out``, begun if it is not there; returns it, and where its fit is drawn.
 
     Args:
         name: of the picture, for the frame's ``composed``.
         image: (S, S, 3) 8-bit sRGB.
-        camera: in the vehicle's frame.
+        fit: the picture's camera.
         mask: (S, S) coverage of the vehicle in [0, 1]; where another thing hides it, 0.
         paint_srgb: 8-bit color of the vehicle's paint; one for the whole set.
 
@@ -68,16 +81,18 @@ def add_picture(
     """
     if image.shape[0] != image.shape[1]:
         raise RaucaError(f"{name}: {image.shape[1]}x{image.shape[0]} pixels; frames are square: crop the picture first")
+    camera = fit.camera
     eye = camera.position - (vehicle.positions.min(0) + vehicle.positions.max(0)) / 2
     distance = float(np.linalg.norm(eye))
     azimuth = float(np.degrees(np.arctan2(eye[1], eye[0])))
     elevation = float(np.degrees(np.arcsin(eye[2] / distance)))
     plan = _grown(Path(out), vehicle, len(image), paint_srgb, Ring((azimuth,), (elevation,), (distance,)))
     planned = plan.frames()[-1]
-    paint, away = _seen(vehicle, camera)
-    shown = np.round(paint * mask * 255) / 255  # as it is stored: where nothing of the paint is left, there is no A
+    body = see_body(vehicle, camera)
+    away = np.where(body.depth > 0, body.depth * Lens.of(camera).lengths(*mask.shape), np.inf).astype(np.float32)
+    shown = as_stored(body.paint * mask)
     light = estimate_image(image, shown, plan.reference_srgb, load_extractor()[0])
-    expected = paint.sum()
+    expected = body.paint.sum()
     visible = float(np.clip(shown.sum() / expected, 0, 1)) if expected else 0.0
     frame = Frame(
         planned.id, planned.location, planned.view, camera, np.eye(4), WEATHER, azimuth, elevation, distance,
@@ -86,10 +101,12 @@ def add_picture(
     linear = srgb_to_linear(image / 255.0)
     save_frame(frame_folder(out, frame.id), frame, FramePasses(linear, mask, shown, away, light.A, light.B))
     (Path(out) / SUMS_FILE).unlink(missing_ok=True)  # the plan grows with every picture: seal it anew
+    overlay = Path(out) / "fits" / f"{frame.id}.png"
+    write_bytes(overlay, png_bytes(_draw_fit(image, fit.coverage, mask)))
     write_json(Path(out) / "dataset.json", plan.to_json())
     append_entry(out, LedgerEntry(frame.id, "done"))
     seal_dataset(out)
-    return frame
+    return frame, overlay
 
 
 def _grown(out: Path, vehicle: Vehicle, size: int, paint_srgb: tuple[int, int, int], ring: Ring) -> Plan:
@@ -111,25 +128,7 @@ def _grown(out: Path, vehicle: Vehicle, size: int, paint_srgb: tuple[int, int, i
     return replace(plan, locations=plan.locations + 1)
 
 
-def _seen(vehicle: Vehicle, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Coverage of the paint (H, W), and metres to the vehicle (H, W), infinity beside it."""
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
-    surface = find_surface(raster, np.ones(len(vehicle.triangles), bool))
-    painted = vehicle.paint_faces()[surface.faces] * mask_at(vehicle.paint_mask, surface.interpolate(vehicle.uvs))
-    points = surface.interpolate(vehicle.positions[vehicle.triangles])
-    away = np.linalg.norm(points - camera.position, axis=1)
-    rows, columns = np.nonzero(surface.index >= 0)
-    pixel = (rows + raster.y0) // SUBSAMPLES * camera.width + (columns + raster.x0) // SUBSAMPLES
-    many = camera.width * camera.height
-    paint = np.bincount(pixel, painted, many) / SUBSAMPLES**2
-    count = np.bincount(pixel, minlength=many)
-    mean = np.bincount(pixel, away, many) / np.maximum(count, 1)
-    distance = np.where(count > 0, mean, np.inf)
-    shape = camera.height, camera.width
-    return paint.reshape(shape).astype(np.float32), distance.reshape(shape).astype(np.float32)
-
-
-def draw_fit(image: NDArray[np.uint8], fitted: NDArray[np.float32], mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _draw_fit(image: NDArray[np.uint8], fitted: NDArray[np.float32], mask: NDArray[np.float32]) -> NDArray[np.uint8]:
     """The picture (H, W, 3) with the mask's outline in red and the fitted vehicle's in green."""
     drawn = image.copy()  # a picture just read may be read-only
     for coverage, color in ((mask, (255, 0, 0)), (fitted, (0, 255, 0))):

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ..contract import Camera, Vehicle
-from ..render import rasterize
-from ..render.raster.pattern import pattern
+from ..environment.views.body import see_body
 from .points import MarkedPoints
 from .solve import moved
 
 Array = NDArray[np.float64]
-SUBSAMPLES = 4  # per pixel and axis
 BLURS = (1 / 64, 1 / 256)  # of the picture's width: the first pulls from afar, the second settles
 STEP_PX = 0.5  # by which the camera is moved to see what changes
 POINT_WEIGHT = 0.05
@@ -23,10 +24,7 @@ POINT_WEIGHT = 0.05
 
 def coverage(vehicle: Vehicle, camera: Camera) -> NDArray[np.float32]:
     """(H, W) share of each pixel that the vehicle covers; the camera is in the vehicle's frame."""
-    raster = rasterize(vehicle.positions, vehicle.triangles, camera, pattern=pattern(SUBSAMPLES, "grid"))
-    seen = raster.whole(camera.width, camera.height) >= 0
-    blocks = seen.reshape(camera.height, SUBSAMPLES, camera.width, SUBSAMPLES)
-    return blocks.mean((1, 3), dtype=np.float32)
+    return see_body(vehicle, camera).vehicle
 
 
 def iou(one: NDArray[np.floating], two: NDArray[np.floating]) -> float:
@@ -45,23 +43,28 @@ def refine(vehicle: Vehicle, start: Camera, mask: NDArray[np.floating], points: 
     for share in BLURS:
         sigma = max(share * camera.width, 1.0)
         wanted = _blurred(mask.astype(np.float32), sigma)
-        begin = camera
-
-        def misses(change: Array, begin: Camera = begin, sigma: float = sigma, wanted: Array = wanted) -> Array:
-            near = moved(begin, change)
-            shape = (_blurred(coverage(vehicle, near), sigma) - wanted).ravel()
-            if points is None:
-                return shape
-            away = near.project(points.vehicle_m)[0] - points.pixels
-            return np.concatenate([shape, POINT_WEIGHT * away.ravel()])
-
-        def slopes(change: Array, misses=misses) -> Array:  # type: ignore[no-untyped-def]
-            sides = [(misses(change + d), misses(change - d)) for d in np.eye(7) * step * 2]
-            return np.stack([(up - down) / (4 * step) for up, down in sides], 1)
-
-        fit = least_squares(misses, np.zeros(7), jac=slopes, max_nfev=8, x_scale=0.01)
-        camera = moved(begin, fit.x)
+        misses = partial(_misses, vehicle, camera, wanted, sigma, points)
+        fit = least_squares(misses, np.zeros(7), jac=partial(_slopes, misses, 2 * step), max_nfev=8, x_scale=0.01)
+        camera = moved(camera, fit.x)
     return camera
+
+
+def _misses(
+    vehicle: Vehicle, begin: Camera, wanted: Array, sigma: float, points: MarkedPoints | None, change: Array
+) -> Array:
+    """What least squares makes small for a camera moved from ``begin``: blurred coverage, and the points' misses."""
+    near = moved(begin, change)
+    shape = (_blurred(coverage(vehicle, near), sigma) - wanted).ravel()
+    if points is None:
+        return shape
+    away = near.project(points.vehicle_m)[0] - points.pixels
+    return np.concatenate([shape, POINT_WEIGHT * away.ravel()])
+
+
+def _slopes(misses: Callable[[Array], Array], step: float, change: Array) -> Array:
+    """Central differences of the misses by each unknown."""
+    sides = [(misses(change + d), misses(change - d)) for d in np.eye(len(change)) * step]
+    return np.stack([(up - down) / (2 * step) for up, down in sides], 1)
 
 
 def _blurred(image: NDArray[np.float32], sigma: float) -> Array:

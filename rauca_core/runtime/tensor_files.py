@@ -108,6 +108,11 @@ def save_carded(
     """
     data = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
     write_bytes(path, data)
+    write_card(card_path, form, data, card)
+
+
+def write_card(card_path: Path, form: tuple[str, int], data: bytes, card: Mapping[str, Any]) -> None:
+    """Write the card of a file of weights with the bytes ``data``."""
     name, version = form
     digest = hashlib.sha256(data).hexdigest()
     write_json(card_path, {"format": name, "version": version, "sha256": digest, **card})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,17 +11,18 @@ import torch
 from torch import nn
 
 from ..contract import RaucaError
-from ..contract.files import file_digest, write_bytes, write_json
+from ..contract.files import file_digest, write_bytes
 from ..detect.classes import class_index
 from ..detect.families import FAMILIES, Resolved
 from ..detect.foreign import extra
 from ..detect.interface import Detector
 from ..detect.load import resolve
-from ..detect.onnx_detector import OnnxDetector
+from ..detect.onnx_detector import LARGEST_DIFFERENCE, OnnxDetector, largest_difference
 from ..detect.onnx_graph import read_graph
 from ..detect.onnx_weights import with_tensors
 from ..detect.synth.card import HARDENED, DetectorCard
 from ..detect.synth.onnx_student import OnnxStudent
+from ..runtime.tensor_files import write_card
 from .measure import CAR
 from .origin import ELSEWHERE, Origin
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from onnx import TensorProto
 
 ONNX_LR = 4e-4
-SAME = 1e-3  # largest difference between torch and onnxruntime, of the largest prediction; rounding makes 1e-6
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,7 @@ class OnnxOrigin(Origin):
         if beside.is_file():
             write_bytes(path.with_suffix(".names"), beside.read_bytes())
         _compare(path, network, self.opened(path))
-        name, version = card.FORMAT
-        digest = hashlib.sha256(data).hexdigest()
-        write_json(path.with_suffix(".json"), {"format": name, "version": version, "sha256": digest, **asdict(card)})
+        write_card(path.with_suffix(".json"), card.FORMAT, data, asdict(card))
 
 
 def onnx_origin(given: str, found: Resolved) -> OnnxOrigin:
@@ -109,9 +106,8 @@ def _compare(path: Path, network: OnnxStudent, written: Detector) -> None:
     place = next(network.parameters()).device
     mine, its = network.dense(image.to(place)), written.dense(image)
     for name in ("boxes", "objectness", "classes"):
-        one, other = getattr(mine, name).cpu(), getattr(its, name)
-        off = float((one - other).abs().max() / other.abs().max().clamp(min=1.0))
-        if not off <= SAME:
+        off = largest_difference(getattr(mine, name).cpu(), getattr(its, name))
+        if not off <= LARGEST_DIFFERENCE:
             raise RaucaError(
                 f"{path}: its {name} in onnxruntime are {off:.2g} off what was trained; the weights before this round "
                 "are unchanged; please report the graph"

@@ -12,7 +12,7 @@ import pytest
 
 from blender_addon.scene.bake import prepare_bake
 from blender_addon.scene.vehicle import load_shipped
-from blender_addon.steps.bake import BakeRun, RAUCA_OT_bake, state
+from blender_addon.steps.bake import BakeRun, RAUCA_OT_bake, bakeable, state
 from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 from rauca_core.runtime.images import read_image
 from tests.blender.round_trip import daylight, look_around, round_trip
@@ -60,7 +60,13 @@ def test_bake_writes_packs_and_shows(bake, tmp_path):
     assert state(bpy.context).words == "Apply a camouflage first"
     assert not bpy.ops.rauca.bake.poll()
     box = painted_box(tmp_path)
+    assert state(bpy.context).words == "The vehicle has no other UV layer yet: press New UV Layer"
     a_layer(box, "other")
+    assert bakeable(bpy.context) == ["other"]
+    bake.layer = "UVMap"
+    assert state(bpy.context).words == "Choose the UV layer to bake into"
+    assert "UV layer 'UVMap': the camouflage lies there already; choose another" in refusal(bpy.ops.rauca.bake)
+    bake.layer = ""
     assert state(bpy.context).kind == "ready"
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.rauca.bake("EXEC_DEFAULT", True) == {"FINISHED"}
@@ -73,6 +79,9 @@ def test_bake_writes_packs_and_shows(bake, tmp_path):
     nodes = bpy.data.materials["body paint"].node_tree.nodes
     assert (nodes["rauca baked UVs"].uv_map, nodes["rauca atlas UVs"].uv_map) == ("other", "UVMap")
     assert state(bpy.context).kind == "done"
+    settings.bake.decibels = 22.0
+    assert state(bpy.context).kind == "ready"
+    assert "it looks different" in state(bpy.context).words
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["Box-spots-other.png"]
     bpy.ops.ed.undo()
     assert bpy.context.scene.rauca.camouflage.coat.nodes["baked"].image is None

@@ -18,7 +18,7 @@ from blender_addon.steps import bake
 from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation
 from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 from rauca_core.contract import Camera, Frame, Quality, Weather
-from rauca_core.contract.files import write_json
+from rauca_core.contract.files import png_bytes, write_json
 from rauca_core.study.results import AXES, FrameRow, ImageRow, save_results
 from tests.blender.round_trip import daylight, look_around
 from tests.study.measured import made_up
@@ -147,7 +147,7 @@ def png() -> Path:
 @pytest.mark.parametrize(
     ("spoil", "told"),
     [
-        (lambda box: None, "made for the UV atlas 0000000000000000 of Box"),
+        (lambda box: None, "made for Box in another UV layout"),
         (lambda box: setattr(bpy.context.scene.rauca.camouflage, "file", ""), "choose its .json or .png file"),
         (lambda box: setattr(bpy.context.scene.rauca.camouflage, "file", "/nowhere/c.json"), "not found"),
         (lambda box: box.data.materials[0].node_tree.nodes.clear(), "has no Principled BSDF"),
@@ -206,10 +206,14 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
     seen = shown_evaluation.same_view(scene, views)
     assert [evaluated.weather for evaluated in seen] == ["clear", "fog"]
+    assert scene.camera == rauca.camouflage.camera
+    assert not scene.camera.data.background_images  # the study's pictures are gone
+    assert detection_overlay.unfound(scene, seen[0]) == ["eye", "eye-wide"]
     assert detection_overlay.shown_detections(scene, seen[0]) == []  # the camouflage works
     bpy.ops.rauca.show_paint(which="ORIGINAL")
     ((detector, found),) = detection_overlay.shown_detections(scene, seen[0])
     assert (detector, found.box, found.score) == ("eye", (10, 20, 50, 60), 0.9)
+    assert detection_overlay.unfound(scene, seen[0]) == ["eye-wide"]
     bpy.ops.rauca.evaluated_view(step="WEATHER")
     assert rauca.camouflage.frame == "L00-V000-fog"
     box.location.x += 3.0  # the vehicle moves, and the view with it
@@ -220,6 +224,40 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     scene.camera.location.z += 1.0
     bpy.context.view_layer.update()
     assert shown_evaluation.same_view(scene, views) == []
+
+
+def test_the_evaluated_picture_lies_over_its_view_and_leaving_takes_all_away(rauca, tmp_path):
+    an_evaluation(tmp_path, Camera.look_at(np.array([9.0, 4.0, 3.0]), np.array([0, 0, 0.7]), 40.0, 64, 64))
+    shot = tmp_path / "frames" / "L00-V000-clear" / "image.png"
+    shot.write_bytes(png_bytes(np.full((64, 64, 3), 90, np.uint8)))
+    painted_box(tmp_path)
+    scene, size, images = bpy.context.scene, bpy.context.scene.render.resolution_x, len(bpy.data.images)
+    own = scene.camera
+    assert "No view is being looked through" in refusal(bpy.ops.rauca.leave_evaluated_view)
+    bpy.ops.rauca.show_paint(which="ORIGINAL")
+    assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
+    (laid,) = scene.camera.data.background_images
+    assert Path(laid.image.filepath) == shot
+    assert scene.camera.data.show_background_images
+    rauca.camouflage.picture = False
+    assert not scene.camera.data.show_background_images
+    rauca.camouflage.picture = True
+    bpy.ops.rauca.evaluated_view(step="WEATHER")  # whose file is gone
+    assert not scene.camera.data.background_images
+    bpy.ops.rauca.evaluated_view(step="WEATHER")
+    assert len(scene.camera.data.background_images) == 1
+    assert bpy.ops.rauca.leave_evaluated_view() == {"FINISHED"}
+    assert (scene.camera, scene.render.resolution_x, len(bpy.data.images)) == (own, size, images)
+    assert not bpy.data.cameras
+
+
+def test_a_file_that_is_no_camouflage_is_told_before_it_is_applied(rauca, tmp_path):
+    a_box()
+    path = a_camouflage(tmp_path)
+    assert state().words == "Ready to apply spots, made for Box"
+    path.write_text("{")
+    rauca.camouflage.file = str(path.with_name("other.json"))
+    assert state().kind == "missing"
 
 
 def test_no_evaluation_is_told_in_words(rauca, tmp_path):

@@ -8,6 +8,7 @@ import blf
 import bpy
 import gpu
 import numpy as np
+from bpy.app.translations import pgettext_iface as iface
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
@@ -33,6 +34,15 @@ def shown_detections(scene: bpy.types.Scene, evaluated: EvaluatedFrame) -> list[
     return sorted((x for x in found if x[1].score >= settings.least_score), key=lambda x: -x[1].score)
 
 
+def unfound(scene: bpy.types.Scene, evaluated: EvaluatedFrame) -> list[str]:
+    """The chosen detectors that have no box to draw in this view, if the evaluation has the paint that shows."""
+    if paint_of(scene) not in evaluated.evaluation.paints:
+        return []
+    found = {name for name, _ in shown_detections(scene, evaluated)}
+    chosen = scene.rauca.camouflage.detector
+    return [name for name in evaluated.evaluation.detectors if chosen in ("ALL", name) and name not in found]
+
+
 def _draw(context: bpy.types.Context) -> None:
     settings = context.scene.rauca.camouflage
     if not settings.boxes or context.region_data.view_perspective != "CAMERA":
@@ -52,6 +62,9 @@ def _draw(context: bpy.types.Context) -> None:
         color = COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]  # the same in every view
         _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
         _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
+    for detector in unfound(context.scene, evaluated):
+        color = COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]
+        _label(f"{detector}  {iface('not found')}", _place(frame, 0.0, 1.0), color, scale, taken)
 
 
 def _frame_on_screen(context: bpy.types.Context) -> NDArray[np.float64] | None:

@@ -33,6 +33,7 @@ class EvaluatedFrame:
         weather: its name.
         camera: in the vehicle's own frame.
         images: paint -> sha256 of the image that detectors saw.
+        pictures: paint -> that image's file, which may be gone.
         evaluation: the one it belongs to.
     """
 
@@ -40,6 +41,7 @@ class EvaluatedFrame:
     weather: str
     camera: contract.Camera
     images: dict[str, str]
+    pictures: dict[str, Path]
     evaluation: Evaluation
 
 
@@ -106,7 +108,8 @@ def _read_results(path: Path) -> list[EvaluatedFrame]:
         frame = contract.load_frame(place.parent)
         camera = frame.camera.relative_to(frame.vehicle_to_world)
         hashes = {paint: rows[paint][i].text("sha256") for paint in rows}
-        evaluated_frames.append(EvaluatedFrame(row.text("id"), row.text("weather"), camera, hashes, evaluation))
+        files = {paint: path.parent / rows[paint][i].text("path") for paint in rows}
+        evaluated_frames.append(EvaluatedFrame(row.text("id"), row.text("weather"), camera, hashes, files, evaluation))
     return evaluated_frames
 
 

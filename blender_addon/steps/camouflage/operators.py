@@ -17,7 +17,7 @@ from ...scene.mesh_edits import Surface, object_mode
 from ..operator import NO_COAT, Obstacle, RaucaOperator
 from .evaluation import EvaluatedFrame, Views, find_evaluation
 from .painted_vehicle import objects_of, place, vehicle_for
-from .shown_evaluation import load_now, nearest, same_view, vehicle_to_world
+from .shown_evaluation import load_now, nearest, same_view, show_picture, vehicle_to_world
 
 
 class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
@@ -68,6 +68,7 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):
         if which == "BAKED" and coat.image("baked") is None:
             raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 7)")
         coat.show(which)
+        show_picture(context.scene)
 
 
 class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):
@@ -83,7 +84,6 @@ class RAUCA_OT_remove_camouflage(RaucaOperator, bpy.types.Operator):
         settings.coat = None
 
 
-CAMERA_NAME = "rauca evaluated view"
 STEPS = [
     ("NEAREST", "Nearest", "The evaluated view closest to the present camera"),
     ("NEXT", "Next", "The next evaluated view"),
@@ -109,10 +109,11 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
         evaluated = _chosen(scene, views, self.step)
         if evaluated is None or pose is None:
             raise contract.RaucaError("The vehicle is no longer in this scene; apply the camouflage again (step 6)")
-        if scene.camera is None or scene.camera.name != CAMERA_NAME:
-            scene.camera = _own_camera(scene)
-        camera.place(scene, evaluated.camera.relative_to(np.linalg.inv(pose)))
-        scene.rauca.camouflage.frame = evaluated.frame
+        settings = scene.rauca.camouflage
+        camera.look(scene, settings, evaluated.camera.relative_to(np.linalg.inv(pose)))
+        settings.frame = evaluated.frame
+        context.view_layer.update()  # the picture is found by where the camera stands
+        show_picture(scene)
         if context.space_data is not None and context.space_data.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"
 
@@ -137,10 +138,19 @@ def _place(evaluated: EvaluatedFrame) -> tuple[float, ...]:
     return tuple(evaluated.camera.position.round(6).tolist())
 
 
-def _own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
-    known = scene.objects.get(CAMERA_NAME)
-    if known is not None and known.type == "CAMERA":
-        return known
-    thing = bpy.data.objects.new(CAMERA_NAME, bpy.data.cameras.new(CAMERA_NAME))
-    scene.collection.objects.link(thing)
-    return thing
+class RAUCA_OT_leave_evaluated_view(RaucaOperator, bpy.types.Operator):
+    """Bring back your own camera and picture size; the evaluated view's camera and picture go"""
+
+    bl_label = "Leave View"
+    obstacles = (
+        Obstacle("No view is being looked through", lambda context: context.scene.rauca.camouflage.camera is None),
+    )
+
+    def work(self, context: bpy.types.Context) -> None:
+        settings = context.scene.rauca.camouflage
+        pictures = [entry.image for entry in settings.camera.data.background_images if entry.image is not None]
+        camera.leave(context.scene, settings)
+        bpy.data.batch_remove([image for image in pictures if image.users == 0])
+        space = context.space_data
+        if space is not None and space.type == "VIEW_3D" and space.region_3d.view_perspective == "CAMERA":
+            space.region_3d.view_perspective = "PERSP"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...scene.coating import Coat
+from ..on_disk import camouflage_at
 from ..panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 from .evaluation import NORMAL, EvaluatedFrame, Views
 from .painted_vehicle import vehicle_gone
-from .shown_evaluation import ask, loaded, paint_of, same_view
+from .shown_evaluation import ask, loaded, paint_of, same_view, show_picture
 
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
 
@@ -22,6 +21,10 @@ def _detectors(self: bpy.types.PropertyGroup, context: bpy.types.Context | None)
     names = dict.fromkeys(name for evaluated in frames for name in evaluated.evaluation.detectors)
     _items[:] = [("ALL", "All", "Boxes of every detector"), *((n, n, "Boxes of this detector alone") for n in names)]
     return _items
+
+
+def _picture_wanted(self: RaucaCamouflage, context: bpy.types.Context) -> None:
+    show_picture(context.scene)
 
 
 class RaucaCamouflage(bpy.types.PropertyGroup):
@@ -48,6 +51,15 @@ class RaucaCamouflage(bpy.types.PropertyGroup):
         description="A detector's confidence, 0 to 1; boxes below are not shown",
     )
     frame: bpy.props.StringProperty(options={"HIDDEN"})
+    picture: bpy.props.BoolProperty(
+        name="Evaluated Picture",
+        default=True,
+        description="Lay the picture that the detectors saw over the evaluated view",
+        update=_picture_wanted,
+    )
+    camera: bpy.props.PointerProperty(type=bpy.types.Object)
+    camera_before: bpy.props.PointerProperty(type=bpy.types.Object)
+    overrides: bpy.props.StringProperty(options={"HIDDEN"})
 
 
 def state(context: bpy.types.Context) -> State:
@@ -64,7 +76,11 @@ def state(context: bpy.types.Context) -> State:
         return State("done", words[Coat(settings.coat).shown].format(name=name))
     if not settings.file:
         return State("missing", iface("Choose a camouflage: the .json file that step 5 wrote"))
-    return State("ready", iface("Ready to apply {name}").format(name=Path(settings.file).name))
+    found = camouflage_at(settings.file)
+    if found is None:
+        return State("missing", iface("The chosen file is no camouflage: choose its .json or .png file"))
+    words = iface("Ready to apply {name}, made for {vehicle}")
+    return State("ready", words.format(name=found.name, vehicle=found.vehicle_name))
 
 
 class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
@@ -122,6 +138,9 @@ class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):
         row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
         row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
         row.operator("rauca.evaluated_view", text="", icon="TRIA_RIGHT").step = "NEXT"
+        if settings.camera is not None:
+            layout.operator("rauca.leave_evaluated_view", icon="X")
+            layout.prop(settings, "picture")
         if not evaluated_frames:
             paragraph(context, layout, iface("Not evaluated from here; look through the nearest view"), "INFO")
             return
@@ -157,7 +176,7 @@ def _table(context: bpy.types.Context, layout: bpy.types.UILayout, evaluated_fra
         line = column.split(factor=0.7)
         seen = score >= settings.least_score
         line.label(text=detector, icon="HIDE_OFF" if seen else "HIDE_ON", translate=False)
-        line.label(text=f"{score:.2f}", translate=False)
+        line.label(text=f"{score:.2f}" if seen else iface("not found"), translate=False)
     layout.prop(settings, "boxes")
     column = layout.column()
     column.active = settings.boxes

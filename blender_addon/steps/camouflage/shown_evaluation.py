@@ -83,6 +83,24 @@ def paint_of(scene: bpy.types.Scene) -> str:
     return str(tree.get("rauca_camouflage", ""))
 
 
+def show_picture(scene: bpy.types.Scene) -> None:
+    """Lay what the detectors saw over the evaluated view, in the paint that shows; nothing where there is no file."""
+    settings = scene.rauca.camouflage
+    if settings.camera is None:
+        return
+    lens, views = settings.camera.data, loaded(settings.study)
+    seen = same_view(scene, views)[:1] if views is not None and settings.picture else []
+    file = seen[0].pictures.get(paint_of(scene)) if seen else None
+    old = [entry.image for entry in lens.background_images if entry.image is not None]
+    lens.background_images.clear()
+    if file is not None and file.is_file():
+        entry = lens.background_images.new()
+        entry.image = bpy.data.images.load(str(file), check_existing=True)
+        entry.alpha, entry.display_depth, entry.frame_method = 1.0, "FRONT", "STRETCH"
+    lens.show_background_images = bool(lens.background_images)
+    bpy.data.batch_remove([image for image in old if image.users == 0])
+
+
 def _corners(scene: bpy.types.Scene, pose: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners of the anchor's box in the vehicle's frame (8, 3), and where the camera shows them (8, 2)."""
     anchor = scene.rauca.camouflage.anchor

@@ -104,7 +104,7 @@ def compose(
     around, depth = _surroundings(place.around, chosen, lens, body)
     hidden = (around.weight > 0) & (depth > 0) & (depth < body.depth - IN_FRONT_M) & (body.vehicle > 0)
     shown = np.where(hidden, np.float32(0), np.float32(1))
-    share, paint = _in_bytes(body.vehicle * shown), _in_bytes(body.paint * shown)
+    share, paint = as_stored(body.vehicle * shown), as_stored(body.paint * shown)
     warped_gain, mirrored, seen = _on_vehicle(place, chosen, lens, body)
     known = np.where(share > 0.5, seen, around.weight > 0)
     if place.fog is not None:
@@ -127,7 +127,7 @@ def _lit(A: Image, B: Image, color: Image) -> Image:
     return image
 
 
-def _in_bytes(coverage: Image) -> Image:
+def as_stored(coverage: Image) -> Image:
     """Coverage as a frame's PNG keeps it: light maps are exactly those of the stored coverage."""
     return to_bytes(coverage).astype(np.float32) / np.float32(255)
 
