@@ -58,6 +58,7 @@ extension: $(READY)
 # bring gigabytes of CUDA libraries.
 TORCH := torch==2.13.0
 $(READY): pyproject.toml
+	@$(PYTHON) tools/system_libraries.py
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet $(TORCH)
 	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[dataset,optimize,report,bench,slurm,detectors,dev]
