@@ -7,7 +7,9 @@ MMDETECTION := $(VENV)/mmdetection/.ready
 # Hundreds of processes start in a run of the tests, and some in a demo; each would compile the house again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-matrix test-gui coverage lint docs pictures extension clean
+.PHONY: install demo test test-matrix test-gui coverage lint docs pictures extension clean
+
+install: $(READY)
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
