@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ..contract.files import write_json
-from ..detect.synth.card import read_card
+from ..detect.synth.card import read_any_card
 from ..training.harden import WORN
 from ..training.measure import ALL
 from .hardening import Gain, Gains
@@ -55,10 +55,10 @@ def cost_of(weights: Path) -> Cost:
     """Of a hardening, from the cards beside its weights and in its rounds' folders."""
     rounds = []
     for number in range(1, 1 + len(list(weights.parent.glob("round-*/weights.json")))):
-        card, _ = read_card(weights.parent / f"round-{number}" / "weights.json")
+        card, _ = read_any_card(weights.parent / f"round-{number}" / "weights.json")
         ap = card.metrics["ap50"]
         rounds.append(Round(number, ap[ALL], ap.get(WORN), card.cpu_minutes))
-    return Cost(read_card(weights.with_suffix(".json"))[0].cpu_minutes, tuple(rounds))
+    return Cost(read_any_card(weights.with_suffix(".json"))[0].cpu_minutes, tuple(rounds))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
 from ..detect.interface import Detector
-from ..detect.synth.card import HARDENED, DetectorCard, as_detector, read_card
+from ..detect.synth.card import HARDENED, DetectorCard, as_detector, read_any_card
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.devices import find_device
@@ -202,7 +202,7 @@ class _Rounds:
             if not after.with_suffix(".json").is_file():
                 self._tune(number, weights, pool, fresh[0], after, began, on_test, on_step)
             weights = after
-            minutes += read_card(after.with_suffix(".json"))[0].cpu_minutes
+            minutes += read_any_card(after.with_suffix(".json"))[0].cpu_minutes
         assert weights is not None
         network, card = self.origin.network(weights)
         self.origin.save(target, network, replace(card, cpu_minutes=round(minutes, 2), hardened=self._against(pool)))
