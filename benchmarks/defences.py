@@ -17,7 +17,8 @@ from rauca_core.attack.losses import attack_loss
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
-from rauca_core.study.defences import Defence, defence_names, make_defence
+from rauca_core.study.defences import NO_DEFENCE, Defence, defence_names, make_defence
+from rauca_core.study.defences.informed import DefendedDetector
 from rauca_core.study.detecting import read_frame_image
 
 from .figures import save_sheet
@@ -33,6 +34,7 @@ QUICK = FULL.but(steps=20, views=8)
 ALTERED = 16 / 255
 BATCH = 6
 LOW_SCORE, NMS_IOU = 0.005, 0.45  # as `rauca evaluate` has them
+INFORMED = "informed"  # a patch that knows of the defence
 SIDE = 48  # of the patch, texels
 
 
@@ -56,7 +58,8 @@ def bench(
 ) -> Results:
     """Every defence on a run's held-out views: normal, in camouflage, and normal with a patch over a share of the box.
 
-    The patch is optimized on every other view against the first detector, and measured on the rest.
+    The patch is optimized on every other view against the first detector, and measured on the rest; behind each defence
+    a second one goes on from it that knows of the defence.
 
     Raises:
         RaucaError: the run has no views, the patch is larger than the box, a detector's weights are missing.
@@ -68,13 +71,19 @@ def bench(
     views = read_views(run)
     held = views.part(slice(0, 2 * settings.views, 2))
     results = Results("defences", settings)
-    with counted("defences", settings.steps + len(defences) * 3) as moved:
+    with counted("defences", len(defences) * (settings.steps + 3)) as moved:
         pattern = optimize_patch(loaded[0], views.part(slice(1, None, 2)), patch, settings.steps, moved)
         held.paints["patch"] = paste(held.paints["normal"], held.boxes, pattern, patch)
         for defence in defences:
             for paint, images in held.paints.items():
                 _measure(results, defence, paint, images, held.boxes, loaded)
                 moved()
+            known = pattern
+            if defence.name != NO_DEFENCE:
+                behind = DefendedDetector(loaded[0], defence)
+                known = optimize_patch(behind, views.part(slice(1, None, 2)), patch, settings.steps, moved, pattern)
+            images = paste(held.paints["normal"], held.boxes, known, patch)
+            _measure(results, defence, INFORMED, images, held.boxes, loaded)
     height, width = held.paints["normal"].shape[2:]
     judged_on = f"{len(held.boxes)} views (patch over {patch:.0%} of the box, optimized on {loaded[0].name})"
     results.figures |= {
@@ -133,11 +142,13 @@ def paste(images: Tensor, boxes: Tensor, patch: Tensor, share: float) -> Tensor:
 
 
 def optimize_patch(
-    detector: Detector, views: Views, share: float, steps: int, moved: Callable[[], None], batch: int = 4, seed: int = 0
-) -> Tensor:
-    """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam."""
+    detector: Detector, views: Views, share: float, steps: int, moved: Callable[[], None], start: Tensor | None = None,
+    batch: int = 4, seed: int = 0,
+) -> Tensor:  # fmt: skip
+    """A patch (3, SIDE, SIDE) that lowers the detector's car score on the normal vehicle, by Adam; noise to start."""
     generator = torch.Generator().manual_seed(seed)
-    patch = torch.rand(3, SIDE, SIDE, generator=generator).requires_grad_()
+    noise = torch.rand(3, SIDE, SIDE, generator=generator)
+    patch = (noise if start is None else start.clone()).requires_grad_()
     optimizer = torch.optim.Adam([patch], lr=0.03)
     for _ in range(steps):
         chosen = torch.randint(len(views.boxes), (batch,), generator=generator)
@@ -192,14 +203,18 @@ def _tables(results: Results, size: str, judged_on: str) -> None:
     paints, rows = results.distinct("outcomes", "paint"), []
     for defence in results.distinct("outcomes", "defence"):
         found = {row["paint"]: row for row in results.where("outcomes", defence=defence)}
-        rows.append({"defence": defence, "ms": np.mean([row["cpu_ms"] for row in found.values()]), **found})
+        white_box = next(iter(found["patch"]["ap"]))
+        failed = found[INFORMED]["ap"][white_box] > found["patch"]["ap"][white_box]
+        told = {"defence": defence, "verdict": "failed" if failed else ""}
+        rows.append(told | {"ms": np.mean([row["cpu_ms"] for row in found.values()]), **found})
     moved = {paint: f"{{{paint}[altered]:.1%}} / {{{paint}[altered_on_vehicle]:.1%}}" for paint in paints}
     title = f"CPU ms per {size} image; pixels moved by > 16 levels: whole image / vehicle's box"
     results.table(title, {"defence": "{defence}", "ms": "{ms:.1f}", **moved}, rows)
     detectors = results.rows["outcomes"][0]["ap"]
     for label, key in (("AP@0.5 of class car", "ap"), ("Mean car score on the vehicle", "score")):
         seen = {f"{paint}, {name}": f"{{{paint}[{key}][{name}]:.3f}}" for paint in paints for name in detectors}
-        results.table(f"{label}, {judged_on}", {"defence": "{defence}", **seen}, rows)
+        told = {"informed attack": "{verdict}"} if key == "ap" else {}
+        results.table(f"{label}, {judged_on}", {"defence": "{defence}", **seen, **told}, rows)
 
 
 def largest_view(views: Views, defences: Sequence[Defence]) -> dict[str, dict[str, NDArray[np.float32]]]:

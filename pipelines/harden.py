@@ -38,9 +38,23 @@ def harden(
     camouflage: Annotated[list[Path] | None, typer.Option(help="camouflage .json to train on; repeat for more")] = None,
     rounds: Annotated[int, typer.Option(help="of attack and fine-tuning")] = 3,
     steps: Annotated[int, typer.Option(help="of fine-tuning in each round")] = 120,
-    attack_steps: Annotated[int, typer.Option(help="of the attack that opens each round; 0 for none")] = 100,
+    attack_steps: Annotated[int, typer.Option(help="of the attacks that open the first round; 0 for none")] = 100,
+    attack_growth: Annotated[float, typer.Option(help="share of these by which each further round's are longer")] = 0.0,
+    attack_restarts: Annotated[int, typer.Option(help="attacks in each round; all of them are trained on")] = 1,
+    attack_method: Annotated[
+        list[str] | None, typer.Option(help="of these attacks, ours without; several take turns")
+    ] = None,
     attack_lr: Annotated[float, typer.Option(help="of these attacks, on sRGB values")] = 0.03,
-    adaptive_steps: Annotated[int, typer.Option(min=0, help="of the attack on the result; 0 for none")] = 150,
+    budgets: Annotated[
+        str, typer.Option(help="of the attacks on the result, in multiples of all attacks of the rounds; or none")
+    ] = "1,3,10",
+    restarts: Annotated[int, typer.Option(min=1, help="of each attack on the result")] = 2,
+    held_out_method: Annotated[
+        list[str] | None, typer.Option(help="judge by a camouflage of this method, too; never trained on")
+    ] = None,
+    held_out_vehicle: Annotated[
+        list[Path] | None, typer.Option(help="data set of a vehicle to judge on, too; never trained on")
+    ] = None,
     share: Annotated[float, typer.Option(help="of training frames that wear a camouflage")] = 0.5,
     batch: Annotated[int, typer.Option(help="images per step of fine-tuning")] = 8,
     lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; from the detector's own by default")] = None,
@@ -60,34 +74,50 @@ def harden(
 ) -> None:
     """Fine-tune a detector on camouflages, fresh ones among them, and measure before and after on held-out ones."""
     from rauca_core.report import write_hardening
+    from rauca_core.report.hardening_page import sentences
+    from rauca_core.study.harden_measures import Measures
     from rauca_core.study.views import HeldOut
     from rauca_core.training.settings import HardenSettings
 
     settings = HardenSettings.make(
-        rounds=rounds, steps=steps, attack_steps=attack_steps, attack_lr=attack_lr, share=share, batch=batch, lr=lr,
-        map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
+        rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
+        attack_restarts=attack_restarts, attack_methods=attack_method or None, attack_lr=attack_lr, share=share,
+        batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision, every=every, seed=seed,
+        threads=threads,
     )  # fmt: skip
+    times = _times(budgets)
+    measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))
     with means_of(device, slurm, blender, render_device, threads) as means:
         found = rauca.harden(
             detector, data, held_out, out, camouflages=camouflage or (), settings=settings,
-            adaptive_steps=adaptive_steps, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
+            measures=measures, views=views or (), weathers=[weathers], held_out_views=HeldOut(frames),
             command=command_line(short=True), **means,
         )  # fmt: skip
     for path in write_hardening(found, out / "report.html"):
         console.print(f"report: {path}", highlight=False, soft_wrap=True)
     for one in found.gains:
         _print(one)
+    for line in sentences(found):
+        console.print(line, highlight=False, soft_wrap=True)
     console.print(f"weights: {found.weights}", highlight=False, soft_wrap=True)
 
 
+def _times(text: str) -> tuple[int, ...]:
+    """``1,3,10`` or ``none``; raises :class:`RaucaError` for anything else."""
+    try:
+        return () if text == "none" else tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise rauca.RaucaError(f"--budgets {text}: give whole numbers such as 1,3,10, or none") from None
+
+
 def _print(gains: Gains) -> None:
-    from rauca_core.report.hardening_page import COLUMNS
+    from rauca_core.report.hardening_page import COLUMNS, rows_of
     from rauca_core.report.table import printed
 
     numbers, entry = COLUMNS[:-1], gains.entry
     title = f"{entry.vehicle}, {entry.weathers}: {len(entry.results.frames)} held-out views"
     table = Table("paint", *(column.name for column in numbers), title=title)
-    for gain in (gains.clean, *gains.rows, gains.held_out):
+    for gain in rows_of(gains):
         found = zip((gain.before, gain.after, gain.change, gain.recovered), numbers, strict=True)
         told = [e and [printed(value, column.kind) for value in (e.ap, e.low, e.high)] for e, column in found]
         table.add_row(gain.paint, *(f"{one[0]} [{one[1]}, {one[2]}]" if one else "–" for one in told))

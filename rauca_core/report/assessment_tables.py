@@ -128,14 +128,13 @@ def defences_table(found: Assessment) -> Table | None:
     if not found.defences:
         return None
     names = ("white box, unaware", "white box, informed")
-    columns = tuple(Column(name) for name in ("plain", "random", "transfer", *names))
+    columns = (*(Column(name) for name in ("plain", "random", "transfer", *names)), Column("attack", kind="text"))
     kept = tuple(score_cell(getattr(found, kind), kind) for kind in KINDS)
-    rows = [Row(defence_title(NO_DEFENCE), (*kept, None))]
+    rows = [Row(defence_title(NO_DEFENCE), (*kept, None, None))]
     for name, one in found.defences.items():
         scores = ((kind, getattr(one, kind)) for kind in (*KINDS, "informed"))
-        rows.append(
-            Row(defence_title(name), tuple(score_cell(score, "defences", name, kind) for kind, score in scores))
-        )
+        cells = (score_cell(score, "defences", name, kind) for kind, score in scores)
+        rows.append(Row(defence_title(name), (*cells, Cell("failed") if one.attack_failed else None)))
     return listing("defences", "defence", columns, tuple(rows), "Defences")
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from ..study.harden import Hardened
 from ..study.hardening import Gain, Gains
+from ..study.hardening_record import FILE_NAME
 from ..study.results import Estimate
 from ..study.study import Entry
 from .frames import FramePicker, Grid
 from .page import write_study_page
 from .study_tables import sourced
-from .table import Cell, Column, Row, Table, listing, printed
+from .table import Cell, Column, Row, Source, Table, listing, printed
 
 COLUMNS = (
     Column("AP@0.5 before"), Column("after"), Column("change", kind="change"), Column("recovered", kind="share"),
@@ -19,9 +21,14 @@ COLUMNS = (
 )  # fmt: skip
 
 
+MEASURES = {
+    "clean": "own paint", "held_out": "held-out camouflages", "held_out_methods": "held-out methods",
+    "held_out_vehicle": "held-out vehicle", "held_out_weathers": "held-out weathers",
+    **{f"adaptive_{k}x": f"adaptive, {k} times the budget" for k in (1, 3, 10)},
+}  # fmt: skip
 _LIMITS = (
     "The held-out camouflages were optimized against the detector before hardening and never trained on. The adaptive "
-    "one was optimized against the hardened detector: it says how far a new attack of the same kind gets, and a longer "
+    "ones were optimized against the hardened detector: they say how far an attack of that length gets, and a longer "
     "or another one may get farther.",
     "One vehicle or a few, rendered: nothing here was measured on photographs.",
 )
@@ -34,14 +41,17 @@ def write_hardening(found: Hardened, out: Path) -> list[Path]:
         RaucaError: images or detections that are missing or have changed; then nothing was written.
     """
     tables = [_table(gains, found) for gains in found.gains]
-    told = {
+    told: dict[str, Any] = {
         "title": f"{found.before}, hardened",
-        "lead": [_sentence(gains) for gains in found.gains],
+        "lead": [*map(_sentence, found.gains), *sentences(found)],
+        "figures": _figures(found),
+        "rounds": _rounds(found),
         "tables": list(zip(tables, found.gains, strict=True)),
         "pictures": [(gains.entry, *_pictures(gains.entry, found)) for gains in found.gains],
     }
     about = {"before": found.before, "after": found.after, "made": found.made, "settings": found.facts}
-    return write_study_page(found.study, out, "hardening.html", told, tables, about, found.facts, limits=_LIMITS)
+    every = [told["figures"], *tables, told["rounds"]]
+    return write_study_page(found.study, out, "hardening.html", told, every, about, found.facts, limits=_LIMITS)
 
 
 def _table(gains: Gains, found: Hardened) -> Table:
@@ -57,15 +67,68 @@ def _table(gains: Gains, found: Hardened) -> Table:
         return Row(gain.paint, (*told, Cell(found.made.get(gain.paint, ""))))
 
     title = f"Before and after: {entry.vehicle}, {entry.weathers}"
-    rows = (*(row(gain, gain.paint) for gain in (gains.clean, *gains.rows)), row(gains.held_out))
+    rows = tuple(row(gain, *([gain.paint] if gain.paint in entry.results.paints else [])) for gain in rows_of(gains))
     return listing(f"hardening-{entry.vehicle}-{entry.weathers}", "paint", COLUMNS, rows, title)
 
 
+def rows_of(gains: Gains) -> list[Gain]:
+    """The vehicle's own paint, every other one, and the means over held-out ones."""
+    means = (gains.held_out, gains.methods)
+    return [gains.clean, *gains.rows, *(mean for mean in means if mean is not None)]
+
+
+def sentences(found: Hardened) -> list[str]:
+    """What holds for all entries: other classes, cost, attacks that failed."""
+    figures, told = found.figures, []
+    if figures.agreement is not None:
+        both = figures.vacant + figures.others
+        told.append(
+            f"Of {both.objects} objects beside the vehicle, and in pictures without it, that one of the two detectors "
+            f"was sure of, the other says the same of {figures.agreement:.1%}."
+        )
+    told.append(f"The hardening took {figures.cost.cpu_minutes:.1f} CPU minutes, attacks and tests included.")
+    if figures.failed:
+        told.append(
+            f"Failed attacks: {'; '.join(figures.failed)}. They know the hardened detector and end above camouflages "
+            "that do not: they say nothing of how robust it is, and a stronger attack is needed."
+        )
+    return told
+
+
+def _figures(found: Hardened) -> Table:
+    """Each measure of ``hardening.json`` where it ends lowest."""
+
+    def row(key: str, gain: Gain) -> Row:
+        before, after, recovered = (Source(FILE_NAME, (key, name)) for name in ("before", "after", "recovered"))
+        share = None if gain.recovered is None else Cell(gain.recovered.ap, source=recovered)
+        ended = Cell(gain.after.ap, gain.after.low, gain.after.high, after)
+        return Row(MEASURES.get(key, key), (Cell(gain.before.ap, source=before), ended, share))
+
+    rows = [row(key, gain) for key, gain in found.figures.worst().items() if gain is not None]
+    columns = (Column("AP@0.5 before"), Column("after"), Column("recovered", kind="share"))
+    return listing("hardening-figures", "measure", columns, tuple(rows), "What it is measured by")
+
+
+def _rounds(found: Hardened) -> Table:
+    """Where the gain flattens, on frames that training held out."""
+    columns = (
+        Column("plain paint"), Column("in the round's camouflage"), Column("CPU minutes", kind="number")
+    )  # fmt: skip
+    rows = [
+        Row(str(one.round), (
+            Cell(one.plain), None if one.camouflaged is None else Cell(one.camouflaged), Cell(one.cpu_minutes),
+        ))
+        for one in found.figures.cost.rounds
+    ]  # fmt: skip
+    return listing("hardening-rounds", "round", columns, tuple(rows), "Round by round")
+
+
 def _sentence(gains: Gains) -> str:
-    entry, mean, clean = gains.entry, gains.held_out, gains.clean
+    entry, mean, clean = gains.entry, gains.held_out or gains.unseen or gains.clean, gains.clean
+    what = "held-out camouflages" if gains.held_out else "a camouflage on a vehicle that was never shown"
     share = "nothing was lost" if mean.recovered is None else f"{mean.recovered.ap:.0%} of the loss recovered"
     return (
-        f"{entry.vehicle}, {entry.weathers} weathers: on held-out camouflages AP@0.5 {printed(mean.before.ap)} before "
+        f"{entry.vehicle}, {entry.weathers} weathers: on {what} AP@0.5 {printed(mean.before.ap)} before "
         f"and {printed(mean.after.ap)} after ({share}); in its own paint {printed(clean.before.ap)} before and "
         f"{printed(clean.after.ap)} after."
     )

@@ -113,7 +113,8 @@ def assess(
             library = frozen.camouflages_of(vehicle)
             worn = dict(library)
             for label, target in attacked.items():
-                worn[label] = _attack(engine, out, choice, frozen, library, target, EFFORTS[budget], label)
+                # One that knows of a defence may begin with what does not, so that it never starts behind it.
+                worn[label] = _attack(engine, out, choice, frozen, worn, target, EFFORTS[budget], label)
             paints[choice] = keep_paints(engine, out, choice, worn, frozen.random)
         places = [
             Place(name, choice, views)
@@ -162,19 +163,19 @@ def _attack(
     out: Path,
     choice: VehicleChoice,
     battery: Battery,
-    library: Mapping[str, Path],
+    known: Mapping[str, Path],
     target: Chosen,
     effort: Effort,
     label: str,
 ) -> Path:
     """The strongest camouflage (JSON) against a detector that several runs found, on views nobody is judged on.
 
-    The first run begins with the camouflage of the library that hides the vehicle best from the detector on these
-    views, which saves it the hundreds of steps that noise needs to become a pattern.
+    The first run begins with the camouflage, of the library and of those made before, that hides the vehicle best from
+    the detector on these views, which saves it the hundreds of steps that noise needs to become a pattern.
     """
     views = battery.attack_views(choice, effort.frames)
     wanted = {"steps": effort.steps, "map_size": MAP_SIZE, "augmentation": "ours", "rest": 3, "checkpoint_every": 50}
-    fitting = {name: path for name, path in library.items() if load_camouflage(path)[0].size == MAP_SIZE}
+    fitting = {name: path for name, path in known.items() if load_camouflage(path)[0].size == MAP_SIZE}
     first: dict[str, Path] = {}
     if fitting:
         maps = [recipes.camouflage_in(path, name) for name, path in fitting.items()]

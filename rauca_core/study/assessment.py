@@ -66,6 +66,11 @@ class Defended(Record):
     white_box: Score | None
     informed: Score | None
 
+    @property
+    def attack_failed(self) -> bool:
+        """Whether who knew of the defence got less far than who did not: then the figure says nothing of it."""
+        return self.informed is not None and self.white_box is not None and self.informed.ap > self.white_box.ap
+
 
 @dataclass(frozen=True)
 class Assessment(Record):

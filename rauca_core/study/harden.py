@@ -3,10 +3,11 @@
 Folder, run again to go on; every step only makes what is missing::
 
     hardened-<name>.safetensors, .json      the result, loaded by its path (.onnx, if that was given): links into
-    store/hardened/...                      round-<k>/ with the camouflage made against the detector of that round, and
+    store/hardened/...                      round-<k>/ with the camouflages made against the detector of that round, and
                                             the detector after it
-    adaptive/<vehicle>/                     a link to a camouflage made against the result
+    attacks/<vehicle>/                      links to camouflages that it is measured by, see `harden_measures`
     study/                                  both detectors on held-out views, rendered by Cycles, as of `evaluate`
+    hardening.json                          the figures, see `hardening_record`
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
-from ..attack import OptimizerSettings
+import numpy as np
+
 from ..contract import Dataset, RaucaError, load_camouflage, read_plan
 from ..contract.files import file_digest
-from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from ..training.harden import identity_of
 from ..training.hardenable import named_as
@@ -27,19 +28,21 @@ from ..training.settings import HardenSettings
 from . import recipes
 from .artifact import Artifact
 from .candidates import NORMAL, RANDOM, Candidate, VehicleChoice, match, read_candidates, read_vehicle_choice
-from .detectors import detectors_for
+from .detecting import detections_in, pictures_in
+from .detection_cache import DetectionSettings
+from .detectors import Chosen, detectors_for
 from .engine import Engine, Means, open_engine
 from .evaluate import RandomPaint, given_places, held_out_places, keep_paints, open_views
-from .harden_rounds import attack_settings, hardening
+from .harden_measures import METHOD, UNSEEN, Measures, adaptive_paints, held_out_paints
+from .harden_rounds import hardening
 from .hardening import Gains, gains_of
+from .hardening_record import Figures, cost_of
 from .judging import Judges, judge
-from .makers import CAMOUFLAGE
+from .other_classes import Agreement, agreement_of
+from .scores import Recorded
 from .store import link
-from .study import Study
+from .study import Entry, Study
 from .views import HeldOut, weather_sets
-
-ADAPTIVE = "adaptive"
-RESERVED = (NORMAL, RANDOM, ADAPTIVE)
 
 
 @dataclass(frozen=True)
@@ -48,20 +51,32 @@ class Hardened:
 
     Attributes:
         weights: of the hardened detector.
-        before, after: the detectors' names.
         study: both on held-out views.
-        gains: one for each entry of the study.
+        figures: before and after, as in ``hardening.json``.
         made: paint -> how it was made.
         facts: what was asked for, as a reader should see it.
     """
 
     weights: Path
-    before: str
-    after: str
     study: Study
-    gains: list[Gains]
+    figures: Figures
     made: dict[str, str]
     facts: dict[str, object]
+
+    @property
+    def before(self) -> str:
+        """The first detector's name."""
+        return self.figures.before
+
+    @property
+    def after(self) -> str:
+        """The hardened one's."""
+        return self.figures.after
+
+    @property
+    def gains(self) -> Sequence[Gains]:
+        """One for each entry of the study."""
+        return self.figures.gains
 
 
 def harden(
@@ -72,7 +87,7 @@ def harden(
     *,
     camouflages: Sequence[Path | str] = (),
     settings: HardenSettings | None = None,
-    adaptive_steps: int = 150,
+    measures: Measures | None = None,
     views: Sequence[Path | str] = (),
     weathers: Sequence[str] = ("seen",),
     held_out_views: HeldOut | None = None,
@@ -83,56 +98,67 @@ def harden(
 
     Args:
         detector: to harden, as `load_detector` takes it.
-        datasets: with light maps, to train on; the first of each vehicle is what the adaptive attack uses.
+        datasets: with light maps, to train on; the first of each vehicle is what it is attacked on to be measured.
         held_out: camouflages, ``FILE`` or ``LABEL=FILE``, to judge by; never trained on.
         camouflages: to train on beside those made on the way.
-        adaptive_steps: of the attack on the result; 0 makes none.
+        measures: by which attacks the result is judged beside them.
         views: rendered views to judge on; made anew, in ``weathers``, when there are none.
 
     Raises:
         RaucaError: a mistake, before any work; a loss that is not finite; a stop.
     """
-    out, chosen = Path(out), settings or HardenSettings.make()
+    out, chosen, measured = Path(out), settings or HardenSettings.make(), measures or Measures()
     data, trained = [Path(one) for one in datasets], [Path(one) for one in camouflages]
     opened, sets = open_views(views), weather_sets(weathers)
-    candidates = read_candidates(list(map(str, held_out)), RESERVED)
+    candidates = read_candidates(list(map(str, held_out)), (NORMAL, RANDOM, *measured.labels))
     if not candidates:
         raise RaucaError("--held-out: none given; a hardened detector is judged by camouflages it was not trained on")
-    matched = _vehicles(candidates, data, opened)
-    atlases = {vehicle.atlas_id for vehicle in matched}
-    attacked = [one for one in data if read_plan(one).atlas_id in atlases]
+    unseen = dict(zip(measured.check(chosen, trained, data), measured.vehicles, strict=True))
+    matched = _vehicles(candidates, data, opened, list(unseen))
+    attacked = [one for one in data if read_plan(one).atlas_id in {vehicle.atlas_id for vehicle in matched}]
     means.setdefault("threads", chosen.threads)
     engine = open_engine(out / "store", [*data, *(one.folder for one in opened)], **means)
     _refuse_trained(candidates, trained)
     recipe = recipe_of(engine, detector, data, attacked, trained, chosen, out, command)
+    everyone = [*matched, *unseen]
     with alone_in(out):
-        _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/camouflage.json"))
+        _refuse_trained(candidates, engine.store.place(recipe).glob("round-*/attack/**/camouflage.json"))
         (folder,) = engine.make(recipe)
-        _refuse_trained(candidates, folder.glob("round-*/attack/camouflage.json"))
+        _refuse_trained(candidates, folder.glob("round-*/attack/**/camouflage.json"))
         weights = link_weights(folder, out)
-        both = detectors_for([detector, named_as(detector, weights)], [one.category for one in matched], engine.machine)
-        (_, before), (typed, after) = next(iter(both.values()))
-        asked = attack_settings(chosen, ADAPTIVE, adaptive_steps or 1, ADAPTIVE, engine.store.folder / "taps")
-        adaptive = _adaptive(engine, out, matched, data, asked, (typed, after)) if adaptive_steps else {}
-        paints = {}
+        both = detectors_for(
+            [detector, named_as(detector, weights)], [one.category for one in everyone], engine.machine
+        )
+        before, after = next(iter(both.values()))
+        worn: dict[VehicleChoice, dict[str, Path]] = {}
         for vehicle, some in matched.items():
-            worn = {one.label: one.path for one in some}
-            worn |= {ADAPTIVE: adaptive[vehicle]} if adaptive else {}
-            paints[vehicle] = keep_paints(engine, out / "study", vehicle, worn, RandomPaint())
+            own = next(folder for folder in data if read_plan(folder).atlas_id == vehicle.atlas_id)
+            labels = {METHOD + method: method for method in measured.methods}
+            worn[vehicle] = {one.label: one.path for one in some}
+            worn[vehicle] |= held_out_paints(engine, out, vehicle, own, chosen, labels, before)
+            worn[vehicle] |= adaptive_paints(engine, out, vehicle, own, chosen, measured, some, after)
+        for vehicle, own in unseen.items():
+            worn[vehicle] = held_out_paints(engine, out, vehicle, own, chosen, {UNSEEN: ""}, before)
+        paints = {one: keep_paints(engine, out / "study", one, some, RandomPaint()) for one, some in worn.items()}
         new = held_out_views or HeldOut(48)
-        places = given_places(opened, matched, None) if opened else held_out_places(matched, sets, new)
+        places = given_places(opened, everyone, None) if opened else held_out_places(everyone, sets, new)
         study = judge(engine, out / "study", places, paints, Judges(both), command)
-    labels = {vehicle.name: [one.label for one in some] for vehicle, some in matched.items()}
-    gains = [gains_of(entry, before.name, after.name, labels[entry.vehicle]) for entry in study.entries]
+        names = before[1].name, after[1].name
+        held = {one.label for one in candidates}
+        gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measured) for entry in study.entries]
+        vacant, others = _agreement(
+            engine, study, {place.vehicle.name: place.vehicle for place in places}, before, after
+        )
+        figures = Figures(*names, gains, vacant, others, cost_of(folder / weights.name), _unmet(study, data))
+        figures.save(out)
     facts = {
         "detector": Path(detector).name,
         "data sets": ", ".join(folder.name for folder in data),
         "camouflages trained on": ", ".join(load_camouflage(path)[0].name for path in trained) or "none given",
         **chosen.model_dump(mode="json", exclude={"threads", "memory_mb"}),
-        "adaptive attack, steps": adaptive_steps,
+        "adaptive attacks": _told_of_budgets(chosen, measured),
     }
-    origins = _origins(candidates, next(iter(adaptive.values()), None))
-    return Hardened(out / weights.name, before.name, after.name, study, gains, origins, facts)
+    return Hardened(out / weights.name, study, figures, _origins(worn, held, measured), facts)
 
 
 def recipe_of(
@@ -179,43 +205,71 @@ def _refuse_trained(candidates: Sequence[Candidate], trained: Iterable[Path]) ->
 
 
 def _vehicles(
-    candidates: Sequence[Candidate], data: Sequence[Path], views: Sequence[Dataset]
+    candidates: Sequence[Candidate], data: Sequence[Path], views: Sequence[Dataset], unseen: Sequence[VehicleChoice]
 ) -> Mapping[VehicleChoice, list[Candidate]]:
-    """The vehicles of the held-out camouflages, each with a data set to train on."""
+    """The vehicles of the held-out camouflages, each with a data set to train on; views show them or the unseen."""
     first = {read_plan(folder).atlas_id: Dataset(folder).vehicle_folder for folder in reversed(data)}
     known, remedy = list(map(read_vehicle_choice, first.values())), "add a data set of that vehicle with --data"
     chosen = match(candidates, known, everyone=False, remedy=remedy)
-    atlases = {vehicle.atlas_id for vehicle in chosen}
+    atlases = {vehicle.atlas_id for vehicle in (*chosen, *unseen)}
     for folder in (dataset.folder for dataset in views if dataset.plan.atlas_id not in atlases):
         raise RaucaError(f"{folder}: views of a vehicle that no held-out camouflage fits; give views of that one")
+    shown = {dataset.plan.atlas_id for dataset in views}
+    for vehicle in (one for one in unseen if views and one.atlas_id not in shown):
+        raise RaucaError(f"--views: none shows {vehicle.name}, which is held out; give views of it, too")
     return chosen
 
 
-def _adaptive(
-    engine: Engine,
-    out: Path,
-    vehicles: Iterable[VehicleChoice],
-    data: Sequence[Path],
-    asked: OptimizerSettings,
-    hardened: tuple[str, Detector],
-) -> dict[VehicleChoice, Path]:
-    """A camouflage against the result for each vehicle."""
-    firsts = {one: next(folder for folder in data if read_plan(folder).atlas_id == one.atlas_id) for one in vehicles}
-    paints = [recipes.paint(recipes.views_in(folder), asked, [hardened]) for folder in firsts.values()]
-    made = dict(zip(firsts, engine.make(*paints), strict=True))
-    for vehicle, folder in made.items():
-        link(out / ADAPTIVE / vehicle.name, folder)
-    return {vehicle: folder / CAMOUFLAGE for vehicle, folder in made.items()}
+def _told_of_budgets(settings: HardenSettings, measures: Measures) -> str:
+    steps = ", ".join(f"{budget}x ({budget * settings.attack_budget} steps)" for budget in measures.budgets)
+    return f"{steps}, {measures.restarts} restarts" if steps else "none"
 
 
-def _origins(candidates: Sequence[Candidate], adaptive: Path | None) -> dict[str, str]:
+def _agreement(
+    engine: Engine, study: Study, vehicles: Mapping[str, VehicleChoice], before: Chosen, after: Chosen
+) -> tuple[Agreement, Agreement]:
+    """Of both detectors on the study's views without their vehicle, and on the other objects in all its pictures."""
+    vacant, others = Agreement(), Agreement()
+    for entry in study.entries:
+        assert entry.views is not None
+        frames = [row.id for row in entry.results.frames]
+        boxes = [np.array(row.box_xyxy, np.float64) for row in entry.results.frames]
+        empty = recipes.vacant(recipes.views_in(entry.views.resolve()), frames)
+        kept = DetectionSettings(vehicles[entry.vehicle].category)
+        wanted = [recipes.detections(empty, detector, typed, kept, frames) for typed, detector in (before, after)]
+        one, other = (detections_in(*pair) for pair in zip(wanted, engine.make(*wanted), strict=True))
+        hashes = pictures_in(engine.make(empty)[0], frames).hashes
+        vacant += agreement_of((one[image], other[image], None) for image in hashes)
+        others += _beside(entry, before[1].name, after[1].name, boxes)
+    return vacant, others
+
+
+def _beside(entry: Entry, before: str, after: str, boxes: Sequence[np.ndarray]) -> Agreement:
+    """On the other objects in an entry's pictures, in every paint."""
+    seen = Recorded(entry)
+    return agreement_of(
+        (seen.found(before, paint, index), seen.found(after, paint, index), box)
+        for paint in entry.results.paints
+        for index, box in enumerate(boxes)
+    )
+
+
+def _unmet(study: Study, data: Sequence[Path]) -> frozenset[str]:
+    """Sets of weathers of which no data set that was trained on has any."""
+    met = {weather.name for folder in data for weather in read_plan(folder).weathers}
+    return frozenset(e.weathers for e in study.entries if not met & {row.weather for row in e.results.frames})
+
+
+def _origins(
+    worn: Mapping[VehicleChoice, Mapping[str, Path]], held_out: Iterable[str], measures: Measures
+) -> dict[str, str]:
     """How each paint was made, for the report."""
-
-    def told(path: Path) -> str:
+    made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimized against nothing"}
+    for label, path in (pair for some in worn.values() for pair in some.items()):
         record, _ = load_camouflage(path)
         steps, against, seed = (record.made.get(name, "?") for name in ("steps", "detector", "seed"))
-        return f"{record.method}, {steps} steps against {against}, seed {seed}"
-
-    made = {NORMAL: "the vehicle's own paint", RANDOM: "random cells, optimized against nothing"}
-    made |= {one.label: f"held out; {told(one.path)}" for one in candidates}
-    return made | ({ADAPTIVE: f"made after hardening; {told(adaptive)}"} if adaptive else {})
+        told = f"{record.method}, {steps} steps against {against}, seed {seed}"
+        known = "held out; " if label in held_out or label.startswith(METHOD) or label == UNSEEN else ""
+        budget = f"the strongest of {measures.restarts} restarts; its last part: "
+        made.setdefault(label, (known or budget) + told)
+    return made

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..attack import OptimizerSettings, StepReport, make_settings, run_optimization
+from ..attack import OptimizerSettings, StepReport, make_settings, run_optimization, settings_of
+from ..attack.methods import method_named
 from ..contract import Dataset, Progress
 from ..contract.seeding import named_seed
 from ..detect import Detector
@@ -25,13 +26,35 @@ def score(judged: Sequence[Judged]) -> float:
     return average_precision([Sample(one.truth, one.boxes, one.scores) for one in judged])
 
 
-def attack_settings(settings: HardenSettings, name: str, steps: int, what: object, taps: Path) -> OptimizerSettings:
-    """Of an attack in a hardening, or of the one on its result; ``what`` names its random streams."""
-    return make_settings(
-        steps=steps, batch=settings.attack_batch, lr=settings.attack_lr, map_size=settings.map_size,
-        samples=settings.samples, seed=named_seed(settings.seed, "attack", what), threads=settings.threads,
-        memory_mb=settings.memory_mb, name=name, precision=settings.precision, tap_folder=taps, checkpoint_every=50,
-    )  # fmt: skip
+def attack_settings(
+    settings: HardenSettings,
+    name: str,
+    steps: int,
+    what: object,
+    taps: Path,
+    method: str = "",
+    begin_with: Path | None = None,
+) -> OptimizerSettings:
+    """Of an attack in a hardening, or of one that measures it.
+
+    Args:
+        what: names its random streams.
+        method: whose settings it takes, the hardening's first one if left out. The hardening's learning rate is for
+            free texels, its subsamples for methods that bring none of their own.
+        begin_with: a camouflage to go on from.
+    """
+    method = method or settings.attack_methods[0]
+    own = method_named(method).settings
+    chosen: dict[str, Any] = {} if "samples" in own else {"samples": settings.samples}
+    if own.get("paint", "texels") == "texels":
+        chosen["lr"] = settings.attack_lr
+    if begin_with is not None:
+        chosen["begin_with"] = begin_with
+    return make_settings(**settings_of(
+        method, None, steps=steps, batch=settings.attack_batch, map_size=settings.map_size, **chosen,
+        seed=named_seed(settings.seed, "attack", what), threads=settings.threads, memory_mb=settings.memory_mb,
+        name=name, precision=settings.precision, tap_folder=taps, checkpoint_every=50,
+    ))  # fmt: skip
 
 
 def hardening(
@@ -44,18 +67,28 @@ def hardening(
         report: told of the steps of attacks.
     """
     settings, attacked = HardenSettings.make(**options["settings"]), list(map(Path, options["attacked"]))
-    a_round = settings.attack_steps + settings.steps
+    for method in settings.attack_methods:
+        method_named(method)
 
-    def attack(detector: Detector, number: int, folder: Path) -> Path:
-        """Optimize, or go on where an earlier process stopped."""
+    def attack(detector: Detector, number: int, folder: Path) -> list[Path]:
+        """The round's optimizations, or the rest of them where an earlier process stopped."""
+        return [one_attack(detector, number, restart, folder) for restart in range(settings.attack_restarts)]
+
+    def one_attack(detector: Detector, number: int, restart: int, folder: Path) -> Path:
+        folder, name = (
+            (folder / f"restart-{restart}", f"round-{number}.{restart}") if restart else (folder, f"round-{number}")
+        )
         if (folder / "camouflage.json").is_file():
             return folder / "camouflage.json"
-        chosen = attack_settings(settings, f"round-{number}", settings.attack_steps, number, out / "taps")
-        dataset = Dataset(attacked[(number - 1) % len(attacked)])
+        turn, length = (number - 1) * settings.attack_restarts + restart, settings.attack_length(number)
+        method = settings.attack_methods[turn % len(settings.attack_methods)]
+        dataset = Dataset(attacked[turn % len(attacked)])
+        what = (number, restart) if restart else number
+        chosen = attack_settings(settings, name, length, what, out / "taps", method)
 
         def show(step: StepReport) -> None:
-            done, said = (number - 1) * a_round + step.step, f"round {number}  attack, score {step.score:.2f}"
-            report(Progress(done, settings.rounds * a_round, said))
+            done = done_before(settings, number) + restart * length + step.step
+            report(Progress(done, work_of(settings), f"round {number}  attack, score {step.score:.2f}"))
 
         return run_optimization(dataset, [detector], chosen, folder, show, started(folder), None, machine.processes)
 
@@ -65,15 +98,25 @@ def hardening(
     )  # fmt: skip
 
 
+def done_before(settings: HardenSettings, number: int) -> int:
+    """Steps of attacks and of fine-tuning before a round."""
+    earlier = settings.model_copy(update={"rounds": number - 1})
+    return earlier.attack_budget + (number - 1) * settings.steps
+
+
+def work_of(settings: HardenSettings) -> int:
+    """Steps of attacks and of fine-tuning in all."""
+    return done_before(settings, settings.rounds + 1)
+
+
 def run_hardening(options: dict[str, Any], out: Path, machine: Machine, report: Report) -> Path:
     """Harden in a folder, or go on there; returns the weights."""
     wanted, told = hardening(options, out, machine, report), ""
     settings = wanted.settings
-    a_round = settings.attack_steps + settings.steps
 
     def show_step(number: int, done: int, steps: int, loss: float) -> None:
-        done += (number - 1) * a_round + settings.attack_steps
-        report(Progress(done, settings.rounds * a_round, f"round {number}  loss {loss:.3f}{told}"))
+        done += done_before(settings, number) + settings.attack_restarts * settings.attack_length(number)
+        report(Progress(done, work_of(settings), f"round {number}  loss {loss:.3f}{told}"))
 
     def show_test(found: HardenReport) -> None:
         nonlocal told

@@ -7,17 +7,20 @@ works as it did, 1 where the hardened detector finds the camouflaged vehicle as 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from .candidates import NORMAL
+from .harden_measures import METHOD, UNSEEN, Measures, adaptive_label
 from .intervals import Curve, difference_interval
 from .results import Estimate
 from .scores import Recorded, difference, estimate
 from .study import Entry
 
+HELD_OUT_MEAN = "held-out, mean"
+NOTHING_ELSE = Measures(budgets=())
 LEAST_LOSS = 0.02  # AP: where a paint took less than that, there is nothing to recover
 
 
@@ -46,21 +49,36 @@ class Gains:
     Attributes:
         clean: the vehicle's own paint; its ``change`` is what hardening cost.
         rows: every other paint.
-        held_out: the mean over the held-out camouflages.
+        held_out: the mean over the held-out camouflages, None where there is none.
+        methods: the mean over camouflages of held-out methods.
+        unseen: the camouflage on a vehicle that hardening never showed.
+        adaptive: by budget, the strongest camouflage against the hardened detector.
     """
 
     entry: Entry
     clean: Gain
     rows: tuple[Gain, ...]
-    held_out: Gain
+    held_out: Gain | None
+    methods: Gain | None = None
+    unseen: Gain | None = None
+    adaptive: Mapping[int, Gain] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Adaptive attacks that end above the camouflages which do not know of the hardening: those that failed."""
+        limit = math.inf if self.held_out is None else self.held_out.after.ap
+        return tuple(gain.paint for gain in self.adaptive.values() if gain.after.ap > limit)
 
 
-def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> Gains:
+def gains_of(
+    entry: Entry, before: str, after: str, held_out: Sequence[str], measures: Measures = NOTHING_ELSE
+) -> Gains:
     """Compare two detectors of an entry.
 
     Args:
         before, after: the detectors' names.
-        held_out: the paints whose mean is reported.
+        held_out: the paints whose mean is reported, of those that the entry holds.
+        measures: what else is.
 
     Raises:
         RaucaError: their detections are not kept any more.
@@ -69,7 +87,6 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
     both = (before, after)
     curves = {paint: [recorded.curve(detector, paint) for detector in both] for paint in entry.results.paints}
     clean = curves[NORMAL][0]
-    mean = [np.mean([curves[paint][k] for paint in held_out], axis=0) for k in (0, 1)]
     frames = len(entry.results.frames)
 
     def gain(paint: str, both: Sequence[Curve]) -> Gain:
@@ -78,7 +95,17 @@ def gains_of(entry: Entry, before: str, after: str, held_out: Sequence[str]) -> 
         return Gain(paint, estimate(before, frames), estimate(after, frames), changed, recovered)
 
     rows = tuple(gain(paint, curves[paint]) for paint in curves if paint != NORMAL)
-    return Gains(entry, gain(NORMAL, curves[NORMAL]), rows, gain("held-out, mean", mean))
+
+    def mean(name: str, paints: Sequence[str]) -> Gain | None:
+        there = [curves[paint] for paint in paints if paint in curves]
+        return gain(name, [np.mean([one[k] for one in there], axis=0) for k in (0, 1)]) if there else None
+
+    of = {gain.paint: gain for gain in rows}
+    adaptive = {budget: of[adaptive_label(budget)] for budget in measures.budgets if adaptive_label(budget) in of}
+    methods = mean("held-out methods, mean", [METHOD + one for one in measures.methods])
+    return Gains(
+        entry, gain(NORMAL, curves[NORMAL]), rows, mean(HELD_OUT_MEAN, held_out), methods, of.get(UNSEEN), adaptive
+    )
 
 
 def _recovered(before: Curve, after: Curve, clean: Curve, frames: int) -> Estimate | None:

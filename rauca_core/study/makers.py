@@ -39,9 +39,10 @@ from .agreement import measure_agreement
 from .artifact import Artifact
 from .defences import make_defence
 from .defences.interface import to_pixels
-from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, source_of
+from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, read_frame_image, source_of
 from .harden_rounds import run_hardening
 from .job import Job, steps_told
+from .other_classes import without_vehicle
 from .ranking import FILE_NAME as RANKING
 from .ranking import Ranking, rank_camouflages
 
@@ -164,6 +165,15 @@ def make_defended(job: Job) -> None:
     job.report(Progress(len(pictures.paths), len(pictures.paths), job.artifact.label))
 
 
+def make_vacant(job: Job) -> None:
+    """Grey out the columns of each picture that its vehicle, or the shadow beside it, reaches into."""
+    pictures = pictures_in(job.inputs[0], job.artifact.options["frames"])
+    for frame, path in zip(pictures.frames, pictures.paths, strict=True):
+        if not is_whole(job.folder / f"{frame.id}.png"):
+            pixels = without_vehicle(read_frame_image(path, frame), frame)
+            write_bytes(job.folder / f"{frame.id}.png", png_bytes(pixels))
+
+
 def has_detections(artifact: Artifact, folder: Path) -> bool:
     """Whether the detector has seen every wanted image, as it is now."""
     try:
@@ -284,6 +294,7 @@ KINDS = {
         group=rendered_together,
     ),
     "defended": Kind("images after a defence", "defending", make_defended, has_renders),
+    "vacant": Kind("views without their vehicle", "taking vehicles out", make_vacant, has_renders, heavy=False),
     "detections": Kind(
         "what detectors found", "detecting", make_detections, has_detections,
         group=detected_together,

@@ -139,6 +139,11 @@ def defended(images: Artifact, defence: Defence, frames: Sequence[str]) -> Artif
     return Artifact("defended", label, {"defence": defence.fingerprint}, (images,), options)
 
 
+def vacant(views: Artifact, frames: Sequence[str]) -> Artifact:
+    """Pictures of views without their vehicle: the part of each that it does not stand in."""
+    return Artifact("vacant", "vacant", {}, (views,), {"frames": list(frames)})
+
+
 def detections(
     images: Artifact, detector: Detector, typed: str, kept: DetectionSettings, frames: Sequence[str]
 ) -> Artifact:

@@ -1,6 +1,6 @@
 """Hardening: a detector is attacked, learns to see through the camouflage, and is attacked again.
 
-Each round optimizes a fresh camouflage against the detector as it is, adds it to those known, and fine-tunes on frames
+Each round optimizes fresh camouflages against the detector as it is, adds them to those known, and fine-tunes on frames
 of which a share wears one of them (adversarial training; Madry et al., 2018, with a pool as in Tramer et al., 2018).
 The rest stays as in the first training, so that what the detector knew is not forgotten.
 """
@@ -22,7 +22,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
 from ..detect.interface import Detector
-from ..detect.synth.card import HARDENED, DetectorCard, as_detector
+from ..detect.synth.card import HARDENED, DetectorCard, as_detector, read_any_card
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.devices import find_device
@@ -43,9 +43,10 @@ WORN = "camouflaged"  # name of the group of frames tested in the newest camoufl
 CALM = 0.4  # a fine-tuning's learning rate, of the training's own
 TESTED = 48  # frames at most that a round is watched on, in plain paint and in camouflage
 
-Attack = Callable[[Detector, int, Path], Path]
-"""Optimizes a camouflage against a detector for the round of that number into a folder, going on where it stopped;
-returns its JSON. It is handed in because the attack builds on detectors, and not the other way round."""
+Attack = Callable[[Detector, int, Path], Sequence[Path]]
+"""Optimizes camouflages against a detector for the round of that number into a folder, going on where it stopped;
+returns their JSON, the first one to be watched. It is handed in because the attack builds on detectors, and not the
+other way round."""
 
 
 @dataclass(frozen=True)
@@ -186,30 +187,42 @@ class _Rounds:
         )
 
     def run(self, target: Path, on_test: OnTest, on_step: OnStep) -> None:
-        pool, weights, began = list(self.wanted.camouflages), None, time.process_time()
+        pool, weights, minutes = list(self.wanted.camouflages), None, 0.0
         for number in range(1, self.settings.rounds + 1):
+            began = time.process_time()
             folder = self.wanted.out / f"round-{number}"
             detector = self.origin.detector() if weights is None else self.origin.opened(weights)
             detector.to(self.device)
             if self.settings.attack_steps:
-                pool.append(self.wanted.attack(detector, number, folder / "attack"))
+                fresh = self.wanted.attack(detector, number, folder / "attack")
+                pool += fresh
+            else:
+                fresh = pool[-1:]
             after = folder / f"weights{self.origin.suffix}"
             if not after.with_suffix(".json").is_file():
-                self._tune(number, weights, pool, after, on_test, on_step)
+                self._tune(number, weights, pool, fresh[0], after, began, on_test, on_step)
             weights = after
+            minutes += read_any_card(after.with_suffix(".json"))[0].cpu_minutes
         assert weights is not None
         network, card = self.origin.network(weights)
-        minutes = round((time.process_time() - began) / 60, 1)
-        self.origin.save(target, network, replace(card, cpu_minutes=minutes, hardened=self._against(pool)))
+        self.origin.save(target, network, replace(card, cpu_minutes=round(minutes, 2), hardened=self._against(pool)))
 
     def _tune(
-        self, number: int, start: Path | None, pool: list[Path], after: Path, on_test: OnTest, on_step: OnStep
+        self,
+        number: int,
+        start: Path | None,
+        pool: list[Path],
+        watched: Path,
+        after: Path,
+        began: float,
+        on_test: OnTest,
+        on_step: OnStep,
     ) -> None:
-        """One round's fine-tuning, or the rest of it."""
+        """One round's fine-tuning, or the rest of it; the round ``began`` at that ``time.process_time``."""
         network, _ = self.origin.network(start)
         settings = self.settings.of_round(number, CALM * self.origin.lr)
-        plain, worn = self.samples(pool, share=0.0), self.samples(pool[-1:], share=1.0)
-        worn_by = [i for i in self.tested if self.wears(i, pool[-1])]
+        plain, worn = self.samples(pool, share=0.0), self.samples([watched], share=1.0)
+        worn_by = [i for i in self.tested if self.wears(i, watched)]
 
         def test(average: nn.Module) -> Findings:
             detector = as_detector(self.origin.card, average)
@@ -232,7 +245,8 @@ class _Rounds:
             lambda report: on_test(HardenReport(number, rounds, report)),
             lambda done, steps, loss: on_step(number, done, steps, loss),
         )
-        self.origin.save(after, average, self._card(number, findings))
+        minutes = round((time.process_time() - began) / 60, 3)
+        self.origin.save(after, average, replace(self._card(number, findings), cpu_minutes=minutes))
 
     def wears(self, index: int, camouflage: Path) -> bool:
         """Whether the frame's vehicle is a car that the camouflage fits."""

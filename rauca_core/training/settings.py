@@ -66,8 +66,11 @@ class HardenSettings(Learning):
     Attributes:
         rounds: of attack and fine-tuning.
         steps: of fine-tuning in each round.
-        attack_steps: of the optimization that makes each round's camouflage; 0 makes none.
-        attack_batch, attack_lr: of it, see ``attack.OptimizerSettings``.
+        attack_steps: of the first round's optimization of a camouflage; 0 makes none.
+        attack_growth: by which share of ``attack_steps`` every further round's is longer.
+        attack_restarts: optimizations in each round, from other beginnings; all their camouflages join the pool.
+        attack_methods: whose settings they take, see ``attack.METHODS``, one after the other and by turns.
+        attack_batch, attack_lr: of them, see ``attack.OptimizerSettings``.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
         batch, lr, ema, precision, every: of the fine-tuning, see ``DetectorSettings``
@@ -77,6 +80,9 @@ class HardenSettings(Learning):
     rounds: int = Field(3, ge=1, le=100)
     steps: int = Field(120, ge=1)
     attack_steps: int = Field(100, ge=0)
+    attack_growth: float = Field(0.0, ge=0, le=10)
+    attack_restarts: int = Field(1, ge=1, le=100)
+    attack_methods: tuple[str, ...] = Field(("ours",), min_length=1)
     attack_batch: int = Field(4, ge=1, le=256)
     attack_lr: float = Field(0.03, gt=0, le=1)
     share: float = Field(0.5, gt=0, lt=1)
@@ -87,6 +93,15 @@ class HardenSettings(Learning):
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
     every: int = Field(60, ge=1)
+
+    def attack_length(self, number: int) -> int:
+        """Steps of each optimization of a round, which count from 1."""
+        return round(self.attack_steps * (1 + self.attack_growth * (number - 1)))
+
+    @property
+    def attack_budget(self) -> int:
+        """Steps of all the hardening's attacks together."""
+        return self.attack_restarts * sum(map(self.attack_length, range(1, self.rounds + 1)))
 
     def of_round(self, number: int, usual_lr: float) -> DetectorSettings:
         """Those of one round's fine-tuning, with random streams of its own.

@@ -63,14 +63,14 @@ def attack(data: Dataset, device: torch.device):
     """The real one, a few steps of it."""
     processes = Processes(0, 1, device)
 
-    def run(detector: Detector, number: int, folder: Path) -> Path:
+    def run(detector: Detector, number: int, folder: Path) -> list[Path]:
         settings = make_settings(
             steps=2, batch=1, map_size=MAP, samples=SAMPLES, seed=number, name=f"round-{number}", checkpoint_every=1
         )
         done = folder / "camouflage.json"
         if done.is_file():
-            return done
-        return run_optimization(data, [detector], settings, folder, resume=started(folder), processes=processes)
+            return [done]
+        return [run_optimization(data, [detector], settings, folder, resume=started(folder), processes=processes)]
 
     return run
 

@@ -42,12 +42,21 @@ GOOD = ["frcnn-synth", "--data", "data", "--held-out", "one=one.json"]
     [
         ([*GOOD, "--camouflage", "one.json"], "one.json: the same UV map as one.json; what is trained on cannot"),
         ([*GOOD[:3], "--held-out", "stranger.json"], "stranger.json: made for UV .* of tank, .*; add a data set"),
-        ([*GOOD[:3], "--held-out", "adaptive=one.json"], "one.json: cannot be called 'adaptive'"),
+        ([*GOOD[:3], "--held-out", "adaptive-3x=one.json"], "one.json: cannot be called 'adaptive-3x'"),
+        ([*GOOD, "--budgets", "3,1"], "--budgets 3,1: give whole numbers from 1 on, smallest first"),
+        ([*GOOD, "--budgets", "many"], "--budgets many: give whole numbers such as 1,3,10, or none"),
+        ([*GOOD, "--held-out-method", "ours"], "--held-out-method ours: the hardening is trained on it"),
+        (
+            [*GOOD, "--held-out-method", "dta", "--attack-method", "ours", "--attack-method", "dta"],
+            "dta: the hardening",
+        ),
+        ([*GOOD, "--held-out-method", "nobody's"], 'method: no "nobody\'s"; choose one of das'),
+        ([*GOOD, "--held-out-vehicle", "data"], "data: shows box, which --data shows too; hold another vehicle out"),
         ([*GOOD, "--camouflage", "stranger.json"], "stranger.json: made for UV atlas 123 of tank"),
         ([*GOOD, "--weathers", "hail"], "weather preset 'hail' is unknown"),
         ([*GOOD, "--views", "nowhere"], "nowhere: not a data set"),
         ([*GOOD, "--share", "1"], "share: "),
-        ([*GOOD, "--attack-steps", "0"], "nothing to harden against"),
+        ([*GOOD, "--attack-steps", "0", "--budgets", "none"], "nothing to harden against"),
         (["ssd-mobilenet-v2x", *GOOD[1:]], "ssd-mobilenet-v2x"),
     ],
 )
@@ -77,7 +86,7 @@ def hardened(folder: Path, box_vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("rauca_core.study.harden.judge", judge)
     arguments = [*GOOD, "--data", "others", "--out", "out", "--threads", "1", *SHORT]
     with pytest.raises(RaucaError, match="judged"):
-        harden(*arguments, "--adaptive-steps", "1")
+        harden(*arguments, "--budgets", "1", "--restarts", "1")
     return arguments
 
 
@@ -85,16 +94,16 @@ def test_what_is_hardened_is_not_hardened_again(folder: Path, hardened: list[str
     (made,) = (folder / "out" / "store" / "hardened").iterdir()
     stamps = {path: path.stat().st_mtime_ns for path in made.rglob("*.*") if path.name != "recipe.json"}
     with pytest.raises(RaucaError, match="judged"):
-        harden(*hardened, "--adaptive-steps", "1", "--held-out", "two=two.json")
+        harden(*hardened, "--budgets", "1", "--restarts", "1", "--held-out", "two=two.json")
     assert {path: path.stat().st_mtime_ns for path in made.rglob("*.*") if path.name != "recipe.json"} == stamps
     assert (folder / "out" / "hardened-frcnn-synth.safetensors").is_file()
-    assert load_camouflage(folder / "out" / "adaptive" / "box" / "camouflage.json")[0].made["steps"] == 1
+    assert load_camouflage(folder / "out" / "attacks" / "box" / "adaptive-1x" / "camouflage.json")[0].made["steps"] == 1
     with pytest.raises(RaucaError, match="judged"):  # of another vehicle: other data sets are attacked
-        harden(*hardened, "--adaptive-steps", "1", "--held-out", "three=three.json")
+        harden(*hardened, "--budgets", "1", "--restarts", "1", "--held-out", "three=three.json")
     assert len(list(made.parent.iterdir())) == 2
 
 
 def test_what_a_round_was_trained_on_cannot_be_held_out(folder: Path, hardened: list[str]) -> None:
     (made,) = (folder / "out" / "store" / "hardened").glob("*/round-1/attack/camouflage.json")
     with pytest.raises(RaucaError, match=r"camouflage.json: the same UV map as .*; what is trained on cannot be held"):
-        harden(*hardened, "--adaptive-steps", "1", "--held-out", f"x={made}")
+        harden(*hardened, "--budgets", "1", "--restarts", "1", "--held-out", f"x={made}")

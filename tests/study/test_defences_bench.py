@@ -52,7 +52,7 @@ def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path)
     settings = FULL.but(steps=1, views=2)
     results = bench(tmp_path / "out.json", settings, tmp_path / "docs", run, detectors[:1])
     found = {(row["defence"], row["paint"]): row for row in results.rows["outcomes"]}
-    assert list(found) == [(d, p) for d in defence_names() for p in ("normal", "camouflage", "patch")]
+    assert list(found) == [(d, p) for d in defence_names() for p in ("normal", "camouflage", "patch", "informed")]
     for (defence, _), row in found.items():
         shares = [row["altered"], row["altered_on_vehicle"], *row["ap"].values(), *row["score"].values()]
         assert all(0 <= share <= 1 for share in shares)
@@ -60,6 +60,8 @@ def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path)
         assert (row["altered"] == 0) >= (defence == "none")
     assert found["lgs", "patch"]["altered_on_vehicle"] > found["lgs", "normal"]["altered_on_vehicle"]
     assert found["none", "normal"]["score"]["yolov4-tiny"] > 0.3
+    assert found["none", "informed"]["ap"] == found["none", "patch"]["ap"]
+    assert found["jpeg", "informed"]["altered"] != found["jpeg", "patch"]["altered"]  # it went on from the patch
     written = json.loads((tmp_path / "out.json").read_text())
     assert len(written["outcomes"]) == len(found)
     assert Image.open(tmp_path / "docs" / "pictures" / "defences.jpg").size[0] > 1000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,10 @@ from benchmarks.stability.drawn import make_dataset
 from rauca_core.contract import Vehicle
 from rauca_core.report import write_hardening
 from rauca_core.study.harden import Hardened
+from rauca_core.study.harden_measures import Measures
 from rauca_core.study.hardening import gains_of
+from rauca_core.study.hardening_record import Cost, Figures, Round
+from rauca_core.study.other_classes import Agreement
 from rauca_core.study.study import Entry, Study
 from tests.study.colored import BLUE, GREEN, RED, SIZE, FindsColors, paint
 from tests.study.measured import measure
@@ -59,16 +63,66 @@ def test_a_detector_that_did_not_change_recovers_nothing(entry: Entry) -> None:
 
 def test_the_page_and_its_files_hold_the_same_numbers(entry: Entry, tmp_path: Path) -> None:
     gains, study = gains_of(entry, "before", "after", ["noise"]), Study("rauca harden <x>", (entry,))
-    found = Hardened(tmp_path / "x", "before", "after", study, [gains], {"noise": "<b>drawn</b>"}, {"rounds": 2})
+    cost = Cost(7.25, (Round(1, 0.9, 0.4, 3.0), Round(2, 0.9, None, 4.25)))
+    figures = Figures("before", "after", [gains], Agreement(8, 9), Agreement(1, 1), cost)
+    found = Hardened(tmp_path / "x", study, figures, {"noise": "<b>drawn</b>"}, {"rounds": 2})
     page, table, numbers, _ = write_hardening(found, tmp_path / "report.html")
     read = whole_page(page)
     assert "<b>drawn" in read.text
     assert len(read.loads) == 2 * 2 * 5  # paints, before and after, places
     assert f"{gains.rows[0].after.ap:.3f}" in read.text
-    rows = {(row["row"], row["column"]): row for row in csv.DictReader(table.open())}
-    assert {row for row, _ in rows} == {"normal", "noise", "held-out, mean"}
+    assert "Of 10 objects beside the vehicle" in read.text
+    assert "the other says the same of 90.0%" in read.text
+    assert "7.2 CPU minutes" in read.text
+    every = list(csv.DictReader(table.open()))
+    assert {row["row"] for row in every} == {
+        *("normal", "noise", "held-out, mean"), *("own paint", "held-out camouflages"), *("1", "2")
+    }  # fmt: skip
+    rows = {(row["row"], row["column"]): row for row in every}
     assert ("normal", "recovered") not in rows
     assert float(rows["noise", "after"]["value"]) == gains.rows[0].after.ap
     assert float(rows["noise", "recovered"]["low"]) == gains.rows[0].recovered.low
     assert rows["noise", "after"]["keys"] == "table / noise / after"
     assert json.loads(numbers.read_text())["before"] == "before"
+
+
+@pytest.fixture
+def attacked(tmp_path: Path, box_vehicle: Vehicle) -> Entry:
+    """Twelve frames; a held-out camouflage, one of a held-out method, and two that know the hardened detector."""
+    dataset = make_dataset(tmp_path / "data", box_vehicle, SIZE, (0.0, 60.0, 120.0, 180.0, 240.0, 300.0))
+    worn = {
+        "normal": [RED] * 12, "noise": [BLUE, GREEN] * 6, "method-dta": [BLUE] * 6 + [GREEN] * 6,
+        "adaptive-1x": [BLUE] * 9 + [GREEN] * 3, "adaptive-3x": [BLUE] * 3 + [GREEN] * 9,
+    }  # fmt: skip
+    for name, colors in worn.items():
+        paint(dataset, tmp_path / name, colors)
+    detectors = [FindsColors("before", RED), FindsColors("after", RED, BLUE)]
+    results = measure(dataset, {name: tmp_path / name for name in worn}, detectors, tmp_path / "study")
+    return Entry("seen", "none", "box", "car", results, tmp_path / "study")
+
+
+def test_the_record_holds_the_entry_that_ends_lowest_and_names_failed_attacks(attacked: Entry, tmp_path: Path) -> None:
+    measures = Measures(budgets=(1, 3), methods=("dta",))
+    gains = gains_of(attacked, "before", "after", ["noise"], measures)
+    assert gains.failed == ("adaptive-1x",)  # 9 of 12 found, of the held-out one 6
+    assert set(gains.adaptive) == {1, 3}
+    figures = Figures(
+        "before", "after", [gains], Agreement(3, 4), Agreement(5, 6), Cost(1.5, ()), frozenset({"seen"})
+    )  # fmt: skip
+    record = json.loads(figures.save(tmp_path).read_text())
+    assert record["failed_attacks"] == ["adaptive-1x, box, seen"]
+    assert record["other_classes_agreement"] == 0.8
+    assert record["adaptive_3x"] == {
+        "before": 0, "after": pytest.approx(0.25, abs=0.01), "low": gains.adaptive[3].after.low,
+        "high": gains.adaptive[3].after.high, "recovered": pytest.approx(0.25, abs=0.01),
+    }  # fmt: skip
+    assert record["adaptive_10x"] is None
+    assert record["held_out_methods"]["after"] == pytest.approx(0.5, abs=0.01)
+    assert record["held_out_weathers"] == record["held_out"]
+    assert record["held_out_vehicle"] is None
+    assert record["clean"]["after"] == 1
+    assert record["entries"][0]["adaptive_1x"] == record["adaptive_1x"]
+    elsewhere = replace(gains, entry=replace(attacked, weathers="unseen"), held_out=gains.adaptive[3])
+    both = replace(figures, gains=[gains, elsewhere]).worst()
+    assert both["held_out"] is gains.adaptive[3]
+    assert both["held_out_weathers"] is gains.held_out

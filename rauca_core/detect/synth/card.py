@@ -140,16 +140,22 @@ def load_network(path: Path) -> tuple[nn.Module, DetectorCard, str]:
 
 
 def read_card(path: Path) -> tuple[DetectorCard, str]:
-    """The card and the sha256 of the weights it describes."""
+    """The card of a network of our own and the sha256 of the weights it describes."""
+    card, digest = read_any_card(path)
+    if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
+        known = ", ".join(RECIPES)
+        raise RaucaError(f"{path}: must name one of {known} or a darknet network, and its classes; {REMEDY}")
+    return card, digest
+
+
+def read_any_card(path: Path) -> tuple[DetectorCard, str]:
+    """The same, of whatever was trained, an ONNX file too."""
     if not path.is_file():
         raise RaucaError(f"{path}: the weights' card is missing; keep the two files together, or {REMEDY}")
     fields = read_json(path)
     digest, card = fields.text("sha256"), DetectorCard.from_json(fields)
     if len(card.class_names) > MAX_CLASSES:
         raise RaucaError(f"{path}: names {len(card.class_names)} classes; at most {MAX_CLASSES} are read; {REMEDY}")
-    if not (card.name in RECIPES or is_darknet(card.name)) or not card.class_names:
-        known = ", ".join(RECIPES)
-        raise RaucaError(f"{path}: must name one of {known} or a darknet network, and its classes; {REMEDY}")
     return card, digest
 
 

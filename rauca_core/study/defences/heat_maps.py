@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import torch
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
 
 from .reference import round_trip
+from .smooth_jpeg import smooth_jpeg
 
 SMALLEST_WINDOW = 8
 LEVELS = 256
@@ -92,6 +96,41 @@ def recompression_map(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
         squared = np.square(difference).mean(axis=2)
         total += scaled(cv2.blur(squared, (SMOOTHING_PIXELS, SMOOTHING_PIXELS), borderType=cv2.BORDER_REFLECT))
     return total / len(QUALITIES)
+
+
+SMOOTH_QUALITIES = (55, 75, 95)  # that stand for all of them
+
+
+def smooth_heat(images: Tensor, weight: float) -> Tensor:
+    """PAD's fused map as a differentiable function: (B, 3, H, W) sRGB in [0, 1] -> (B, 1, H, W) in [0, 1].
+
+    From 64 pixels, the plug-in estimate of mutual information follows how many grey values a window holds, so the
+    logarithm of their spread stands for it; of the recompression, three qualities and the smooth codec.
+
+    Args:
+        weight: of the first map.
+    """
+    grey = 255 * torch.einsum("c,bchw->bhw", torch.tensor((0.299, 0.587, 0.114)).to(images), images)[:, None]
+    side = window_side(*images.shape[2:]) | 1
+    variance = _blurred(grey.square(), side) - _blurred(grey, side).square()
+    spread = (variance.clamp(min=0) + 1).log()
+    total = torch.zeros_like(grey)
+    for quality in SMOOTH_QUALITIES:
+        squared = (255 * (images - smooth_jpeg(images, quality))).square().mean(1, keepdim=True)
+        total = total + _scaled_each(_blurred(squared, SMOOTHING_PIXELS)) / len(SMOOTH_QUALITIES)
+    return weight * _scaled_each(spread) + (1 - weight) * _scaled_each(total)
+
+
+def _blurred(maps: Tensor, side: int) -> Tensor:
+    """(B, 1, H, W) averaged over squares of an odd side; the border is repeated."""
+    padded = functional.pad(maps, (side // 2,) * 4, mode="replicate")
+    return functional.avg_pool2d(functional.avg_pool2d(padded, (side, 1), 1), (1, side), 1)
+
+
+def _scaled_each(maps: Tensor) -> Tensor:
+    """As :func:`scaled`, each of (B, 1, H, W) by its own range, which counts as constant."""
+    low, high = (ends((2, 3), keepdim=True).detach() for ends in (maps.amin, maps.amax))
+    return (maps - low) / torch.where(high > low, high - low, 1)
 
 
 def scaled(heat: NDArray[np.float32]) -> NDArray[np.float32]:

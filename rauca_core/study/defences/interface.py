@@ -61,6 +61,13 @@ class Defence(Settings):
         """The same, of images that were checked."""
         raise NotImplementedError
 
+    def stand_in(self, images: Tensor) -> Tensor:
+        """What an attacker who knows of the defence differentiates in its place, (B, 3, H, W) -> the same.
+
+        The images as they are unless a defence says more: straight through (Athalye, Carlini and Wagner, ICML 2018).
+        """
+        return images
+
 
 def to_pixels(image: Tensor) -> NDArray[np.uint8]:
     """One image (3, H, W) in [0, 1] -> (H, W, 3) 8-bit RGB, rounded."""

@@ -6,6 +6,7 @@ averaged over overlapping blocks; in blocks above a threshold every pixel is dar
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import torch
@@ -14,6 +15,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from .interface import Defence
+
+SOFTNESS = 0.02  # of the smooth threshold, in normalized gradient
 
 
 class LocalGradientsSmoothing(Defence):
@@ -44,19 +47,25 @@ class LocalGradientsSmoothing(Defence):
 
     def _defend(self, images: Tensor) -> Tensor:
         """Darkened where gradients crowd: I * (1 - clip(lambda * g', 0, 1))."""
-        gradient = normalized_gradient(images)
-        crowded = self._crowded_blocks(gradient.detach())
-        return images * (1 - (self.smoothing * gradient * crowded).clamp(0, 1))
+        return self._darkened(images, lambda mean: mean.detach() > self.threshold)
 
-    def _crowded_blocks(self, gradient: Tensor) -> Tensor:
-        """(B, 1, H, W) gradient -> 1 at the pixels of blocks above the threshold, else 0."""
+    def stand_in(self, images: Tensor) -> Tensor:
+        """The same with a smooth choice of blocks, so that the attack may leave a block below the threshold."""
+        return self._darkened(images, lambda mean: ((mean - self.threshold) / SOFTNESS).sigmoid())
+
+    def _darkened(self, images: Tensor, crowded: Callable[[Tensor], Tensor]) -> Tensor:
+        gradient = normalized_gradient(images)
+        return images * (1 - (self.smoothing * gradient * self._crowded_blocks(gradient, crowded)).clamp(0, 1))
+
+    def _crowded_blocks(self, gradient: Tensor, crowded: Callable[[Tensor], Tensor]) -> Tensor:
+        """(B, 1, H, W) gradient -> ``crowded`` of a block's mean at the block's pixels, 1 or 0; the most of several."""
         height, width = gradient.shape[2:]
         block = (min(self.block, height), min(self.block, width))
         rows, columns = (self._starts(size, side) for size, side in zip((height, width), block, strict=True))
         means = functional.avg_pool2d(functional.avg_pool2d(gradient, (block[0], 1), 1), (1, block[1]), 1)
         chosen = torch.zeros_like(means)
         at = (..., rows[:, None], columns)
-        chosen[at] = (means[at] > self.threshold).to(means)
+        chosen[at] = crowded(means[at]).to(means)
         # A pixel's blocks start up to a block's side before it.
         before = functional.pad(chosen, (block[1] - 1, block[1] - 1, block[0] - 1, block[0] - 1))
         return functional.max_pool2d(functional.max_pool2d(before, (block[0], 1), 1), (1, block[1]), 1)

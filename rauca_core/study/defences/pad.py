@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 from torch import Tensor
 
-from .heat_maps import mutual_information_map, recompression_map, scaled
+from .heat_maps import mutual_information_map, recompression_map, scaled, smooth_heat
 from .interface import Defence, to_pixels
 
+SOFTNESS = 0.05  # of the smooth threshold, in scaled heat
 MOST_SHARED = 0.1  # of a segment that is masked already
 
 
@@ -109,6 +110,15 @@ class Pad(Defence):
         masks = np.array([self.mask(to_pixels(image)) for image in images], bool)
         masks = masks.reshape(len(images), 1, *images.shape[2:])
         return images.masked_fill(torch.from_numpy(masks).to(images.device), 0)
+
+    def stand_in(self, images: Tensor) -> Tensor:
+        """Darkened by a smooth mask: how far the smooth heat lies above its percentile.
+
+        Morphology and segments have no counterpart; the gradient says where heat, and with it the mask, grows.
+        """
+        heat = smooth_heat(images, self.weight)
+        limit = heat.detach().flatten(1).float().quantile(self.percentile / 100, 1)[:, None, None, None].to(heat)
+        return images * (1 - ((heat - limit) / SOFTNESS).sigmoid())
 
     def mask(self, pixels: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """(H, W, 3) 8-bit RGB -> (H, W), true where a patch is suspected."""

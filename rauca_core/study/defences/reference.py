@@ -13,6 +13,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from .interface import NO_DEFENCE, Defence, from_pixels, to_pixels
+from .smooth_jpeg import smooth_jpeg
 
 
 class Nothing(Defence):
@@ -63,9 +64,13 @@ class Median(Defence):
         neighborhoods = padded.unfold(2, self.size, 1).unfold(3, self.size, 1)
         return neighborhoods.flatten(-2).median(dim=-1).values
 
+    def stand_in(self, images: Tensor) -> Tensor:
+        return self._defend(images)
+
 
 class Jpeg(Defence):
-    """Save and load as JPEG (Dziugaite, Ghahramani, Roy 2016; default quality as theirs). Not differentiable.
+    """Save and load as JPEG (Dziugaite, Ghahramani, Roy 2016; default quality as theirs). It is not differentiable: an
+    attacker differentiates :func:`smooth_jpeg`.
 
     Attributes:
         quality: of libjpeg.
@@ -84,6 +89,9 @@ class Jpeg(Defence):
         for out, image in zip(defended, images, strict=True):
             out.copy_(from_pixels(round_trip(to_pixels(image), self.quality), like=image))
         return defended
+
+    def stand_in(self, images: Tensor) -> Tensor:
+        return smooth_jpeg(images, self.quality)
 
 
 def round_trip(pixels: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:

@@ -1,0 +1,76 @@
+"""Whether a hardened detector still says what it said of everything but the vehicle: of pictures without one, and of
+the other objects in pictures with one.
+
+An object that either detector is sure of (score of at least .5) counts as agreed if the other one finds it, of the same
+class, by an overlap of at least .5 and with half that score: what stands at the threshold is no disagreement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ..contract import Frame
+from ..detect.letterbox import PADDING_SRGB
+from ..detect.nms import box_iou
+from .detection_cache import Found
+
+SURE, SEEN, OVERLAP = 0.5, 0.25, 0.5
+INSIDE = 0.5  # of an object's area in the vehicle's box, from which on it is the vehicle, or a part of it
+MARGIN = 0.15  # of the vehicle's width to either side, for its shadow
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How many objects that either detector is sure of, and of how many of them the other one says the same."""
+
+    agreed: int = 0
+    objects: int = 0
+
+    @property
+    def share(self) -> float | None:
+        """None where nobody was sure of anything."""
+        return self.agreed / self.objects if self.objects else None
+
+    def __add__(self, other: Agreement) -> Agreement:
+        return Agreement(self.agreed + other.agreed, self.objects + other.objects)
+
+
+def agreement_of(pairs: Iterable[tuple[Found, Found, NDArray[np.float64] | None]]) -> Agreement:
+    """Over pictures: what both detectors found, and the vehicle's box (4,) xyxy, pixels, if it is there."""
+    total = Agreement()
+    for one, other, vehicle in pairs:
+        total = total + _of_picture(one, other, vehicle) + _of_picture(other, one, vehicle)
+    return total
+
+
+def without_vehicle(pixels: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
+    """(H, W, 3) sRGB with the columns of the frame's vehicle in the grey that letterboxes have."""
+    assert frame.box_xyxy is not None
+    left, _, right, _ = frame.box_xyxy
+    margin = MARGIN * (right - left)
+    vacant = pixels.copy()
+    vacant[:, max(0, int(left - margin)) : int(np.ceil(right + margin))] = round(255 * PADDING_SRGB)
+    return vacant
+
+
+def _of_picture(one: Found, other: Found, vehicle: NDArray[np.float64] | None) -> Agreement:
+    """How many of one detector's sure objects the other one finds."""
+    sure = [i for i in np.flatnonzero(one.scores >= SURE) if vehicle is None or _inside(one.boxes[i], vehicle) < INSIDE]
+    if not sure:
+        return Agreement()
+    seen = np.flatnonzero(other.scores >= SEEN)
+    overlaps = box_iou(torch.from_numpy(one.boxes[sure]), torch.from_numpy(other.boxes[seen])).numpy()
+    same = np.array([[one.names[i] == other.names[k] for k in seen] for i in sure], bool).reshape(overlaps.shape)
+    return Agreement(int(((overlaps >= OVERLAP) & same).any(1).sum()), len(sure))
+
+
+def _inside(box: NDArray[np.float64], vehicle: NDArray[np.float64]) -> float:
+    """Share of a box that lies in the vehicle's."""
+    low, high = np.maximum(box[:2], vehicle[:2]), np.minimum(box[2:], vehicle[2:])
+    shared, area = np.prod(np.clip(high - low, 0, None)), np.prod(box[2:] - box[:2])
+    return float(shared / area) if area > 0 else 0.0

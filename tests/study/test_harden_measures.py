@@ -1,0 +1,95 @@
+"""A hardening from the first round to its record, on drawn frames; a stand-in draws what Blender would render."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.stability.drawn import make_dataset
+from rauca_core.attack import random_camouflage
+from rauca_core.contract import Vehicle, load_camouflage, load_vehicle
+from rauca_core.report import write_hardening
+from rauca_core.runtime.images import read_image
+from rauca_core.study.engine import Engine, open_engine
+from rauca_core.study.harden import Hardened, harden
+from rauca_core.study.harden_measures import Measures
+from rauca_core.training.settings import HardenSettings
+from tests.study.drawn_blender import DrawnBlender, drawn_blender
+from tests.study.page import whole_page
+
+__all__ = ["drawn_blender"]
+SIDES = (40.0, 130.0, 250.0)
+TINY = {
+    "rounds": 2, "steps": 1, "every": 1, "batch": 1, "attack_steps": 2, "attack_growth": 0.5, "attack_restarts": 2,
+    "attack_batch": 1, "map_size": 64, "samples": 2, "threads": 1,
+}  # fmt: skip
+
+
+@pytest.fixture
+def asked(tmp_path: Path, box_vehicle: Vehicle, drawn_blender: DrawnBlender):
+    """Hardens `frcnn-synth` on one vehicle, and judges it on that one and on another."""
+    mirrored = replace(box_vehicle, name="mirrored", uvs=1 - box_vehicle.uvs, paint_mask=box_vehicle.paint_mask[::-1])
+    folders = {}
+    for name, vehicle in (("box", box_vehicle), ("mirrored", mirrored)):
+        folders[name] = make_dataset(tmp_path / name, vehicle, 64, SIDES).folder
+        folders[f"views-{name}"] = make_dataset(tmp_path / f"views-{name}", vehicle, 64, SIDES, light=False).folder
+    body = load_vehicle(folders["box"] / "vehicle", read_image)
+    random_camouflage(tmp_path / "held.json", body, 64, seed=5, cell=8)
+
+    def run() -> Hardened:
+        return harden(
+            "frcnn-synth", [folders["box"]], [f"held={tmp_path / 'held.json'}"], tmp_path / "out",
+            settings=HardenSettings.make(**TINY),
+            measures=Measures((1, 2), 2, ("dta",), (folders["mirrored"],)),
+            views=[folders["views-box"], folders["views-mirrored"]],
+        )  # fmt: skip
+
+    return run
+
+
+def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    engines: list[Engine] = []
+
+    def opened(*given: Any, **means: Any) -> Engine:
+        engines.append(open_engine(*given, **means))
+        return engines[-1]
+
+    monkeypatch.setattr("rauca_core.study.harden.open_engine", opened)
+    found = asked()
+    assert engines[0].made["hardened"] == 1
+    # A held-out method, a held-out vehicle, and two budgets of two restarts each.
+    assert engines[0].made["paint"] == 1 + 1 + 2 * 2
+    record = json.loads((tmp_path / "out" / "hardening.json").read_text())
+    for name in ("clean", "held_out", "held_out_methods", "held_out_vehicle", "adaptive_1x", "adaptive_2x"):
+        assert 0 <= record[name]["low"] <= record[name]["after"] <= record[name]["high"] <= 1
+    assert (record["adaptive_3x"], record["held_out_weathers"]) == (None, None)
+    assert [entry["vehicle"] for entry in record["entries"]] == ["box", "mirrored"]
+    assert record["cpu_minutes"] == pytest.approx(sum(one["cpu_minutes"] for one in record["rounds"]), abs=0.01)
+    assert record["cpu_minutes"] > 0
+    assert [one["round"] for one in record["rounds"]] == [1, 2]
+
+    attacks = tmp_path / "out" / "attacks"
+    whole = {name: load_camouflage(attacks / name / "camouflage.json")[0].made for name in ("box/method-dta",)}
+    assert whole["box/method-dta"]["steps"] == 10  # two rounds of two restarts, of 2 and 3 steps
+    assert load_camouflage(attacks / "mirrored" / "unseen-vehicle" / "camouflage.json")[0].method == "ours"
+    assert set(found.study.of(vehicle="box")[0].results.paints) == {
+        "normal", "random", "held", "method-dta", "adaptive-1x", "adaptive-2x"
+    }  # fmt: skip
+
+    (made,) = (tmp_path / "out" / "store" / "hardened").iterdir()
+    pool = sorted(path.relative_to(made).as_posix() for path in made.glob("round-*/attack/**/camouflage.json"))
+    assert pool == [
+        f"round-{number}/attack/{restart}camouflage.json" for number in (1, 2) for restart in ("", "restart-1/")
+    ]
+    assert [load_camouflage(made / path)[0].made["steps"] for path in pool] == [2, 2, 3, 3]
+
+    page, *_ = write_hardening(found, tmp_path / "out" / "report.html")
+    text = whole_page(page).text
+    assert all(words in text for words in ("held-out methods", "held-out vehicle", "adaptive, 1 times the budget"))
+    asked()
+    assert engines[1].made == Counter()
