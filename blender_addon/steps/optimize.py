@@ -39,7 +39,7 @@ class RaucaOptimize(bpy.types.PropertyGroup):
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
     batch: bpy.props.IntProperty(
-        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+        name="Frames a Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(
         name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
