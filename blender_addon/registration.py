@@ -19,15 +19,18 @@ from .steps.weather.properties import RaucaWeather
 # handlers, timers, previews. Jobs come last: they are stopped before anything is taken away from them.
 NAMES = """
     translations preferences steps.operator steps.job_panel
-    steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel
+    steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
     steps.cameras.properties steps.cameras.panel steps.cameras.overlay
-    steps.dataset steps.optimize
-    steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay
+    steps.dataset steps.optimize steps.demo
+    steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.bake jobs.watch
 """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
-KINDS = (bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel)
+KINDS = (
+    *(bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel),
+    bpy.types.FileHandler,
+)
 
 
 class RaucaProperties(bpy.types.PropertyGroup):

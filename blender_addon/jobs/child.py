@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -30,8 +31,18 @@ IN_THE_WINDOW = (
     ("run the same command to go on", "start again to go on"),
     ("or pass --no-denoise with 64 samples or more", "or turn Denoise off and take 64 samples or more"),
     ("choose another output folder", "choose another folder"),
+    ("give its vehicle with --vehicle", "choose that vehicle in step 1, or another folder in step 4"),
+    ("or render on the CPU with --render-device cpu", "or choose CPU under Render On"),
+    ("drop the paint option", "leave its paint alone in step 1"),
     ("data set", "dataset"),
 )
+# Options that a sentence may name beside what it fills in, and the setting of the window that each one is.
+SETTINGS = {
+    "steps": "Steps", "batch": "Frames a Step", "map-size": "Texture Size", "seed": "Seed", "name": "Name",
+    "detector": "Detectors", "detectors": "Detectors", "vehicle": "Vehicle", "paint-mask": "Paint Mask",
+    "paint-material": "Material", "render-device": "Render On", "locations": "Locations", "weathers": "List",
+    "no-denoise": "Denoise off", "scene": "the scene's file",
+}  # fmt: skip
 
 
 def ending(code: int, complaints: Sequence[str]) -> str:
@@ -62,4 +73,4 @@ def with_buttons(sentence: str) -> str:
     """A sentence of the command line as one for the window: it tells of buttons, not of commands."""
     for there, here in IN_THE_WINDOW:
         sentence = sentence.replace(there, here)
-    return sentence
+    return re.sub(r"--([a-z-]*[a-z])", lambda option: SETTINGS.get(option[1], option[1].replace("-", " ")), sentence)

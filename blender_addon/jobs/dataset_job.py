@@ -76,8 +76,8 @@ def completed(job: contract.MakeDataset, vehicle: contract.Vehicle) -> contract.
     plan = job.plan
     if plan.atlas_id not in ("", vehicle.atlas_id):
         raise contract.RaucaError(
-            f"{vehicle.name}: has the UV atlas {vehicle.atlas_id}, the plan is of {plan.vehicle_name} with "
-            f"{plan.atlas_id}; give its vehicle with --vehicle"
+            f"{vehicle.name}: the plan is of {plan.vehicle_name or 'a vehicle'} in another UV layout; "
+            "give its vehicle with --vehicle"
         )
     scenery = contract.Scenery.of_file(job.scene) if job.scene else contract.Scenery()
     if plan.scenery not in (contract.Scenery(), scenery):

@@ -49,6 +49,11 @@ def chosen_path(setting: str) -> Path:
     return Path(bpy.path.abspath(setting)).absolute()
 
 
+def folder_there(setting: str) -> bool:
+    """Whether the chosen folder is there."""
+    return _ask("folder", setting, ("",), lambda folder: folder.is_dir()) or False
+
+
 def frames_in(setting: str) -> Frames | None:
     """The dataset in the chosen folder; None where there is none that can be read."""
     return _ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)

@@ -19,7 +19,7 @@ from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.thumbnails import thumbnail
 from ..preferences import CHECK, draw_python, preferences
 from .dataset import JOB as DATASET_JOB
-from .job_panel import draw_job, draw_open_folder, job_state, shown_job
+from .job_panel import draw_buttons, draw_told, job_state, shown_job
 from .on_disk import CHECKPOINT, UNFINISHED, chosen_path, forget, paint_in
 from .operator import BackgroundOperator, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting
@@ -39,7 +39,7 @@ class RaucaOptimize(bpy.types.PropertyGroup):
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
     batch: bpy.props.IntProperty(
-        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+        name="Frames a Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(
         name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
@@ -94,31 +94,28 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settled = preferences(context)
+        settled, folder = preferences(context), context.scene.rauca.optimize.folder
         if not watch.busy(JOB) and (settled is None or not settled.ready):
             draw_python(context, layout)
-        elif not watch.busy(JOB):
+        else:
             self._draw_settings(context, layout)
-        folder = context.scene.rauca.optimize.folder
-        draw_job(context, layout, JOB, folder)
-        if not RAUCA_OT_use_now.obstacle(context):
+            draw_buttons(layout, JOB, folder, "rauca.optimize", "PLAY")
             layout.operator("rauca.use_now", icon="FORWARD")
         if found := shown_job(JOB, folder):
             self._draw_pictures(layout, found)
-            draw_open_folder(layout, str(found.task.folder))
-        elif paint_in(folder):
-            draw_open_folder(layout, str(chosen_path(folder)))
+        draw_told(context, layout, JOB, folder)
 
     def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings, settled = context.scene.rauca.optimize, preferences(context)
-        column = layout.column()
+        every = layout.column()
+        every.enabled = not watch.busy(JOB)
+        column = every.column()
         column.prop(settings, "dataset", placeholder=context.scene.rauca.dataset.folder)
         for name in ("folder", "title", "steps"):
             column.prop(settings, name)
-        column = layout.column(heading="Detectors", align=True)
+        column = every.column(heading="Detectors", align=True)
         for detector in settled.detectors if settled is not None else ():
             column.prop(detector, "use", text=detector.name, translate=False)
-        layout.operator("rauca.optimize", icon="PLAY")
 
     def _draw_pictures(self, layout: bpy.types.UILayout, found: Job) -> None:
         """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""

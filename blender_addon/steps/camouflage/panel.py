@@ -95,9 +95,9 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
         layout.prop(settings, "file", text="File")
         row = layout.row(align=True)
         row.operator("rauca.apply_camouflage", icon="BRUSH_DATA")
+        row.operator("rauca.remove_camouflage", text="", icon="X")
         if settings.coat is None:
             return
-        row.operator("rauca.remove_camouflage", text="", icon="X")
         coat = Coat(settings.coat)
         row = layout.row(align=True)
         shown = [("ORIGINAL", iface("Original")), ("CAMOUFLAGE", iface("Camouflage"))]
