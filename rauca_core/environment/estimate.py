@@ -42,7 +42,8 @@ def split_light(
     with torch.no_grad():
         inputs = (image_srgb[inside][None], mask[inside][None], reference_linear[None])
         found = net(*(t.to(device) for t in inputs))
-    A[inside], B[inside] = split_colors(*(m[0].to(A) for m in found), mask[inside], reference_linear)
+    gain, rest = (maps[0].to(A) for maps in found)
+    A[inside], B[inside] = split_colors(gain, rest, mask[inside], reference_linear)
     return A, B
 
 
