@@ -55,6 +55,9 @@ def harden(
     held_out_vehicle: Annotated[
         list[Path] | None, typer.Option(help="data set of a vehicle to judge on, too; never trained on")
     ] = None,
+    inner_step: Annotated[
+        float, typer.Option(help="how far an attack inside every training step moves the paint; 0 for none")
+    ] = 0.0,
     share: Annotated[float, typer.Option(help="of training frames that wear a camouflage")] = 0.5,
     batch: Annotated[int, typer.Option(help="images per step of fine-tuning")] = 8,
     lr: Annotated[float | None, typer.Option(help="AdamW's learning rate; from the detector's own by default")] = None,
@@ -81,9 +84,9 @@ def harden(
 
     settings = HardenSettings.make(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
-        attack_restarts=attack_restarts, attack_methods=attack_method or None, attack_lr=attack_lr, share=share,
-        batch=batch, lr=lr, map_size=map_size, samples=samples, precision=precision, every=every, seed=seed,
-        threads=threads,
+        attack_restarts=attack_restarts, attack_methods=attack_method or None, attack_lr=attack_lr,
+        inner_step=inner_step, share=share, batch=batch, lr=lr, map_size=map_size, samples=samples,
+        precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
     measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,10 @@ from torch import Tensor, nn
 from ..contract.seeding import named_rng, named_seed
 from ..detect.synth.network import Truth
 from ..runtime.devices import find_device
+from .inner_attack import attacked
 from .loop import AveragedCopy, RoundReport, Run, Task, run_task
 from .measure import Findings
-from .samples import FOUR, Samples
+from .samples import FOUR, Sample, Samples
 from .settings import DetectorSettings
 
 OnRound = Callable[[RoundReport[Findings]], None]
@@ -73,11 +74,16 @@ def train(
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """A step's images (B, 3, S, S) with their truths, and the indices of the frames in them."""
+    """A step's images (B, 3, S, S) with their truths, and the indices of the frames in them.
+
+    Attributes:
+        limits: the images in black and in white paint, where an attack inside the step needs them.
+    """
 
     images: Tensor
     truths: list[Truth]
     frames: list[int]
+    limits: tuple[Tensor, Tensor] | None = None
 
 
 class _DetectorTask(Task[_Shown, Findings]):
@@ -100,14 +106,26 @@ class _DetectorTask(Task[_Shown, Findings]):
         self.average = AveragedCopy(self.network, settings.ema)
 
     def batch(self, step: int) -> _Shown:
-        job, samples, chosen = self.job, [], []
-        for number in range(job.settings.batch):
-            rng = named_rng(job.settings.seed, "sight", step, number)
-            shown = rng.choice(job.train, 4 if rng.random() < FOUR else 1).tolist()
-            samples.append(job.samples.draw(shown, rng))
-            chosen += shown
+        drawn = [self._draw(step, number) for number in range(self.job.settings.batch)]
+        samples = [sample for sample, _ in drawn]
         images = torch.stack([s.image for s in samples]).to(self.device)
-        return _Shown(images, [s.truth.to(self.device) for s in samples], chosen)
+        shown = _Shown(images, [s.truth.to(self.device) for s in samples], [i for _, some in drawn for i in some])
+        if not self.job.settings.inner_step:
+            return shown
+        return replace(shown, limits=(self._painted(step, shown.images, 0.0), self._painted(step, shown.images, 1.0)))
+
+    def _draw(self, step: int, number: int, albedo: float | None = None) -> tuple[Sample, list[int]]:
+        """An image of a step, the same at every call but for its paint, and the frames in it."""
+        rng = named_rng(self.job.settings.seed, "sight", step, number)
+        shown = rng.choice(self.job.train, 4 if rng.random() < FOUR else 1).tolist()
+        return self.job.samples.draw(shown, rng, albedo), shown
+
+    def _painted(self, step: int, images: Tensor, albedo: float) -> Tensor:
+        """Every other image in another paint; the rest as they are, so that nothing can move in them."""
+        painted = images.clone()
+        for number in range(0, len(images), 2):
+            painted[number] = self._draw(step, number, albedo)[0].image.to(self.device)
+        return painted
 
     def loss(self, batch: _Shown, step: int) -> Tensor:
         settings = self.job.settings
@@ -116,11 +134,18 @@ class _DetectorTask(Task[_Shown, Findings]):
             for module in self.network.modules():
                 if isinstance(module, nn.BatchNorm2d):
                     module.eval()
-        with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
-            torch.manual_seed(named_seed(settings.seed, "step", step))
-            with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
-                losses = self.network.losses(batch.images, batch.truths)
-                return torch.stack([loss.float() for loss in losses.values()]).sum()
+
+        def summed(images: Tensor) -> Tensor:
+            with torch.random.fork_rng(devices=[self.device] if self.device.type == "cuda" else []):
+                torch.manual_seed(named_seed(settings.seed, "step", step))
+                with torch.autocast(self.device.type, torch.bfloat16, settings.precision == "bfloat16"):
+                    losses = self.network.losses(images, batch.truths)
+                    return torch.stack([loss.float() for loss in losses.values()]).sum()
+
+        if batch.limits is None:
+            return summed(batch.images)
+        rng = named_rng(settings.seed, "inner attack", step)
+        return summed(attacked(batch.images, *batch.limits, summed, settings.inner_step, rng))
 
     def names(self, batch: _Shown) -> str:
         return ", ".join(sorted({self.job.samples.frames.get(i).name for i in batch.frames}))

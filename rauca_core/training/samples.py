@@ -100,12 +100,16 @@ class Samples:
         assert box is not None  # LightFrames has none without
         return frame.A.float() * draw_paint(rng, (box[1], box[3]), frame.A.shape[1]) + frame.B.float()
 
-    def draw(self, indices: Sequence[int], rng: np.random.Generator) -> Sample:
-        """One image of one frame, or of four; see the module."""
+    def draw(self, indices: Sequence[int], rng: np.random.Generator, albedo: float | None = None) -> Sample:
+        """One image of one frame, or of four; see the module.
+
+        Args:
+            albedo: of the vehicle's paint, linear, in place of the one that is drawn; nothing else becomes another.
+        """
         if len(indices) == 1:
-            found = self._placed(indices[0], self.size, ZOOM, rng)
+            found = self._placed(indices[0], self.size, ZOOM, rng, albedo)
         else:
-            found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng) for i in indices])
+            found = _quarters([self._placed(i, self.size // 2, ZOOM_FOUR, rng, albedo) for i in indices])
         return Sample(torch.from_numpy(_camera(found.image, rng)), found.truth)
 
     def truth(self, index: int) -> Truth:
@@ -117,9 +121,15 @@ class Samples:
         boxes = torch.tensor([box for _, box in known], dtype=torch.float32).view(-1, 4)
         return Truth(boxes, torch.tensor([label for label, _ in known], dtype=torch.int64))
 
-    def _placed(self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator) -> Sample:
+    def _placed(
+        self, index: int, side: int, zooms: tuple[float, float], rng: np.random.Generator, albedo: float | None
+    ) -> Sample:
         """The frame scaled by a random zoom into a square of ``side``, mirrored half the time; grey around."""
-        linear = self.painted(index, rng) * 2.0 ** rng.uniform(-0.8, 0.8)
+        linear = self.painted(index, rng)
+        if albedo is not None:
+            light = self.frames.get(index)
+            linear = light.A.float() * albedo + light.B.float()
+        linear = linear * 2.0 ** rng.uniform(-0.8, 0.8)
         image, truth = srgb(linear), self.truth(index)
         own = image.shape[2]
         if rng.random() < 0.5:

@@ -45,6 +45,8 @@ class DetectorSettings(Learning):
         round: steps between tests and checkpoints.
         fewest: boxes that a class must have in the training data to be learnt; ``car`` always is.
         precision: of the network's products; bfloat16 is half as expensive on processors that have it.
+        inner_step: how far an attack inside every step moves the paint of every other image, see `inner_attack`; 0
+            makes none.
     """
 
     steps: int = Field(3000, ge=1)
@@ -58,6 +60,12 @@ class DetectorSettings(Learning):
     round: int = Field(250, ge=1)
     fewest: int = Field(100, ge=1)
     precision: Literal["float32", "bfloat16"] = "float32"
+    inner_step: float = Field(0.0, ge=0, le=1)
+
+    def identity(self) -> dict[str, Any]:
+        """As of all learning; trainings begun before there was an attack inside go on without one."""
+        shared = super().identity()
+        return shared if self.inner_step else {name: value for name, value in shared.items() if name != "inner_step"}
 
 
 class HardenSettings(Learning):
@@ -73,7 +81,7 @@ class HardenSettings(Learning):
         attack_batch, attack_lr: of them, see ``attack.OptimizerSettings``.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
-        batch, lr, ema, precision, every: of the fine-tuning, see ``DetectorSettings``
+        batch, lr, ema, precision, inner_step, every: of the fine-tuning, see ``DetectorSettings``
             (``every`` is its ``round``); ``lr`` None takes a share of the detector's own.
     """
 
@@ -92,6 +100,7 @@ class HardenSettings(Learning):
     lr: float | None = Field(None, gt=0, le=1)
     ema: float = Field(0.98, ge=0, lt=1)
     precision: Literal["float32", "bfloat16"] = "float32"
+    inner_step: float = Field(0.0, ge=0, le=1)
     every: int = Field(60, ge=1)
 
     def attack_length(self, number: int) -> int:
@@ -109,7 +118,7 @@ class HardenSettings(Learning):
         Args:
             usual_lr: the learning rate where none was chosen.
         """
-        same = ("steps", "batch", "ema", "precision", "test_share", "threads", "memory_mb")
+        same = ("steps", "batch", "ema", "precision", "inner_step", "test_share", "threads", "memory_mb")
         chosen = {name: getattr(self, name) for name in same}
         seed = named_seed(self.seed, "hardening", number)
         return DetectorSettings(**chosen, lr=self.lr or usual_lr, round=self.every, seed=seed)

@@ -38,7 +38,7 @@ CPU = torch.device("cpu")
 RECIPE = TapSettings(MAP, SAMPLES)
 TINY = {
     "rounds": 2, "steps": 2, "every": 2, "batch": 2, "attack_steps": 2, "attack_batch": 1, "map_size": MAP,
-    "samples": SAMPLES, "threads": 1,
+    "samples": SAMPLES, "threads": 1, "inner_step": 0.3,
 }  # fmt: skip
 
 
@@ -124,6 +124,7 @@ def test_varied_colors_stay_albedos(data: Dataset, noise: Path) -> None:
 
 def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tmp_path: Path) -> None:
     tests: list[str] = []
+    plain = harden(hardening(data, tmp_path / "plain", [noise], inner_step=0.0))
     whole = harden(hardening(data, tmp_path / "whole", [noise]), on_test=lambda found: tests.append(found.summary))
     assert len(tests) == 2
     assert all("in camouflage" in one for one in tests)
@@ -137,6 +138,7 @@ def test_a_killed_hardening_ends_in_the_same_bits(data: Dataset, noise: Path, tm
         harden(parts, on_step=terminate)
     resumed = harden(parts, resume=True)
     assert digest(resumed) == digest(whole)
+    assert digest(whole) != digest(plain)  # an attack inside every step
     _the_result(resumed, noise)
     with pytest.raises(RaucaError, match=r"parts: holds a hardening; resume it or choose another folder"):
         harden(parts)
