@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface
 from bpy.app.translations import pgettext_rpt as rpt
 
 from .core import contract
@@ -72,6 +73,26 @@ def preferences(context: bpy.types.Context) -> RaucaPreferences | None:
     """The add-on's preferences; None while it is registered without being enabled."""
     found = context.preferences.addons.get(__package__)
     return cast("RaucaPreferences", found.preferences) if found is not None else None
+
+
+def lacks_python(context: bpy.types.Context) -> str:
+    """What to do before anything can run in the external Python; empty when all is there."""
+    settings = preferences(context)
+    if settings is None or not settings.python.strip():
+        return iface("Choose the Python in which rauca is installed")
+    if watch.busy(CHECK):
+        return iface("Checking the chosen Python")
+    if not settings.ready:
+        return iface("Press Check: the chosen Python is not known to have what it needs")
+    return "" if settings.chosen_detectors() else iface("Choose a detector")
+
+
+def draw_detectors(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """A tick for each detector that the external Python has."""
+    settings = preferences(context)
+    column = layout.column(heading="Detectors", align=True)
+    for detector in settings.detectors if settings is not None else ():
+        column.prop(detector, "use", text=detector.name, translate=False)
 
 
 def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

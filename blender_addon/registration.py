@@ -11,6 +11,7 @@ from .steps.bake import RaucaBake
 from .steps.cameras.properties import RaucaCameras
 from .steps.camouflage.panel import RaucaCamouflage
 from .steps.dataset import RaucaDataset
+from .steps.evaluate import RaucaEvaluate
 from .steps.optimize import RaucaOptimize
 from .steps.vehicle.properties import RaucaVehicle
 from .steps.weather.properties import RaucaWeather
@@ -24,7 +25,8 @@ NAMES = """
     steps.cameras.properties steps.cameras.panel steps.cameras.overlay
     steps.dataset steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
-    steps.bake jobs.watch
+    steps.evaluate steps.camouflage.views_panel
+    steps.bake steps.cost jobs.watch
 """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
 KINDS = (
@@ -42,6 +44,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     dataset: bpy.props.PointerProperty(type=RaucaDataset)
     optimize: bpy.props.PointerProperty(type=RaucaOptimize)
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)
+    evaluate: bpy.props.PointerProperty(type=RaucaEvaluate)
     bake: bpy.props.PointerProperty(type=RaucaBake)
 
 

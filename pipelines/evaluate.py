@@ -14,7 +14,7 @@ import rauca_core as rauca
 from rauca_core.contract import RaucaError
 
 from .console import command_line, console, output
-from .options import Blender, Device, RenderDevice, Slurm, means_of, numbers, split_names
+from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, means_of, numbers, split_names
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
@@ -77,6 +77,7 @@ def evaluate(
     slurm: Slurm = None,
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
+    json_progress: JsonProgress = False,
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.contract.towns import TEST
@@ -94,7 +95,7 @@ def evaluate(
     )
     town = TEST["held-out views"] if views_seed is None else views_seed
     views = HeldOut(frames or SCALES[scale], chosen, size=size, samples=samples, seed=town, fit=distances is None)
-    with means_of(device, slurm, blender, render_device) as means:
+    with means_of(device, slurm, blender, render_device, json_progress=json_progress) as means:
         study = rauca.evaluate(
             [*split_names(camouflage), *files], split_names(detectors), out=out, vehicle=split_names(vehicle),
             weathers=split_names(weathers) or ["both"], views=views, datasets=datasets,

@@ -1,4 +1,4 @@
-"""Step 7: carry the camouflage to another UV layout; the bake works beside the window, which stays alive."""
+"""Step 8: carry the camouflage to another UV layout; the bake works beside the window, which stays alive."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class RAUCA_PT_bake(StepPanel, bpy.types.Panel):
     """Bake the camouflage to other UVs"""
 
     bl_label = "Bake"
-    number = 7
+    number = 8
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
