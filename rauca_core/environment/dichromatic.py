@@ -71,7 +71,7 @@ def _tint(around: Tensor) -> Tensor:
 
 
 def find_paint_color(image_srgb: NDArray[np.uint8], paint: NDArray[np.floating]) -> color.Color:
-    """The color of a picture's paint, where nobody says it: hue by the pixels that mirror least, lightness by the ground.
+    """The color of a picture's paint where nobody says it: hue by pixels that mirror least, lightness by the ground.
 
     Args:
         image_srgb: (H, W, 3) 8-bit.
