@@ -1,9 +1,9 @@
 """An attack step inside a training step: the paint of a composed picture moves to where the detector's loss grows most.
 
 Light is affine in the paint, so what a pixel shows in black and in white paint bounds what any paint can make of it. A
-cell of the picture moves a share of the way to one of the two, in each channel by the sign of its first-order gain; only
-the half of the cells that gain most do, as patches do where the gradient is largest (the idea of PBCAT: Li et al.,
-patch-based composite adversarial training, ICCV 2025; a single signed step is Goodfellow et al., ICLR 2015).
+cell of the picture moves a share of the way to one of the two, in each channel by the sign of its first-order gain.
+Only the half of the cells that gain most do, as patches lie where the gradient is largest (the idea of PBCAT: Li et
+al., patch-based composite adversarial training, ICCV 2025; a single signed step is Goodfellow et al., ICLR 2015).
 """
 
 from __future__ import annotations
@@ -20,8 +20,13 @@ MOVED = 0.5  # share of the cells with paint in them
 
 
 def attacked(
-    images: Tensor, black: Tensor, white: Tensor, loss: Callable[[Tensor], Tensor], reach: float, rng: np.random.Generator
-) -> Tensor:  # fmt: skip
+    images: Tensor,
+    black: Tensor,
+    white: Tensor,
+    loss: Callable[[Tensor], Tensor],
+    reach: float,
+    rng: np.random.Generator,
+) -> Tensor:
     """Images (B, 3, H, W) sRGB in [0, 1], after one step that makes a loss larger.
 
     Args:
