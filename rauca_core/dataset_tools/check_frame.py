@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Vehicle, load_frame
+from ..contract.clips import Clips, clip_name
 from ..contract.color import linear_to_srgb, recolor, srgb_to_linear
 from ..contract.files import SUMS_FILE, file_digest, read_sums
 from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES, find_instances, mask_box
@@ -168,10 +169,18 @@ def check_metadata(report: Report, frame: Frame, planned: PlannedFrame, plan: Pl
         report(file, f"camera of {frame.camera.width}x{frame.camera.height} pixels, the plan says {plan.size}")
     if frame.visible < plan.min_visible:
         report(file, f"visible is {frame.visible:.3f}, below the plan's limit of {plan.min_visible:g}")
-    if not frame.pictured:  # whose photographer knew no plan
+    if plan.clips is not None:
+        _within_clip(report, frame, plan.clips)
+    elif not frame.pictured:  # whose photographer knew no plan
         _within_ring(report, frame, plan)
     if vehicle is not None:
         _camera_stands(report, frame, vehicle)
+
+
+def _within_clip(report: Report, frame: Frame, clips: Clips) -> None:
+    _, time = clips.at(frame.view)
+    if frame.clip != clip_name(clips, frame.location, frame.view, frame.weather.name) or frame.time_s != time:
+        report("frame.json", "clip or time_s is not that of the plan")
 
 
 def _within_ring(report: Report, frame: Frame, plan: Plan) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -70,15 +71,15 @@ class Sensor:
             (B, 3, H, W) sRGB in [0, 1].
         """
         if self.blur_px:
-            light = _blur(light, self.blur_px)
+            light = _Blur.apply(light, self.blur_px)
         if self.vignetting:
-            light = light * _falloff(light.shape[2], light.shape[3], self.vignetting).to(light)
+            light = light * _falloff(light.shape[2], light.shape[3], self.vignetting, light.dtype, light.device)
         if self.exposure_stops:
             light = light * 2.0**self.exposure_stops
         if self.full_well:
             light = light + self._spread(light) * _noise(light, seed)
         picture = linear_to_srgb(light)
-        if self.bits:
+        if self.bits and not (self.bits == 8 and self.jpeg_quality):  # the encoder takes 8 bits itself
             levels = 2**self.bits - 1
             picture = _straight_through(picture, (picture.detach() * levels).round() / levels)
         if self.jpeg_quality:
@@ -92,28 +93,48 @@ class Sensor:
 
 
 def _straight_through(value: Tensor, changed: Tensor) -> Tensor:
-    return value + (changed - value.detach())
+    return value + (changed - value.detach()) if value.requires_grad else changed
 
 
-def _blur(light: Tensor, sigma: float) -> Tensor:
-    """Gaussian, its border repeated; reaches three standard deviations."""
+class _Blur(torch.autograd.Function):
+    """Gaussian, mirrored at the border: so it is its own adjoint, and the gradient is blurred like the light."""
+
+    @staticmethod
+    def forward(ctx: Any, light: Tensor, sigma: float) -> Tensor:
+        ctx.sigma = sigma
+        return blur(light, sigma)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        return blur(gradients[0], ctx.sigma), None
+
+
+def blur(light: Tensor, sigma: float, with_torch: bool = False) -> Tensor:
+    """(B, 3, H, W), blurred to three standard deviations; by OpenCV on the CPU, by torch elsewhere."""
     reach = max(1, math.ceil(3 * sigma))
-    offsets = torch.arange(-reach, reach + 1, dtype=light.dtype, device=light.device)
-    kernel = torch.exp(-0.5 * (offsets / sigma) ** 2)
-    kernel = kernel / kernel.sum()
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
     height, width = light.shape[2:]
-    planes = light.reshape(-1, 1, height, width)
-    planes = functional.pad(planes, (reach, reach, reach, reach), mode="replicate")
-    planes = functional.conv2d(planes, kernel.view(1, 1, 1, -1))
-    return functional.conv2d(planes, kernel.view(1, 1, -1, 1)).reshape(light.shape)
+    planes = light.detach().reshape(-1, 1, height, width)
+    if light.device.type == "cpu" and not with_torch:
+        depth = cv2.CV_64F if light.dtype == torch.float64 else cv2.CV_32F
+        own = (plane[0].contiguous().numpy() for plane in planes)
+        done = [cv2.sepFilter2D(plane, depth, kernel, kernel, borderType=cv2.BORDER_REFLECT) for plane in own]
+        return torch.from_numpy(np.stack(done)).reshape(light.shape)
+    weights = torch.from_numpy(kernel).to(light)
+    for axis, size in ((2, height), (3, width)):
+        place = np.pad(np.arange(size), reach, mode="symmetric")
+        planes = planes.index_select(axis, torch.from_numpy(place).to(light.device))
+        planes = functional.conv2d(planes, weights.view(1, 1, -1, 1) if axis == 2 else weights.view(1, 1, 1, -1))
+    return planes.reshape(light.shape)
 
 
 @cache
-def _falloff(height: int, width: int, lost: float) -> Tensor:
+def _falloff(height: int, width: int, lost: float, dtype: torch.dtype, device: torch.device) -> Tensor:
     """(H, W) share of the light that arrives: it falls with the fourth power of the angle's cosine."""
     rows, columns = (torch.linspace(-1.0, 1.0, n, dtype=torch.float64) for n in (height, width))
     squared = (rows[:, None] ** 2 + columns[None] ** 2) / 2  # 1 in the corners
-    return (1 + squared * ((1 - lost) ** -0.5 - 1)) ** -2
+    return ((1 + squared * ((1 - lost) ** -0.5 - 1)) ** -2).to(device, dtype)
 
 
 @cache
