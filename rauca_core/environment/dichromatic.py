@@ -1,4 +1,4 @@
-"""Two colors in one picture of a vehicle: light that came back through the paint has the paint's, mirrored light has not.
+"""Two colors in one picture of a vehicle: light that came back through the paint has the paint's, mirrored light none.
 
 What a picture shows of paint with the albedo r is a * r + s, per pixel: a diffuse part in the paint's color, and mirror
 images, which are nearly grey against a saturated paint (the dichromatic reflection model, Shafer 1985). Where r is
@@ -71,7 +71,7 @@ def _tint(around: Tensor) -> Tensor:
 
 
 def find_paint_color(image_srgb: NDArray[np.uint8], paint: NDArray[np.floating]) -> color.Color:
-    """What color a picture's paint has, where nobody says: hue by the pixels that mirror least, lightness by the ground.
+    """A picture's paint color where nobody says it: hue by the pixels that mirror least, lightness by the ground.
 
     Args:
         image_srgb: (H, W, 3) 8-bit.

@@ -128,6 +128,7 @@ def tabulate(
         defence=defence,
         place_kind=places.kind,
         place_count=places.count,
+        composed=dataset.require_rendered_or_pictured("detectors are judged on"),
     )
     save_results(out / "results.json", results)
     return results
@@ -142,7 +143,10 @@ def _samples(cache: DetectionCache, rows: Sequence[FrameRow], hashes: Sequence[s
 
 
 def _frame_row(dataset: Dataset, frame: Frame) -> FrameRow:
-    camera, weather = dataset.plan.ring.nominal(frame.view), frame.weather
+    weather = frame.weather
+    camera = dataset.plan.ring.nominal(frame.view)
+    if frame.pictured:  # whose photographer knew no plan
+        camera = (float(round(frame.azimuth_deg % 360)), float(round(frame.elevation_deg)), round(frame.distance_m, 1))
     assert frame.box_xyxy is not None
     shown = (weather.sun_altitude_angle, weather.fog_density, frame.box_xyxy)
     return FrameRow(frame.id, weather.name, *camera, *shown, frame.location, frame.view)
