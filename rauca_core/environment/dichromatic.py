@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""Two colors in one picture of a vehicle: light back through the paint has the paint's, mirrored light has not.
-=======
 """Two colors in one picture of a vehicle: light that came back through the paint has the paint's, mirrored light none.
->>>>>>> pictures
 
 What a picture shows of paint with the albedo r is a * r + s, per pixel: a diffuse part in the paint's color, and mirror
 images, which are nearly grey against a saturated paint (the dichromatic reflection model, Shafer 1985). Where r is
@@ -75,11 +71,7 @@ def _tint(around: Tensor) -> Tensor:
 
 
 def find_paint_color(image_srgb: NDArray[np.uint8], paint: NDArray[np.floating]) -> color.Color:
-<<<<<<< HEAD
-    """The color of a picture's paint where nobody says it: hue by pixels that mirror least, lightness by the ground.
-=======
     """A picture's paint color where nobody says it: hue by the pixels that mirror least, lightness by the ground.
->>>>>>> pictures
 
     Args:
         image_srgb: (H, W, 3) 8-bit.

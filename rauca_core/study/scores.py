@@ -143,19 +143,14 @@ def _samples(cache: DetectionCache, rows: Sequence[FrameRow], hashes: Sequence[s
 
 
 def _frame_row(dataset: Dataset, frame: Frame) -> FrameRow:
-<<<<<<< HEAD
     weather, plan = frame.weather, dataset.plan
-    if plan.clips is None:
+    if frame.pictured:  # whose photographer knew no plan
+        camera = (float(round(frame.azimuth_deg % 360)), float(round(frame.elevation_deg)), round(frame.distance_m, 1))
+    elif plan.clips is None:
         camera = plan.ring.nominal(frame.view)
     else:  # no two frames of a drive share an angle: those near each other are counted together
         steps = (frame.azimuth_deg / 45, frame.elevation_deg / 8, frame.distance_m / 4)
         camera = (round(steps[0]) % 8 * 45.0, round(steps[1]) * 8.0, round(steps[2]) * 4.0)
-=======
-    weather = frame.weather
-    camera = dataset.plan.ring.nominal(frame.view)
-    if frame.pictured:  # whose photographer knew no plan
-        camera = (float(round(frame.azimuth_deg % 360)), float(round(frame.elevation_deg)), round(frame.distance_m, 1))
->>>>>>> pictures
     assert frame.box_xyxy is not None
     shown = (weather.sun_altitude_angle, weather.fog_density, frame.box_xyxy)
     return FrameRow(frame.id, weather.name, *camera, *shown, frame.location, frame.view)
