@@ -18,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
+from rauca_core.contract.system import stop_signals
 from rauca_core.runtime.blender import run_blender
 
 from .ablate import ablate
@@ -88,7 +89,8 @@ def run(*command: str) -> None:
     Args:
         command: put before what the user typed, for programs that stand for one command.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in set(stop_signals()) - {signal.SIGINT}:
+        signal.signal(number, _interrupt)
     try:
         app([*command, *sys.argv[1:]])
     except RaucaError as error:

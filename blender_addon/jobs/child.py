@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
+
+from ..core import system
 
 
 def child_command(job: Path) -> list[str]:
@@ -58,13 +59,14 @@ def ending(code: int, complaints: Sequence[str]) -> str:
             return reason[:1].upper() + reason[1:]
         if line.startswith("interrupted: "):
             return rpt("It was interrupted from outside; what is finished is kept. Start again to go on")
-    if code == -signal.SIGKILL:
+    killer = system.killed_by(code)
+    if killer == "SIGKILL":
         return rpt(
             "It was killed, perhaps for want of memory; what is finished is kept. Close other programs, start again"
         )
-    if code < 0:
+    if killer:
         text = rpt("It crashed ({signal}); what is finished is kept. Start again to go on")
-        return text.format(signal=signal.Signals(-code).name)
+        return text.format(signal=killer)
     last = complaints[-1] if complaints else "no message"
     return rpt("It broke off with code {code}: {last}").format(code=code, last=last)
 
