@@ -22,7 +22,7 @@ from rauca_core.contract import (
     find_preset,
     preset_notes,
 )
-from rauca_core.contract.clips import MANOEUVRES, Clips
+from rauca_core.contract.clips import MANOEUVRES, clips_asked
 from rauca_core.contract.job import (
     DEVICES,
     RECYCLE,
@@ -77,10 +77,8 @@ def _driven(options: argparse.Namespace) -> dict[str, Any]:
     """What clips change in a plan: they keep frames in which the vehicle is hidden, as a tracker sees those too."""
     if not options.clips:
         return {}
-    names = MANOEUVRES if options.clips == "all" else tuple(options.clips.split(","))
-    clips = Clips(names, options.clip_frames, options.speed, options.frame_rate, options.shutter)
-    clips.check("--clips")
-    return {"clips": clips, "min_visible": 0.0}
+    driven = (options.clip_frames, options.speed, options.frame_rate, options.shutter)
+    return {"clips": clips_asked(options.clips, *driven), "min_visible": 0.0}
 
 
 def _plan_of_file(options: argparse.Namespace) -> Plan:

@@ -22,6 +22,7 @@ LANE_M = 3.2
 EYE_M = 1.4  # height of the camera, behind a windscreen
 LOOKS_AT_M = (20.0, 0.0, 0.6)  # ahead of the camera's car, on the ground
 NEAREST_M = 6.0  # at the end of an approach: from the camera to the vehicle's middle
+LANE_CHANGE_S = 2.5  # a hasty one; done when the clip ends, so a shorter clip begins in its midst
 BEHIND_M = 10.0  # kept when following, and when another cuts in
 FARTHEST_BLUR_M = 0.5  # that anything may move while the shutter is open
 
@@ -76,6 +77,14 @@ class Clips(Record):
             )
 
 
+def clips_asked(manoeuvres: str, frames: int, speed_m_s: float, frame_rate: float, shutter_s: float) -> Clips:
+    """Clips as they are typed: ``all`` or names, comma separated; raises :class:`RaucaError` for a mistake."""
+    names = MANOEUVRES if manoeuvres == "all" else tuple(manoeuvres.split(","))
+    clips = Clips(names, frames, speed_m_s, frame_rate, shutter_s)
+    clips.check("--clips")
+    return clips
+
+
 def clip_name(clips: Clips, location: int, view: int, weather: str) -> str:
     """Names a clip in a data set."""
     return f"L{location:02d}-{clips.at(view)[0]}-{weather}"
@@ -128,8 +137,8 @@ def moves(clips: Clips, view: int, later_s: float = 0.0) -> tuple[Spot, Spot]:
         return Spot(middle - NEAREST_M), Spot(middle - NEAREST_M + 2.0 + v / 2 * t, LANE_M)
     if name == "crossing":  # a vehicle at half the speed, from left to right
         return Spot(-BEHIND_M - v * (whole - t)), Spot(0.0, v / 2 * (whole / 2 - t), -math.pi / 2)
-    share = min(max(t / whole, 0.0), 1.0)  # cut-in: from the left, and a fifth slower
-    slope = -LANE_M * 6 * share * (1 - share) / whole
+    share = min(max(1 - (whole - t) / LANE_CHANGE_S, 0.0), 1.0)  # cut-in: from the left, and a fifth slower
+    slope = -LANE_M * 6 * share * (1 - share) / LANE_CHANGE_S
     aside = LANE_M * (1 - share * share * (3 - 2 * share))
     return Spot(middle - BEHIND_M), Spot(0.8 * middle, aside, math.atan2(slope, 0.8 * v))
 

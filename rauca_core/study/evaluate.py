@@ -135,7 +135,8 @@ def held_out_places(
         for name in weathers:
             plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers_named(name))
             plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
-            frames, called = balanced_frames(plan, fitted.frames), Path(name).stem
+            driven = [frame.id for frame in plan.frames()] if plan.clips else None
+            frames, called = driven or balanced_frames(plan, fitted.frames), Path(name).stem
             views = recipes.data_set(f"{vehicle.name}-{called}", plan, body, frames, scene)
             places.append(Place(called, vehicle, views))
     return places
@@ -219,4 +220,5 @@ def _listed(given: Any) -> list[Any]:
 def _name_of(candidates: Sequence[Candidate], sets: Sequence[str], held_out: HeldOut, defences: Sequence[str]) -> str:
     """Of a study without a folder: the same question comes back to the same one."""
     maps = [recipes.camouflage_in(one.path, one.label).digest for one in candidates]
-    return digest_of([maps, list(sets), asdict(held_out), list(defences)])
+    asked = {name: value for name, value in asdict(held_out).items() if value is not None}
+    return digest_of([maps, list(sets), asked, list(defences)])
