@@ -52,8 +52,8 @@ def add_picture(
             picture, which is told by the picture.
 
     Raises:
-        RaucaError: neither a camera nor points, or both; files that are damaged or do not fit each other; no camera sees
-            the points like this; a set of another vehicle, size or paint, or of rendered frames.
+        RaucaError: neither a camera nor points, or both; files that are damaged or do not fit each other; no camera
+            sees the points like this; a set of another vehicle, size or paint, or of rendered frames.
     """
     if (camera is None) == (points is None):
         raise RaucaError(f"{image}: give either its --camera or --points marked in it")

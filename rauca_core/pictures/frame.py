@@ -1,7 +1,7 @@
 """A picture as a frame of a data set.
 
-The frame names its picture in ``composed``: it was not rendered here and its light is estimated. It may be learned from,
-looked at and judged on beside other pictures; whoever averages rendered results refuses it.
+The frame names its picture in ``composed``: it was not rendered here and its light is estimated. It may be learned
+from, looked at and judged on beside other pictures; whoever averages rendered results refuses it.
 
 Frames are square: a picture that is not is laid on grey bars, as detectors lay it, and its camera is moved with it.
 """
@@ -111,7 +111,7 @@ def _passes(shot: Shot, paint_srgb: Color) -> FramePasses:
     away = np.where(depth > 0, depth * Lens.of(camera).lengths(*depth.shape), np.inf).astype(np.float32)
     shown = as_stored(shot.body.paint * shot.mask)
     light = estimate_image(shot.image, shown, paint_srgb, load_extractor()[0])
-    bars = float(srgb_to_linear(np.float64(BARS / 255)))
+    bars = float(srgb_to_linear(np.array([BARS / 255]))[0])
     return FramePasses(
         image_linear=_squared(srgb_to_linear(shot.image / 255.0), bars),
         vehicle=_squared(shot.mask, 0.0),
