@@ -40,10 +40,10 @@ def load_vehicle(
         RaucaError: no such vehicle, its files are damaged, or Blender is missing.
     """
     if Path(vehicle).is_file() and Path(vehicle).suffix.lower() in FILES:
-        with tempfile.TemporaryDirectory(prefix="rauca-") as imported:
+        with tempfile.TemporaryDirectory(prefix="rauca-") as scratch:
             source = VehicleSource(str(vehicle), paint_mask, paint_material)
-            run_blender(ImportVehicle(Path(imported), source), lambda progress: None, blender)
-            return contract.load_vehicle(Path(imported), read_image)
+            run_blender(ImportVehicle(Path(scratch), source), lambda progress: None, blender)
+            return contract.load_vehicle(Path(scratch), read_image)
     if paint_mask or paint_material:
         raise RaucaError(f"{vehicle}: --paint-mask and --paint-material are of an .obj, .glb or .blend file; drop them")
     shipped = assets_folder() / "vehicles"

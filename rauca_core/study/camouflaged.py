@@ -56,7 +56,7 @@ def export_camouflaged(
 
 
 def wearer(render: Renderer, camouflage: Path) -> Wearer:
-    """What shows a frame in a camouflage (JSON) of the renderer's size: 8-bit sRGB, None where the car is hidden."""
+    """What shows frames in a camouflage (JSON) of the renderer's size: 8-bit sRGB, None where the vehicle is hidden."""
     pixels = np.ascontiguousarray(load_paint(camouflage).texture.transpose(2, 0, 1))
     texture = torch.from_numpy(pixels).float() / 255
     shown = {frame.id for frame in render.frames}
