@@ -30,7 +30,7 @@ def main(folder: Path, packages: Sequence[str]) -> int:
             _tell(number, len(packages), package)
             _run(
                 [str(python), "-m", "pip", "install", "--no-input", "--progress-bar", "off", package],
-                lambda line, number=number: _tell(number, len(packages), line),  # type: ignore[misc]
+                lambda line, number=number: _tell(number, len(packages), line),
             )
     except _FailedError as failed:
         shutil.rmtree(folder, ignore_errors=True)
@@ -71,10 +71,8 @@ def _reason(said: Sequence[str]) -> str:
     text = "\n".join(said)
     if "ensurepip" in text:
         return "Blender's Python cannot make environments; on Debian install python3-venv, or choose another Python"
-    if "No matching distribution" in text:
-        return (
-            "pip does not find the package for this Python; choose rauca's wheel under Package, and see to the network"
-        )
+    if "No matching distribution" in text or "ResolutionImpossible" in text:
+        return "pip does not find the package for this Python; choose its wheel under Package, or see to the network"
     if "No space left" in text:
         return "the disk is full; free some space, then press the button again"
     errors = [line.removeprefix("ERROR:").strip() for line in said if line.startswith("ERROR")]

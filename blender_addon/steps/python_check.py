@@ -67,7 +67,7 @@ class CheckTask(Task):
 
 
 def verdict(python: Path, found: Mapping[str, Any]) -> tuple[bool, str, str]:
-    """Whether a Python will do, by what the probe told; what is there or missing, translated; the command that mends it.
+    """Whether a Python will do, by what the probe told; what is there or missing, translated; what would mend it.
 
     ``found`` is empty when it told nothing.
     """

@@ -23,9 +23,8 @@ def a_wheel(folder: Path, name: str, code: str) -> Path:
     with zipfile.ZipFile(path, "w") as wheel:
         wheel.writestr(f"{name}.py", code)
         wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-        wheel.writestr(
-            f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
+        kind = "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        wheel.writestr(f"{info}/WHEEL", kind)
         wheel.writestr(f"{info}/RECORD", "")
     return path
 
@@ -44,9 +43,8 @@ def settings(addon, tmp_path, monkeypatch):
 
 
 def test_one_click_makes_a_python_and_sees_what_it_has(addon, settings, tmp_path):
-    a_wheel(
-        tmp_path / "shelf", "torch", "__version__ = '9'\nclass cuda:\n    is_available = staticmethod(lambda: False)\n"
-    )
+    torch = "__version__ = '9'\nclass cuda:\n    is_available = staticmethod(lambda: False)\n"
+    a_wheel(tmp_path / "shelf", "torch", torch)
     settings.package = str(a_wheel(tmp_path, "rauca", ""))  # a wheel that somebody was given
     assert addon.ops.rauca.make_python(wait=False) == {"FINISHED"}
     job = watch.job(SETUP)
@@ -65,7 +63,7 @@ def test_one_click_makes_a_python_and_sees_what_it_has(addon, settings, tmp_path
 
 
 def test_what_cannot_be_installed_is_told_and_leaves_nothing(addon, settings, tmp_path):
-    with pytest.raises(RuntimeError, match="pip does not find the package"):
+    with pytest.raises(RuntimeError, match="does not find the package"):
         addon.ops.rauca.make_python()
     assert "choose its wheel under Package" in settings.verdict
     assert not (tmp_path / "own" / "python").exists()
