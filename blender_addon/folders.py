@@ -68,6 +68,12 @@ def sweep_scratch() -> int:
     return swept
 
 
+def size_words(size_bytes: float) -> str:
+    """A size for people: ``3 MB``, ``1.4 GB``."""
+    megabytes = max(size_bytes / 1e6, 1.0)
+    return f"{megabytes / 1e3:.1f} GB" if megabytes >= 1e3 else f"{megabytes:.0f} MB"
+
+
 def chosen_folder(setting: str, what: str) -> Path:
     """A folder that the user chose to write ``what`` to; it may not be there yet.
 

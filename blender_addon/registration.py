@@ -23,7 +23,7 @@ NAMES = """
     steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
     steps.cameras.properties steps.cameras.panel steps.cameras.overlay
-    steps.dataset steps.optimize steps.demo
+    steps.python_setup steps.dataset steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.evaluate steps.camouflage.views_panel
     steps.bake steps.cost jobs.watch

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core import contract, files, schema
-from ..folders import own_folder
+from ..folders import own_folder, size_words
 from .cameras.timing import frame_seconds
 
 FILE = "step-pace.json"
@@ -98,12 +98,6 @@ class Cost:
     def told(self) -> dict[str, str]:
         """Its ``time`` and ``disk`` in words, for a sentence."""
         return {"time": contract.format_duration(self.seconds), "disk": size_words(self.size_bytes)}
-
-
-def size_words(size_bytes: float) -> str:
-    """A size for people: ``3 MB``, ``1.4 GB``."""
-    megabytes = max(size_bytes / 1e6, 1.0)
-    return f"{megabytes / 1e3:.1f} GB" if megabytes >= 1e3 else f"{megabytes:.0f} MB"
 
 
 def _key(detectors: Sequence[str]) -> str:
