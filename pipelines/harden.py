@@ -44,6 +44,9 @@ def harden(
     attack_method: Annotated[
         list[str] | None, typer.Option(help="of these attacks, ours without; several take turns")
     ] = None,
+    attack_patch_cm: Annotated[
+        list[float] | None, typer.Option(help="smallest patch of those by ours, 5 without; several take turns")
+    ] = None,
     attack_lr: Annotated[float, typer.Option(help="of these attacks, on sRGB values")] = 0.03,
     budgets: Annotated[
         str, typer.Option(help="of the attacks on the result, in multiples of all attacks of the rounds; or none")
@@ -84,9 +87,9 @@ def harden(
 
     settings = HardenSettings.make(
         rounds=rounds, steps=steps, attack_steps=attack_steps, attack_growth=attack_growth,
-        attack_restarts=attack_restarts, attack_methods=attack_method or None, attack_lr=attack_lr,
-        inner_step=inner_step, share=share, batch=batch, lr=lr, map_size=map_size, samples=samples,
-        precision=precision, every=every, seed=seed, threads=threads,
+        attack_restarts=attack_restarts, attack_methods=attack_method or None,
+        attack_patches=attack_patch_cm or None, attack_lr=attack_lr, inner_step=inner_step, share=share, batch=batch,
+        lr=lr, map_size=map_size, samples=samples, precision=precision, every=every, seed=seed, threads=threads,
     )  # fmt: skip
     times = _times(budgets)
     measures = Measures(times, restarts, tuple(held_out_method or ()), tuple(held_out_vehicle or ()))

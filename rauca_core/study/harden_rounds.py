@@ -34,6 +34,7 @@ def attack_settings(
     taps: Path,
     method: str = "",
     begin_with: Path | None = None,
+    turn: int = 0,
 ) -> OptimizerSettings:
     """Of an attack in a hardening, or of one that measures it.
 
@@ -42,12 +43,16 @@ def attack_settings(
         method: whose settings it takes, the hardening's first one if left out. The hardening's learning rate is for
             free texels, its subsamples for methods that bring none of their own.
         begin_with: a camouflage to go on from.
+        turn: of how many attacks it is, counted from 0: whose patch size it takes.
     """
     method = method or settings.attack_methods[0]
     own = method_named(method).settings
     chosen: dict[str, Any] = {} if "samples" in own else {"samples": settings.samples}
     if own.get("paint", "texels") == "texels":
         chosen["lr"] = settings.attack_lr
+    if "natural" in own:
+        patches = settings.attack_patches
+        chosen["natural"] = own["natural"].model_copy(update={"feature_cm": patches[turn % len(patches)]})
     if begin_with is not None:
         chosen["begin_with"] = begin_with
     return make_settings(**settings_of(
@@ -84,7 +89,7 @@ def hardening(
         method = settings.attack_methods[turn % len(settings.attack_methods)]
         dataset = Dataset(attacked[turn % len(attacked)])
         what = (number, restart) if restart else number
-        chosen = attack_settings(settings, name, length, what, out / "taps", method)
+        chosen = attack_settings(settings, name, length, what, out / "taps", method, turn=turn)
 
         def show(step: StepReport) -> None:
             done = done_before(settings, number) + restart * length + step.step

@@ -78,6 +78,7 @@ class HardenSettings(Learning):
         attack_growth: by which share of ``attack_steps`` every further round's is longer.
         attack_restarts: optimizations in each round, from other beginnings; all their camouflages join the pool.
         attack_methods: whose settings they take, see ``attack.METHODS``, one after the other and by turns.
+        attack_patches: diameters in cm of the smallest patch of those of *ours*, by turns.
         attack_batch, attack_lr: of them, see ``attack.OptimizerSettings``.
         share: of frames that wear a camouflage, where one fits; the others wear plain paint, as in the first training.
         map_size, samples: of the neural renderer that composes the frames, and of the attack's.
@@ -91,6 +92,7 @@ class HardenSettings(Learning):
     attack_growth: float = Field(0.0, ge=0, le=10)
     attack_restarts: int = Field(1, ge=1, le=100)
     attack_methods: tuple[str, ...] = Field(("ours",), min_length=1)
+    attack_patches: tuple[float, ...] = Field((5.0,), min_length=1)
     attack_batch: int = Field(4, ge=1, le=256)
     attack_lr: float = Field(0.03, gt=0, le=1)
     share: float = Field(0.5, gt=0, lt=1)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks.stability.drawn import make_dataset
@@ -26,7 +27,7 @@ __all__ = ["drawn_blender"]
 SIDES = (40.0, 130.0, 250.0)
 TINY = {
     "rounds": 2, "steps": 1, "every": 1, "batch": 1, "attack_steps": 2, "attack_growth": 0.5, "attack_restarts": 2,
-    "attack_batch": 1, "map_size": 64, "samples": 2, "threads": 1,
+    "attack_patches": (5.0, 40.0), "attack_batch": 1, "map_size": 64, "samples": 2, "threads": 1,
 }  # fmt: skip
 
 
@@ -87,6 +88,12 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
         f"round-{number}/attack/{restart}camouflage.json" for number in (1, 2) for restart in ("", "restart-1/")
     ]
     assert [load_camouflage(made / path)[0].made["steps"] for path in pool] == [2, 2, 3, 3]
+    # Patches of 40 cm leave fewer borders than those of 5, on the same box.
+    borders = [
+        np.abs(np.diff(read_image((made / path).with_suffix(".png")).astype(int), axis=1)).mean() for path in pool
+    ]
+    assert borders[1] < borders[0]
+    assert borders[3] < borders[2]
 
     page, *_ = write_hardening(found, tmp_path / "out" / "report.html")
     text = whole_page(page).text
