@@ -69,7 +69,7 @@ def test_a_way_through_what_stands_there_is_refused(box_vehicle: Vehicle):
     if wall.name not in session.scene.collection.objects:
         session.scene.collection.objects.link(wall)
     wall.location = street.at(driving.clips.Spot(-15.0))[:3, 3].tolist()
-    with pytest.raises(RaucaError, match="here, approach: the camera's way runs into a wall at 0.00 s; drive at"):
+    with pytest.raises(RaucaError, match=r"here, approach: the camera's way runs into a wall at 0\.00 s; drive at"):
         driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
     wall.location.z += 50
     driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
