@@ -59,8 +59,9 @@ extension: $(READY)
 # torch comes first and pinned, and stays named: torchvision's newest asks for a newer torch, which would replace it and
 # bring gigabytes of CUDA libraries.
 TORCH := torch==2.13.0
-# Trackers of clips, and the reference of their figures; without what they ask for, which would replace our NumPy and OpenCV.
-TRACKERS := trackers==2.6.1 supervision==0.31.2 pydeprecate defusedxml trackeval==1.3.0
+# Trackers of clips and the reference of their metrics, without what they ask for: it would replace NumPy and OpenCV.
+TRACKERS := trackers==2.6.1 supervision==0.31.2 pydeprecate==0.14.0 defusedxml==0.7.1
+TRACKERS += trackeval==1.3.0 tabulate==0.10.0
 $(READY): pyproject.toml
 	@$(PYTHON) tools/system_libraries.py
 	$(PYTHON) -m venv $(VENV)

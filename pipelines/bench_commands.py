@@ -198,6 +198,17 @@ def bench_jobs_command(
     start("jobs", json, quick)
 
 
+@bench_app.command("motion")
+def bench_motion_command(
+    quick: Annotated[bool, typer.Option("--quick", help="2 clips of 10 frames at 160 px, two detectors")] = False,
+    camouflage: Annotated[list[str] | None, typer.Option(help="beside random paint: a .json, or LABEL=FILE")] = None,
+    docs: Docs = None,
+    json: Json = Path("reports/motion.json"),
+) -> None:
+    """Clips: their cost, light maps under motion blur, the sensor's time, and what warning paints take away."""
+    start("motion", json, quick, docs=docs, camouflages=camouflage or ())
+
+
 @bench_app.command("stability")
 def bench_stability_command(
     quick: Annotated[bool, typer.Option("--quick", help="25 steps a case of the optimizer, not 100")] = False,

@@ -1,0 +1,75 @@
+"""Clips in Blender: where things stand, blur against the mean of many moments, ways that are not free."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.scene import driving
+from blender_addon.scene.session import Session
+from rauca_core.contract import Clips, Quality, RaucaError, Vehicle, Weather
+from tests.blender.conftest import psnr, small_plan
+
+TOWN = 20_004  # whose first place is free for every manoeuvre
+
+
+def session_of(vehicle: Vehicle, clips: Clips, **changes: object) -> Session:
+    return Session(small_plan(vehicle.atlas_id, clips=clips, size=64, seed=TOWN, min_visible=0.0, **changes), vehicle)
+
+
+def test_camera_and_vehicle_stand_where_the_plan_says(box_vehicle: Vehicle):
+    session = session_of(box_vehicle, Clips(("following",), 3, 10.0, 10.0))
+    session.enter(0)
+    session.set_weather(session.plan.weathers[0])
+    found = session.annotations(0, [0, 2])
+    assert min(one.visible for one in found.values()) > 0.9
+    assert found[0].box_xyxy() == pytest.approx(found[2].box_xyxy(), abs=2)  # it drives as fast as the camera
+    moved = session.pose(0, 2)[:3, 3] - session.pose(0, 0)[:3, 3]
+    assert np.linalg.norm(moved) == pytest.approx(2.0)
+    session.render(0, 2, session.plan.weathers[0])
+    np.testing.assert_allclose(np.array(session.vehicle.object.matrix_world), session.pose(0, 2), atol=1e-5)
+
+
+def test_blur_is_the_mean_of_the_open_shutter(box_vehicle: Vehicle):
+    """And a frame's bytes do not depend on which frame was rendered before."""
+    clips = Clips(("crossing",), 3, 10.0, 10.0, 0.05)
+    flat = {"quality": Quality(256, denoise=False, bounces=1), "weathers": (Weather("day", 60.0),)}
+    session = session_of(box_vehicle, clips, **flat)
+    session.enter(0)
+    day = session.plan.weathers[0]
+    session.set_weather(day)
+    blurred = session.render(0, 1, day)
+    session.render(0, 2, day)
+    np.testing.assert_array_equal(session.render(0, 1, day), blurred)
+    # The same drive as still frames, nine of them while the shutter was open.
+    many = Clips(("crossing",), 361, 10.0, 1800.0)
+    still = session_of(box_vehicle, replace(many, frame_rate=1800.0), **flat)
+    still.enter(0)
+    still.set_weather(day)
+    middle = 180
+    moments = [still.render(0, middle + step, day) for step in range(-40, 41, 10)]
+    exposed = 1 / blurred.max()
+    sharp, mean = (np.clip(some * exposed, 0, 1) for some in (moments[4], np.mean(moments, axis=0)))
+    against = np.clip(blurred * exposed, 0, 1)
+    assert psnr(against, mean) > psnr(against, sharp) + 3
+    assert not session.scene.render.use_motion_blur or still.scene.render.use_motion_blur is False
+
+
+def test_a_way_through_what_stands_there_is_refused(box_vehicle: Vehicle):
+    clips = Clips(("approach",), 30, 10.0, 10.0)
+    session = session_of(box_vehicle, clips)
+    session.enter(0)
+    street = session.place.street(0)
+    bpy.ops.mesh.primitive_cube_add(size=2.0)
+    wall = bpy.context.active_object
+    wall.name = "a wall"
+    if wall.name not in session.scene.collection.objects:
+        session.scene.collection.objects.link(wall)
+    wall.location = street.at(driving.clips.Spot(-15.0))[:3, 3].tolist()
+    with pytest.raises(RaucaError, match=r"here, approach: the camera's way runs into a wall at 0\.00 s; drive at"):
+        driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
+    wall.location.z += 50
+    driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
