@@ -75,6 +75,7 @@ OPENS = {
     "rauca_core/study/camouflaged.py": READS,
     "rauca_core/study/datasets.py": MAKES,
     "rauca_core/study/demo.py": MAKES,
+    "rauca_core/study/assess.py": JUDGES_PICTURES,
     "rauca_core/study/detecting.py": JUDGES_PICTURES,
     "rauca_core/study/evaluate.py": JUDGES_PICTURES,  # of `harden` as well, which takes no pictures: `--views`
     "rauca_core/study/harden.py": LEARNS,
