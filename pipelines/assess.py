@@ -42,6 +42,10 @@ def assess(
         bool, typer.Option("--white-box/--no-white-box", help="make a camouflage against the detector itself, too")
     ] = True,
     defences: Annotated[list[str] | None, typer.Option(help="to look through: lgs, pad, jpeg, bits, median")] = None,
+    pictures: Annotated[
+        list[Path] | None,
+        typer.Option(help="data set of pictures to look at too, apart, in OUT/pictures; repeat for more"),
+    ] = None,
     threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="score at which the detector is deployed")] = 0.25,
     harden: Annotated[bool, typer.Option("--harden", help="harden the detector, and assess it again")] = False,
     before: Annotated[Path | None, typer.Option(help="assess.json of an earlier one: say what changed")] = None,
@@ -57,7 +61,7 @@ def assess(
 ) -> None:
     """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
     from rauca_core.report import write_comparison
-    from rauca_core.study.assess import FILE_NAME, works_of
+    from rauca_core.study.assess import FILE_NAME, PICTURES, works_of
     from rauca_core.study.assessment import Condition, load_assessment, save_assessment
     from rauca_core.study.battery_hardening import harden_on_battery
 
@@ -73,7 +77,7 @@ def assess(
     works = works_of(battery, vehicles, white_box, len(looked_through))
     same: dict[str, Any] = {"battery": battery, "budget": budget, "vehicles": vehicles, "command": command_line()}
     asked = same | {
-        "white_box": white_box, "defences": looked_through, "threshold": threshold,
+        "white_box": white_box, "defences": looked_through, "threshold": threshold, "pictures": pictures or [],
     }  # fmt: skip
     found = []
     for name, folder in folders.items():
@@ -83,6 +87,8 @@ def assess(
             one = rauca.assess(name if slurm else detector, out=folder, checked=checked, **asked, **means)
             found.append(one.assessment)
             _tell(one.report(folder / "report.html", before, latex))
+            if pictures:
+                _tell(rauca.Study.load(folder / PICTURES).report(folder / PICTURES / "report.html", latex))
             if harden:
                 weights = harden_on_battery(name, folder / "hardened", **same, **means)
                 assessed = folder / "hardened" / "assessed"

@@ -21,7 +21,7 @@ TINT = 0.5  # of the surroundings' color is the light's, the rest their own
 SOLID = 0.98  # coverage from which a pixel counts as all paint
 LEAST = 1e-3  # albedo or light, below which a channel tells nothing
 
-PUREST = 0.2  # of the paint's pixels, by which its color is told: the others mirror more
+PUREST = 0.2  # of the brighter half of the paint's pixels, by which its color is told: the others mirror more
 GROUND = 0.2  # albedo of what surrounds a vehicle
 LIGHTEST, DARKEST = 0.9, 0.02  # albedo of a paint's brightest channel
 
@@ -84,7 +84,7 @@ def find_paint_color(image_srgb: NDArray[np.uint8], paint: NDArray[np.floating])
     linear = color.srgb_to_linear(image_srgb / 255.0)
     solid = paint >= min(SOLID, float(paint.max()))
     seen, around = linear[solid], linear[paint <= 0]
-    lit = seen[seen.mean(1) >= np.median(seen.mean(1)) / 2]
+    lit = seen[seen.mean(1) >= np.median(seen.mean(1))]
     purity = 1 - lit.min(1) / (lit.max(1) + LEAST)
     hue = np.median(lit[purity >= np.quantile(purity, 1 - PUREST)], axis=0)
     light = np.median(around.mean(1)) / GROUND if len(around) else 1.0

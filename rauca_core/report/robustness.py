@@ -108,13 +108,20 @@ def assess(
     detector = str(model) if named else _loaded(model, names, classes, device)
     if out is None:
         known = _loaded(model, names, classes, device) if isinstance(detector, str) else detector
-        asked = {"budget": budget, **{name: options[name] for name in sorted(_ASKED & set(options))}}
+        asked = {"budget": budget, **{name: _told(options[name]) for name in sorted(_ASKED & set(options))}}
         out = user_cache() / "assessments" / digest_of([known.fingerprint, asked])
     found, study = assessing.assess(detector, out, budget=budget, **options)
     return Robustness(found, Study._of(study))
 
 
-_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold"}
+_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold", "pictures"}
+
+
+def _told(option: Any) -> Any:
+    """An option as JSON takes it."""
+    return (
+        [str(one) if isinstance(one, Path) else one for one in option] if isinstance(option, list | tuple) else option
+    )
 
 
 def _loaded(model: Any, names: Sequence[str] | None, classes: Mapping[str, str] | None, device: str) -> Detector:

@@ -5,6 +5,7 @@ Folder, run again to resume; views and renders lie in the user's cache, where th
 
     assess.json                         what `assessment` describes
     study.json, <vehicle>/<views>/      as of `evaluate`
+    pictures/                           the same of pictures from elsewhere, composed
     attacks/<vehicle>/white-box         links to the optimizations against the detector; one that knows of a defence is
                                         called informed-<defence>
 """
@@ -19,19 +20,19 @@ from pathlib import Path
 from typing import Unpack
 
 from ..attack import make_settings, settings_of
-from ..contract import load_camouflage
+from ..contract import Dataset, RaucaError, load_camouflage
 from ..detect import Detector
 from ..runtime.folder_lock import alone_in
 from . import recipes
 from .assessment import Assessed, Assessment, Defended, Score, save_assessment
 from .battery import LATEST, Battery, load_battery
-from .candidates import NORMAL, RANDOM, VehicleChoice
+from .candidates import NORMAL, RANDOM, VehicleChoice, read_vehicle_choice
 from .cost import Work
 from .defences import NO_DEFENCE, make_defence
 from .defences.informed import DefendedDetector
 from .detectors import Chosen, detectors_for
 from .engine import Engine, Means, open_engine
-from .evaluate import keep_paints
+from .evaluate import given_places, keep_paints, open_views
 from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
@@ -42,7 +43,7 @@ from .study import Study
 from .weak_spots import half_recall_range, worst_cell, worst_tenth
 
 FILE_NAME = "assess.json"
-WHITE_BOX, INFORMED = "white-box", "informed-"
+WHITE_BOX, INFORMED, PICTURES = "white-box", "informed-", "pictures"
 MAP_SIZE = 512  # texels, of the library's maps and of the attacks
 
 
@@ -69,6 +70,7 @@ def assess(
     white_box: bool = True,
     defences: Sequence[str] = (),
     threshold: float = DEPLOYED,
+    pictures: Sequence[Path] = (),
     command: str = "",
     **means: Unpack[Means],
 ) -> tuple[Assessment, Study]:
@@ -83,6 +85,7 @@ def assess(
         white_box: attack the detector itself, too, if it has gradients.
         defences: to look through beside none.
         threshold: score at which the detector is deployed, for recall and mistakes.
+        pictures: data sets of pictures from elsewhere, judged on in a study of their own, ``out/pictures``.
         command: what was typed, for the report.
         means: see :class:`~rauca_core.study.engine.Means`.
 
@@ -93,7 +96,7 @@ def assess(
         RaucaError: a mistake, before anything is rendered; another process at work in ``out``.
     """
     began, out, frozen = time.monotonic(), Path(out), load_battery(battery)
-    choices = frozen.choices(vehicles)
+    choices, shown = frozen.choices(vehicles), _open_pictures(pictures, frozen.category)
     looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
     engine = open_engine(user_cache(), [], **means)
     (chosen,) = detectors_for([detector], [frozen.category], engine.machine)[frozen.category]
@@ -123,12 +126,44 @@ def assess(
         ]
         judges = Judges({frozen.category: [chosen]}, looked_through)
         study = judge(engine, out, places, paints, judges, command)
+        if shown:
+            _judge_pictures(engine, out / PICTURES, shown, paints, frozen, judges, command)
         found = summarize(assessed, frozen, budget, threshold, study)
         note = told_of_attack(found, EFFORTS[budget], white_box, assessed)
         spent = {**engine.seconds, "all, this time": round(time.monotonic() - began, 1)}
         found = replace(found, white_box_note=note, seconds=spent)
         save_assessment(out / FILE_NAME, found)
     return found, study
+
+
+def _open_pictures(folders: Sequence[Path], category: str) -> dict[VehicleChoice, list[Dataset]]:
+    """Data sets of pictures by vehicle; raises :class:`RaucaError` for others, and for vehicles of another class."""
+    opened = open_views(folders, pictures=True)
+    if opened and not opened[0].require_rendered_or_pictured("detectors are judged on"):
+        raise RaucaError(f"--pictures {opened[0].folder}: was rendered; `rauca evaluate` takes it")
+    choices = {one.plan.atlas_id: read_vehicle_choice(one.vehicle_folder) for one in opened}
+    if strange := next((choice for choice in choices.values() if choice.category != category), None):
+        raise RaucaError(f"--pictures: show a {strange.category}, the battery is of a {category}; give pictures of one")
+    return {choice: [one for one in opened if one.plan.atlas_id == atlas] for atlas, choice in choices.items()}
+
+
+def _judge_pictures(
+    engine: Engine,
+    out: Path,
+    shown: Mapping[VehicleChoice, Sequence[Dataset]],
+    paints: Mapping[VehicleChoice, Mapping[str, Path]],
+    battery: Battery,
+    judges: Judges,
+    command: str,
+) -> None:
+    """The battery's paints composed on pictures of its vehicles, and random paint on another: figures of their own."""
+    of_atlas = {choice.atlas_id: some for choice, some in paints.items()}
+    worn = {
+        choice: of_atlas.get(choice.atlas_id) or keep_paints(engine, out, choice, {}, battery.random)
+        for choice in shown
+    }
+    places = [place for choice, some in shown.items() for place in given_places(some, [choice], None)]
+    judge(engine, out, places, worn, judges, command)
 
 
 def works_of(

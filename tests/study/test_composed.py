@@ -38,9 +38,11 @@ from tests.environment.room import make_room
 torch.set_num_threads(1)
 
 JUDGES = "judges: refuses composed frames"
+JUDGES_PICTURES = "judges: pictures apart from rendered frames, and refuses what was composed from others"
 LEARNS = "learns from any frame, composed ones too"
 SPLITS = "learns from any frame, and holds out rendered ones alone"
 READS = "shows, checks or hands on what is there, whatever it is"
+RULES = "is the rule itself"
 MAKES = "opens what it has just had rendered, or what another room of this list let in"
 OPENS = {
     "benchmarks/agreement.py": JUDGES,
@@ -58,6 +60,7 @@ OPENS = {
     "pipelines/tradeoff.py": LEARNS,
     "rauca_core/attack/optimizer.py": LEARNS,
     "rauca_core/attack/renderer.py": LEARNS,
+    "rauca_core/contract/dataset.py": RULES,
     "rauca_core/dataset_tools/check.py": READS,
     "rauca_core/dataset_tools/export.py": READS,
     "rauca_core/dataset_tools/recoloring.py": READS,
@@ -72,14 +75,16 @@ OPENS = {
     "rauca_core/study/camouflaged.py": READS,
     "rauca_core/study/datasets.py": MAKES,
     "rauca_core/study/demo.py": MAKES,
-    "rauca_core/study/detecting.py": JUDGES,
-    "rauca_core/study/evaluate.py": JUDGES,  # of `harden` as well: `--views`
+    "rauca_core/study/assess.py": JUDGES_PICTURES,
+    "rauca_core/study/detecting.py": JUDGES_PICTURES,
+    "rauca_core/study/evaluate.py": JUDGES_PICTURES,  # of `harden` as well, which takes no pictures: `--views`
     "rauca_core/study/harden.py": LEARNS,
     "rauca_core/study/harden_rounds.py": LEARNS,
     "rauca_core/study/judging.py": MAKES,
     "rauca_core/study/makers.py": MAKES,
     "rauca_core/study/ranking.py": JUDGES,
     "rauca_core/study/recipes.py": LEARNS,
+    "rauca_core/study/scores.py": JUDGES_PICTURES,
     "rauca_core/study/tradeoff.py": LEARNS,
     "rauca_core/training/extractor_fit.py": SPLITS,
     "rauca_core/training/fit.py": JUDGES,  # data sets to test on; what it trains on is split by `frames.py`
@@ -112,17 +117,21 @@ def calls(path: Path) -> set[str]:
 
 
 def test_whoever_opens_a_data_set_has_decided_what_composed_frames_are_to_him() -> None:
-    asked = {"Dataset", "LightFrames", "require_rendered"}
+    asked = {"Dataset", "LightFrames", "require_rendered", "require_rendered_or_pictured"}
     rooms = ("rauca_core", "benchmarks", "pipelines", "tools")
     found = {path: calls(path) for name in rooms for path in sorted((REPOSITORY / name).rglob("*.py"))}
     opening = {path.relative_to(REPOSITORY).as_posix(): some for path, some in found.items() if some & asked}
     assert sorted(opening) == sorted(OPENS)
     refusing = {name for name, some in opening.items() if "require_rendered" in some}
-    assert refusing == {name for name, use in OPENS.items() if use == JUDGES}
+    both = {"rauca_core/contract/dataset.py", "rauca_core/study/evaluate.py"}
+    assert refusing - both == {name for name, use in OPENS.items() if use == JUDGES}
+    telling = {name for name, some in opening.items() if "require_rendered_or_pictured" in some}
+    assert telling == {name for name, use in OPENS.items() if use == JUDGES_PICTURES}
 
 
 JUDGING: dict[str, Callable[[Path, Path], Any]] = {
-    "evaluate, assess, harden --views": lambda data, worn: open_views([data]),
+    "evaluate": lambda data, worn: open_views([data], pictures=True),
+    "harden --views": lambda data, worn: open_views([data]),
     "detections": lambda data, worn: pictures_in(data, []),
     "efe evaluate": lambda data, worn: compare([data], LightSplitter(), [(1, 2, 3)], lambda progress: None),
     "rank_camouflages": lambda data, worn: rank_camouflages(data, [worn], SimpleNamespace(), "car"),
