@@ -19,7 +19,7 @@ from .steps.weather.properties import RaucaWeather
 # The panels appear in this order. A module's classes need no list; it may have ``register`` and ``unregister`` for
 # handlers, timers, previews. Jobs come last: they are stopped before anything is taken away from them.
 NAMES = """
-    translations preferences steps.operator steps.job_panel
+    translations preferences steps.operator steps.on_disk steps.job_panel
     steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
     steps.cameras.properties steps.cameras.panel steps.cameras.overlay

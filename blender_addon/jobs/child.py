@@ -55,7 +55,7 @@ def ending(code: int, complaints: Sequence[str]) -> str:
     """
     for line in reversed(complaints):
         if line.startswith("error: "):
-            reason = with_buttons(line.removeprefix("error: "))
+            reason = rpt(with_buttons(line.removeprefix("error: ")))
             return reason[:1].upper() + reason[1:]
         if line.startswith("interrupted: "):
             return rpt("It was interrupted from outside; what is finished is kept. Start again to go on")

@@ -76,7 +76,7 @@ def _reason(said: Sequence[str]) -> str:
     if "No space left" in text:
         return "the disk is full; free some space, then press the button again"
     errors = [line.removeprefix("ERROR:").strip() for line in said if line.startswith("ERROR")]
-    return f"pip could not install it ({(errors or [*said, 'no reason given'])[-1]}); see to the network, press again"
+    return f"pip could not install it: {(errors or [*said, 'no reason given'])[-1]}"
 
 
 def _tell(done: int, total: int, what: str) -> None:

@@ -11,6 +11,8 @@ from typing import TypeVar
 import bpy
 
 from ..core import contract, schema
+from ..jobs import pictures
+from ..jobs.thumbnails import thumbnail
 
 ASK_EVERY_S = 0.5
 UNFINISHED = "unfinished.json"  # the camouflage of a stopped run, as `rauca optimize` names it
@@ -79,9 +81,21 @@ def camouflage_at(setting: str) -> contract.Camouflage | None:
     )
 
 
+def picture_of(setting: str) -> int:
+    """The icon of the chosen camouflage, a small picture of its texture; 0 where there is none."""
+    return pictures.icon(_picture(chosen_path(setting).with_suffix(".json"))) if camouflage_at(setting) else 0
+
+
 def _camouflage(path: Path) -> contract.Camouflage:
-    found: contract.Camouflage = contract.load_camouflage(path)[0]
-    return found
+    found, image = contract.load_camouflage(path)
+    if (small := thumbnail(image)) is not None:
+        pictures.show(_picture(path), small)
+    told: contract.Camouflage = found
+    return told
+
+
+def _picture(path: Path) -> str:
+    return f"camouflage.{path}"
 
 
 def _frames(folder: Path) -> Frames:
@@ -119,6 +133,9 @@ def ask(kind: str, setting: str, names: tuple[str, ...], read: Callable[[Path], 
 def forget() -> None:
     """Ask the disk again at the next redraw: a job has just ended."""
     _answers.clear()
+
+
+unregister = forget  # the pictures go with the jobs'
 
 
 def _read(read: Callable[[Path], T | None], folder: Path) -> T | None:

@@ -11,10 +11,11 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.jobs import pictures
 from blender_addon.scene.camera import place
 from blender_addon.scene.render import prepare, render_linear
 from blender_addon.scene.vehicle import load_shipped
-from blender_addon.steps import bake
+from blender_addon.steps import bake, on_disk
 from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation, views_panel
 from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 from rauca_core.contract import Camera, Frame, Quality, Weather
@@ -255,6 +256,10 @@ def test_a_file_that_is_no_camouflage_is_told_before_it_is_applied(rauca, tmp_pa
     a_box()
     path = a_camouflage(tmp_path)
     assert state().words == "Ready to apply spots, made for Box"
+    on_disk.picture_of(rauca.camouflage.file)
+    small = pictures.shown(f"camouflage.{path}")
+    assert tuple(small.image_size) == (64, 64)
+    assert np.ptp(small.image_pixels_float[:]) > 0.5
     path.write_text("{")
     rauca.camouflage.file = str(path.with_name("other.json"))
     assert state().kind == "missing"

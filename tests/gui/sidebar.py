@@ -115,7 +115,10 @@ class Sidebar:
         time.sleep(0.5)
 
     def unfold(self, below: str, wanted: str, skip: int = 0) -> None:
-        """Open the panel "More" below the button or field ``below``, and ``skip`` pixels, until it shows ``wanted``."""
+        """Open the panel "More" below the button or field ``below``, and ``skip`` pixels, until it shows ``wanted``.
+
+        Every click that misses costs a look at the whole tab: ``skip`` what lies between.
+        """
         _, y = self.find(below)
         left, _, width, _ = self.blender.region("UI")
         for down in range(TALLEST // 2 + skip, 3 * TALLEST + skip, LOOK_EVERY):

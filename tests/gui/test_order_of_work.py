@@ -97,7 +97,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
     if not blender.ask("value = own('compat').has_denoiser()"):
         blender.shoot("4-no-denoiser")
         desk.press("rauca.without_denoiser(", lambda: not blender.settings("dataset.denoise"))
-    desk.unfold("rauca.generate_dataset(", "workers", skip=2 * ROW)
+    desk.unfold("rauca.generate_dataset(", "workers", skip=4 * ROW)
     desk.enter("seed", 7)
     blender.shoot("4-more")
     assert blender.settings("dataset.seed") == 7
@@ -124,7 +124,7 @@ def test_step_5_optimizes(desk: Sidebar, figures: dict[str, str]) -> None:
     assert blender.ask("value = own('preferences').preferences(bpy.context).ready"), blender.ask(checked)
     desk.enter("folder", str(blender.scratch / "optimized"))
     desk.enter("steps", STEPS)
-    desk.unfold("rauca.optimize(", "batch", skip=3 * ROW)
+    desk.unfold("rauca.optimize(", "batch", skip=5 * ROW)
     desk.enter("batch", 2)
     blender.shoot("5-more")
     assert blender.settings("optimize.batch") == 2
@@ -165,7 +165,7 @@ def test_step_7_evaluates_and_leads_to_the_worst_view(desk: Sidebar, figures: di
     blender = desk.blender
     desk.open(7)
     desk.enter("folder", str(blender.scratch / "evaluated"))
-    desk.unfold("rauca.evaluate(", "frames", skip=2 * ROW)
+    desk.unfold("rauca.evaluate(", "frames", skip=4 * ROW)
     desk.enter("frames", 1)
     desk.enter("size", SIDE)
     blender.shoot("7-ready")

@@ -6,7 +6,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...scene.coating import Coat
-from ..on_disk import camouflage_at
+from ..on_disk import camouflage_at, picture_of
 from ..panel import State, StepPanel, folder_setting, paragraph
 from .painted_vehicle import vehicle_gone
 from .shown_evaluation import loaded, show_picture
@@ -95,16 +95,21 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("rauca.apply_camouflage", icon="BRUSH_DATA")
         row.operator("rauca.remove_camouflage", text="", icon="X")
-        if settings.coat is None:
-            return
-        coat = Coat(settings.coat)
-        row = layout.row(align=True)
-        shown = [("ORIGINAL", iface("Original")), ("CAMOUFLAGE", iface("Camouflage"))]
-        if coat.image("baked") is not None:
-            shown.append(("BAKED", iface("Baked")))
-        for which, name in shown:
-            row.operator("rauca.show_paint", text=name, depress=coat.shown == which).which = which
-        _draw_view_hint(context, layout)
+        if settings.coat is not None:
+            _draw_looks(layout, Coat(settings.coat))
+            _draw_view_hint(context, layout)
+        if icon := picture_of(settings.file):
+            layout.template_icon(icon, scale=5)
+
+
+def _draw_looks(layout: bpy.types.UILayout, coat: Coat) -> None:
+    """Buttons side by side: the vehicle's own paint, the camouflage, and what was baked of it."""
+    row = layout.row(align=True)
+    shown = [("ORIGINAL", iface("Original")), ("CAMOUFLAGE", iface("Camouflage"))]
+    if coat.image("baked") is not None:
+        shown.append(("BAKED", iface("Baked")))
+    for which, name in shown:
+        row.operator("rauca.show_paint", text=name, depress=coat.shown == which).which = which
 
 
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
