@@ -7,7 +7,9 @@ MMDETECTION := $(VENV)/mmdetection/.ready
 # Hundreds of processes start in a run of the tests, and some in a demo; each would compile the house again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-matrix test-gui coverage lint docs pictures extension clean
+.PHONY: install demo test test-matrix test-gui coverage lint docs pictures extension clean
+
+install: $(READY)
 
 demo: $(READY)
 	$(VENV)/bin/rauca demo
@@ -57,10 +59,14 @@ extension: $(READY)
 # torch comes first and pinned, and stays named: torchvision's newest asks for a newer torch, which would replace it and
 # bring gigabytes of CUDA libraries.
 TORCH := torch==2.13.0
+# Trackers of clips, and the reference of their figures; without what they ask for, which would replace our NumPy and OpenCV.
+TRACKERS := trackers==2.6.1 supervision==0.31.2 pydeprecate defusedxml trackeval==1.3.0
 $(READY): pyproject.toml
+	@$(PYTHON) tools/system_libraries.py
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet $(TORCH)
 	$(VENV)/bin/python -m pip install --quiet $(TORCH) -e .[dataset,optimize,report,bench,slurm,detectors,dev]
+	$(VENV)/bin/python -m pip install --quiet --no-deps $(TRACKERS)
 	touch $(READY)
 
 # For tests/detect/test_mmdet_networks.py alone, in a folder of its own and without what it asks for: that would replace

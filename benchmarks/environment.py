@@ -10,6 +10,7 @@ from statistics import mean
 
 import torch
 
+from rauca_core.contract import RaucaError
 from rauca_core.contract.towns import TEST, TRAINING
 from rauca_core.environment import LightSplitter, PublishedEfe
 from rauca_core.environment.frames import LightFrame, LightFrames
@@ -23,9 +24,10 @@ from rauca_core.environment.methods import (
     transfer_render,
 )
 from rauca_core.environment.metrics import Error
+from rauca_core.environment.place_light import PlaceLight, light_places
 from rauca_core.runtime.devices import keep_large_blocks, threads
 
-from .environment_report import save_curve, save_figure_of_maps, summarize
+from .environment_report import TEXTURE, save_curve, save_figure_of_maps, summarize, summarize_maps
 from .environment_training import adapt, drawn, splitter_db, time_epochs, train_ours, train_published
 from .environment_truth import (
     LIGHT,
@@ -45,6 +47,7 @@ CLEAR, LOW, FOG, NIGHT = "sun90-fog0", "sun30-fog0", "sun30-fog90", "sun-90-fog0
 FULL = Settings(  # frames are of the sedan unless another vehicle is named
     size=128,  # of the square frames that extractors see, pixels: small, for the published one's sake
     exact_size=320,  # of the frames on which exact maps are judged; the default of ``rauca dataset make``
+    exact_azimuths=8,  # views of a place that irradiance textures are fitted to; the nearest is judged
     samples=8,  # of Cycles per pixel in data sets; the default of ``rauca dataset make``
     seen=(CLEAR, LOW, FOG, NIGHT, "sun30-fog50", "sun-30-fog50"),  # of the preset ``base``: extractors train on them
     unseen=(  # of the preset ``unseen``
@@ -98,16 +101,26 @@ JITTER = "--jitter-azimuth 40 --jitter-elevation 8 --jitter-distance 0.2 --jitte
 Method = Callable[[int, LightFrame], Render]
 
 
-def bench(out: Path, settings: Settings, docs: Path | None = None, weights: Path | None = None) -> Results:
-    """Measure; what Blender renders is kept in a folder beside ``out``.
+def bench(
+    out: Path, settings: Settings, docs: Path | None = None, weights: Path | None = None, maps_only: bool = False
+) -> Results:
+    """Measure; what Blender renders is kept in a folder beside ``out``. ``maps_only``: no extractor, no budgets.
 
     Raises:
-        RaucaError: Blender or the pre-trained ``weights``, the shipped by default, are missing.
+        RaucaError: Blender or the pre-trained ``weights``, the shipped by default, are missing; ``docs`` and only maps.
     """
+    if maps_only and docs is not None:
+        raise RaucaError("--docs: the page holds the figures of the whole benchmark; leave out --maps-only")
     keep_large_blocks()
     results = Results("environment", settings)
     with threads(1):
-        _measure(results, out.parent / "environment", weights)
+        folder = out.parent / "environment"
+        if maps_only:
+            measure_maps(results, folder)
+            summarize_maps(results)
+            results.publish(out)
+            return results
+        _measure(results, folder, weights)
     summarize(results)
     results.picture(partial(save_curve, results), ".svg", "environment/seconds-error.svg")
     results.publish(out, docs, "environment.md")
@@ -134,9 +147,7 @@ def _measure(results: Results, folder: Path, weights: Path | None) -> None:
     camouflages = save_textures(tests.vehicle(0), settings.uv_size, folder / f"textures-{settings.uv_size}")
     truths = find_truths(tests, camouflages, settings, folder / "cycles")
     compare(results, "sedan", tests, truths, methods_of(tests, ours.net, published.net))
-    defaults = made("default")
-    near = find_truths(defaults, camouflages, settings, folder / "cycles")
-    compare(results, "defaults", defaults, near, {"exact": lambda i, frame: exact_render(frame)})
+    defaults, near = measure_maps(results, folder)
     results.figures["epoch_time"] = time_epochs(frames, train_on, settings)
     weigh(results, frames, test_on, (ours.net, without.net))
     measure_curve(results, defaults, near, camouflages, folder / "cycles")
@@ -146,6 +157,23 @@ def _measure(results: Results, folder: Path, weights: Path | None) -> None:
     results.picture(pictures, ".jpg", "environment/maps.jpg")
 
 
+def measure_maps(results: Results, folder: Path) -> tuple[LightFrames, list[Truth]]:
+    """Errors of exact maps, and of the same with the gain of the irradiance texture of their place; what was asked."""
+    settings = results.settings
+    frames = LightFrames([make_dataset(data_sets(settings)["default"], folder).folder])
+    camouflages = save_textures(frames.vehicle(0), settings.uv_size, folder / f"textures-{settings.uv_size}")
+    near = find_truths(frames, camouflages, settings, folder / "cycles")
+    list(light_places(frames.datasets[0].folder))
+    places = PlaceLight(frames.datasets[0])
+
+    def of_texture(i: int, frame: LightFrame) -> Render:
+        light = places.light_of(frames.places[i].frame)
+        return AffineRender(*(torch.from_numpy(half.transpose(2, 0, 1).copy()) for half in (light.A, light.B)))
+
+    compare(results, "defaults", frames, near, {"exact": lambda i, frame: exact_render(frame), TEXTURE: of_texture})
+    return frames, near
+
+
 def data_sets(settings: Settings) -> dict[str, Wanted]:
     """What is rendered, by name; exact maps are judged on ``default``, other vehicles on ``<name>-unseen``."""
     near, everywhere = settings.distances_m[0], ",".join(f"{d:g}" for d in settings.distances_m)
@@ -153,7 +181,7 @@ def data_sets(settings: Settings) -> dict[str, Wanted]:
     sets = [
         ("train", "sedan", seen, small, settings.locations, settings.azimuths, everywhere, TRAIN_SEED),
         ("test", "sedan", (*seen, *unseen), small, 1, settings.test_azimuths, everywhere, TEST_SEED),
-        ("default", "sedan", (*seen, *unseen), settings.exact_size, 1, 1, f"{near:g}", TEST_SEED),
+        ("default", "sedan", (*seen, *unseen), settings.exact_size, 1, settings.exact_azimuths, f"{near:g}", TEST_SEED),
     ]
     places, azimuths = settings.vehicle_locations, settings.vehicle_azimuths
     for name in settings.vehicles:

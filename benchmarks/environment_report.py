@@ -19,6 +19,7 @@ from .figures import Line, Panel, save_figure, save_sheet
 from .harness import Results, Row
 
 NOON = "sun90-fog0"
+TEXTURE = "texture"  # the method whose gain is the irradiance texture's
 TARGETS_DB = {NOON: 40, "sun30-fog90": 40, "sun-90-fog0": 38}  # of exact maps inside the paint
 
 
@@ -60,6 +61,13 @@ def summarize(results: Results) -> None:
     results.target_table()
 
 
+def summarize_maps(results: Results) -> None:
+    """Exact maps and irradiance textures alone."""
+    _maps_table(results)
+    _exact_targets(results)
+    results.target_table()
+
+
 def _cpu_ms(results: Results, method: str) -> float:
     return median(row["cpu_ms"] for row in results.where("errors", data="sedan", method=method, region="paint"))
 
@@ -86,19 +94,31 @@ def _method_tables(results: Results) -> None:
         row["method"]: {part: row[part].to_json() for part in ("all", "seen", "unseen")} for row in rows
     }
     by_method = {name: f"{{{name}.psnr_db:.1f}}" for name in methods}
-    exact = {f"exact at {settings.exact_size} px, inside": "{inside.psnr_db:.1f}", "edges": "{edge.psnr_db:.1f}"}
-    rows = [
-        {"weather": w, **{name: error_of(results, name, [w]) for name in methods}, **_exact(results, w)}
-        for w in weathers
-    ]  # fmt: skip
-    results.table("PSNR by weather, dB", {"weather": "{weather}", **by_method, **exact}, rows)
+    rows = [{"weather": w, **{name: error_of(results, name, [w]) for name in methods}} for w in weathers]
+    results.table("PSNR by weather, dB", {"weather": "{weather}", **by_method}, rows)
+    _maps_table(results)
     rows = [{"texture": t, **{name: error_of(results, name, texture=t) for name in methods}} for t in textures]
     results.table("PSNR by texture, dB", {"texture": "{texture}", **by_method}, rows)
 
 
-def _exact(results: Results, weather: str) -> dict[str, Error]:
+def _maps_table(results: Results) -> None:
+    rows = []
+    for weather in dict.fromkeys(row["weather"] for row in results.where("errors", data="defaults")):
+        maps, textures = (_exact(results, weather, method) for method in ("exact", TEXTURE))
+        row = {f"maps_{region}": error.psnr_db for region, error in maps.items()}
+        rows.append({"weather": weather, **row, **{f"texture_{r}": error.psnr_db for r, error in textures.items()}})
+    columns = {
+        "weather": "{weather}", "maps, inside": "{maps_inside:.1f}", "edges": "{maps_edge:.1f}",
+        "texture, inside": "{texture_inside:.1f}", "edges ": "{texture_edge:.1f}",
+    }  # fmt: skip
+    settings = results.settings
+    what = f"Exact maps of {settings.samples} samples at {settings.exact_size} px"
+    results.table(f"{what}, and with the texture of {settings.exact_azimuths} views, dB", columns, rows)
+
+
+def _exact(results: Results, weather: str, method: str = "exact") -> dict[str, Error]:
     """Exact maps at the data set's default size and budget."""
-    return {r: error_of(results, "exact", [weather], "defaults", r) for r in ("inside", "edge")}
+    return {r: error_of(results, method, [weather], "defaults", r) for r in ("inside", "edge")}
 
 
 def _training_tables(results: Results) -> None:
@@ -137,15 +157,17 @@ def _training_tables(results: Results) -> None:
 
 def _exact_targets(results: Results) -> None:
     weathers = list(dict.fromkeys(row["weather"] for row in results.where("errors", data="defaults")))
-    inside, edges = ({w: _exact(results, w)[region].psnr_db for w in weathers} for region in ("inside", "edge"))
-    for weather, wanted in TARGETS_DB.items():
-        if weather in inside:
-            results.target(f"exact maps inside the paint, {weather}", wanted, inside[weather], "dB")
-    results.target("exact maps inside the paint, worst weather", 35, min(inside.values()), "dB")
-    if NOON in edges:
-        results.target(f"exact maps on edges, {NOON}", 36, edges[NOON], "dB")
-    results.target("exact maps on edges, worst weather", 32, min(edges.values()), "dB")
-    if len(results.settings.budgets) > 1:
+    for method, told in (("exact", "exact maps"), (TEXTURE, "irradiance texture")):
+        found = {w: _exact(results, w, method) for w in weathers}
+        inside, edges = ({w: found[w][region].psnr_db for w in weathers} for region in ("inside", "edge"))
+        for weather, wanted in TARGETS_DB.items():
+            if weather in inside:
+                results.target(f"{told} inside the paint, {weather}", wanted, inside[weather], "dB")
+        results.target(f"{told} inside the paint, worst weather", 35, min(inside.values()), "dB")
+        if NOON in edges:
+            results.target(f"{told} on edges, {NOON}", 36, edges[NOON], "dB")
+        results.target(f"{told} on edges, worst weather", 32, min(edges.values()), "dB")
+    if len(results.settings.budgets) > 1 and "curve" in results.rows:
         gap = min(_gap(results.where("curve", weather=weather)) for weather in weathers)
         results.target("exact maps over the car itself at equal time, worst weather", 0, gap, "dB")
 

@@ -9,11 +9,22 @@ from __future__ import annotations
 
 try:
     from .rauca_core import contract, geometry  # type: ignore[import-untyped,import-not-found,unused-ignore]
-    from .rauca_core.contract import assets, color, files, reading, schema, seeding, semantics, viewpoints  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
+    from .rauca_core.contract import (  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
+        assets,
+        clips,
+        color,
+        files,
+        reading,
+        schema,
+        seeding,
+        semantics,
+        system,
+        viewpoints,
+    )
     from .rauca_core.geometry import bake  # type: ignore[import-untyped,import-not-found,unused-ignore]
     from .rauca_core.runtime import child_process, folder_lock  # type: ignore[import-untyped,import-not-found,unused-ignore]  # fmt: skip
 except ImportError:
     from rauca_core import contract, geometry
-    from rauca_core.contract import assets, color, files, reading, schema, seeding, semantics, viewpoints
+    from rauca_core.contract import assets, clips, color, files, reading, schema, seeding, semantics, system, viewpoints
     from rauca_core.geometry import bake
     from rauca_core.runtime import child_process, folder_lock

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import shutil
 import tempfile
@@ -13,10 +12,11 @@ from pathlib import Path
 
 import bpy
 
-from .core import contract
+from .core import contract, system
 
 PREFIX = "rauca-scratch-"
 MEMORY = Path("/dev/shm")
+HELD = ".held"  # in a scratch folder: locked while somebody needs it
 NEWBORN_S = 60.0  # a folder this young may not have been locked yet
 
 
@@ -37,20 +37,20 @@ def scratch_base(in_memory: bool) -> Path:
 def scratch_folder(in_memory: bool = False) -> Iterator[Path]:
     """Yield an empty folder; it is removed afterwards."""
     with tempfile.TemporaryDirectory(prefix=PREFIX, dir=scratch_base(in_memory)) as temporary:
-        handle = os.open(temporary, os.O_RDONLY)
+        handle = system.hold(Path(temporary) / HELD)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
             yield Path(temporary)
         finally:
-            os.close(handle)
+            if handle is not None:
+                system.let_go(handle)
 
 
 def job_folder() -> Path:
     """A new folder for what only one job needs, locked until this process ends; those of dead ones are swept away."""
     sweep_scratch()
-    folder = tempfile.mkdtemp(prefix=PREFIX)
-    fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX)
-    return Path(folder)
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    system.hold(folder / HELD)
+    return folder
 
 
 def sweep_scratch() -> int:
@@ -61,14 +61,17 @@ def sweep_scratch() -> int:
             with contextlib.suppress(OSError):  # in use, another user's, or just gone
                 if time.time() - folder.stat().st_mtime < NEWBORN_S:
                     continue
-                handle = os.open(folder, os.O_RDONLY)
-                try:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if (handle := system.hold(folder / HELD)) is not None:
+                    system.let_go(handle)
                     shutil.rmtree(folder)
                     swept += 1
-                finally:
-                    os.close(handle)
     return swept
+
+
+def size_words(size_bytes: float) -> str:
+    """A size for people: ``3 MB``, ``1.4 GB``."""
+    megabytes = max(size_bytes / 1e6, 1.0)
+    return f"{megabytes / 1e3:.1f} GB" if megabytes >= 1e3 else f"{megabytes:.0f} MB"
 
 
 def chosen_folder(setting: str, what: str) -> Path:

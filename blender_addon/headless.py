@@ -17,7 +17,7 @@ from typing import NoReturn
 import bpy
 
 from . import devices
-from .core import contract, files
+from .core import contract, files, system
 from .jobs import dataset_job
 from .scene.camouflages import read_paintwork, render_camouflages, save_blend
 from .scene.images import read_image_blender
@@ -52,7 +52,7 @@ def run(find_job: Callable[[], contract.Job], as_json: bool) -> int:
     def interrupt(number: int, stack: FrameType | None) -> NoReturn:
         raise KeyboardInterrupt
 
-    for number in (signal.SIGINT, signal.SIGTERM):  # in Blender, Ctrl-C is Blender's own until it is taken over
+    for number in system.stop_signals():  # in Blender, Ctrl-C is Blender's own until it is taken over
         signal.signal(number, interrupt)
     try:
         job = find_job()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import platform
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface
 from bpy.app.translations import pgettext_rpt as rpt
 
 from .core import contract
+from .folders import size_words
 from .jobs import watch
 from .jobs.background import Job
 from .steps.job_panel import draw_button
@@ -17,12 +21,14 @@ from .steps.operator import BackgroundOperator
 from .steps.panel import paragraph
 from .steps.python_check import CheckTask, verdict
 
-CHECK = "check"
+CHECK, SETUP = "check", "setup"
+# Of a Python with torch and all that rauca wants, on the disk (measured); on Linux torch brings CUDA's libraries.
+PYTHON_BYTES, WITH_CUDA_BYTES = 2_000_000_000, 8_000_000_000
 
 
 def _forget_verdict(self: RaucaPreferences, context: bpy.types.Context) -> None:
     """Another Python: what was found of the last one says nothing of it."""
-    self.ready, self.verdict = False, ""
+    self.ready, self.verdict, self.command = False, "", ""
 
 
 class RaucaDetector(bpy.types.PropertyGroup):
@@ -44,10 +50,17 @@ class RaucaPreferences(bpy.types.AddonPreferences):
     )
     ready: bpy.props.BoolProperty(options={"HIDDEN"})
     verdict: bpy.props.StringProperty(options={"HIDDEN"})
+    command: bpy.props.StringProperty(options={"HIDDEN"})  # that mends what the verdict says is lacking
+    package: bpy.props.StringProperty(
+        name="Package",
+        default="rauca",
+        description="What is installed in a Python that is made here: the name of rauca's package, or its wheel's path",
+    )
     detectors: bpy.props.CollectionProperty(type=RaucaDetector, options={"HIDDEN"})
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_python(context, self.layout)
+        self.layout.prop(self, "package")
 
     def program(self) -> Path:
         """The Python's path, which may be relative to nothing but the .blend or the home folder."""
@@ -55,7 +68,7 @@ class RaucaPreferences(bpy.types.AddonPreferences):
 
     def keep(self, python: Path, found: Mapping[str, Any]) -> None:
         """Keep what a check found; detectors that were chosen stay so, and one is chosen to begin with."""
-        self.ready, self.verdict = verdict(python, found)
+        self.ready, self.verdict, self.command = verdict(python, found)
         chosen, names = set(self.chosen_detectors()), found.get("detectors", ()) if self.ready else ()
         self.detectors.clear()
         for name in names:
@@ -74,6 +87,26 @@ def preferences(context: bpy.types.Context) -> RaucaPreferences | None:
     return cast("RaucaPreferences", found.preferences) if found is not None else None
 
 
+def lacks_python(context: bpy.types.Context) -> str:
+    """What to do before anything can run in the external Python; empty when all is there."""
+    settings = preferences(context)
+    if settings is None or not settings.python.strip():
+        return iface("Choose the Python in which rauca is installed")
+    if watch.busy(CHECK):
+        return iface("Checking the chosen Python")
+    if not settings.ready:
+        return iface("Press Check: the chosen Python is not known to have what it needs")
+    return "" if settings.chosen_detectors() else iface("Choose a detector")
+
+
+def draw_detectors(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """A tick for each detector that the external Python has."""
+    settings = preferences(context)
+    column = layout.column(heading="Detectors", align=True)
+    for detector in settings.detectors if settings is not None else ():
+        column.prop(detector, "use", text=detector.name, translate=False)
+
+
 def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """The Python's path, its check and what the check found."""
     settings = preferences(context)
@@ -87,8 +120,32 @@ def draw_python(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         draw_button(row, CHECK, "STOP", "Stop")
         return
     layout.operator("rauca.check_python", icon="VIEWZOOM")
+    _draw_setup(context, layout, settings)
+
+
+def _draw_setup(context: bpy.types.Context, layout: bpy.types.UILayout, settings: RaucaPreferences) -> None:
+    """What was found or goes on, and the buttons that mend what is lacking."""
+    found = watch.job(SETUP)
+    if found is not None and found.alive:
+        layout.progress(factor=found.fraction, text=found.doing)
+        draw_button(layout, SETUP, "STOP", "Stop", "CANCEL")
+        return
+    if not settings.ready:
+        layout.operator("rauca.make_python", icon="PACKAGE")
+    if "weights" in settings.command:
+        layout.operator("rauca.fetch_detectors", icon="IMPORT")
+    if settings.command:
+        layout.operator("rauca.copy_command", icon="COPYDOWN").command = settings.command
     if settings.verdict:
         paragraph(context, layout, settings.verdict, icon="CHECKMARK" if settings.ready else "ERROR")
+    elif not settings.ready:
+        words = iface("Make a Python takes {disk} on the disk, most of it downloaded")
+        paragraph(context, layout, words.format(disk=size_words(python_bytes())), icon="INFO")
+
+
+def python_bytes() -> int:
+    """What a Python for optimizing takes on the disk of such a machine, about."""
+    return WITH_CUDA_BYTES if sys.platform == "linux" and platform.machine() == "x86_64" else PYTHON_BYTES
 
 
 class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
@@ -108,12 +165,7 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)
         assert settings is not None  # poll
-        python = settings.program()
-        if not python.is_file():
-            settings.keep(python, {})
-            raise contract.RaucaError(settings.verdict)
-        task = CheckTask.of(python)
-        watch.begin(CHECK, task, lambda job: _finish(job, python, task))
+        begin_check(settings)
 
     def outcome(self, context: bpy.types.Context, job: Job) -> str:
         settings = preferences(context)
@@ -121,6 +173,16 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
         if not settings.ready:
             raise contract.RaucaError(settings.verdict)
         return str(settings.verdict)
+
+
+def begin_check(settings: RaucaPreferences) -> None:
+    """Ask the chosen Python what it has; raises :class:`RaucaError` where there is none."""
+    python = settings.program()
+    if not python.is_file():
+        settings.keep(python, {})
+        raise contract.RaucaError(settings.verdict)
+    task = CheckTask.of(python)
+    watch.begin(CHECK, task, lambda job: _finish(job, python, task))
 
 
 def _finish(job: Job, python: Path, task: CheckTask) -> None:

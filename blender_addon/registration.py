@@ -11,6 +11,7 @@ from .steps.bake import RaucaBake
 from .steps.cameras.properties import RaucaCameras
 from .steps.camouflage.panel import RaucaCamouflage
 from .steps.dataset import RaucaDataset
+from .steps.evaluate import RaucaEvaluate
 from .steps.optimize import RaucaOptimize
 from .steps.vehicle.properties import RaucaVehicle
 from .steps.weather.properties import RaucaWeather
@@ -19,15 +20,19 @@ from .steps.weather.properties import RaucaWeather
 # handlers, timers, previews. Jobs come last: they are stopped before anything is taken away from them.
 NAMES = """
     translations preferences steps.operator steps.job_panel
-    steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel
+    steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
     steps.cameras.properties steps.cameras.panel steps.cameras.overlay
-    steps.dataset steps.optimize
-    steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay
-    steps.bake jobs.watch
+    steps.python_setup steps.dataset steps.optimize steps.demo
+    steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
+    steps.evaluate steps.camouflage.views_panel
+    steps.bake steps.cost jobs.watch
 """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
-KINDS = (bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel)
+KINDS = (
+    *(bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel),
+    bpy.types.FileHandler,
+)
 
 
 class RaucaProperties(bpy.types.PropertyGroup):
@@ -39,6 +44,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     dataset: bpy.props.PointerProperty(type=RaucaDataset)
     optimize: bpy.props.PointerProperty(type=RaucaOptimize)
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)
+    evaluate: bpy.props.PointerProperty(type=RaucaEvaluate)
     bake: bpy.props.PointerProperty(type=RaucaBake)
 
 

@@ -14,7 +14,7 @@ from rauca_core.contract import RaucaError
 from .console import command_line, console, output
 from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
-from .options import Blender, Device, RenderDevice, Slurm, Threads, means_of, split_names
+from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, Threads, means_of, split_names
 
 if TYPE_CHECKING:
     from rauca_core.detect import Detector
@@ -53,6 +53,7 @@ def assess(
     slurm: Slurm = None,
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
+    json_progress: JsonProgress = False,
 ) -> None:
     """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
     from rauca_core.report import write_comparison
@@ -78,7 +79,7 @@ def assess(
     for name, folder in folders.items():
         detector = open_detector(name, classes, names, None, device)
         checked = _check(detector, works[budget], budget, device)
-        with means_of(device, slurm, blender, render_device, threads) as means:
+        with means_of(device, slurm, blender, render_device, threads, json_progress) as means:
             one = rauca.assess(name if slurm else detector, out=folder, checked=checked, **asked, **means)
             found.append(one.assessment)
             _tell(one.report(folder / "report.html", before, latex))

@@ -67,11 +67,14 @@ def bench_environment_command(
     weights: Annotated[
         Path | None, typer.Option(help="pre-trained extractor to fine-tune; the shipped one by default")
     ] = None,
+    maps_only: Annotated[
+        bool, typer.Option("--maps-only", help="only light maps and irradiance textures, no extractor")
+    ] = False,
     docs: Docs = None,
     json: Json = Path("reports/environment.json"),
 ) -> None:
     """Every way to light a vehicle against Cycles; training times; what pre-training saves."""
-    start("environment", json, quick, docs=docs, weights=weights)
+    start("environment", json, quick, docs=docs, weights=weights, maps_only=maps_only)
 
 
 @bench_app.command("views")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, NoReturn
@@ -17,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
+from rauca_core.contract.system import stop_signals
 from rauca_core.runtime.blender import run_blender
 
 from .ablate import ablate
@@ -48,17 +50,37 @@ EXTRAS = {
 app = typer.Typer(
     name="rauca",
     help="Measure and harden vehicle detectors against adversarial camouflage.",
+    epilog="How robust is a detector: `rauca assess mine.onnx --out runs/mine`. The whole way, small: `rauca demo`. "
+    "What is missing here: `rauca doctor`.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-GROUPS = {
-    "dataset": dataset_app, "efe": efe_app, "detectors": detectors_app, "weights": weights_app, "bench": bench_app,
-    "cache": cache_app, "picture": picture_app,
+START, DATA, ATTACK, EVALUATE, HARDEN, EXPERT = (
+    "Start", "Data", "Attack", "Evaluate", "Harden", "For experts",
+)  # fmt: skip
+GROUPS: Mapping[str, tuple[typer.Typer, str]] = {
+    "dataset": (dataset_app, DATA), "picture": (picture_app, DATA), "efe": (efe_app, EXPERT),
+    "detectors": (detectors_app, EVALUATE), "weights": (weights_app, START), "bench": (bench_app, EXPERT),
+    "cache": (cache_app, EXPERT),
 }  # fmt: skip
-for name, group in GROUPS.items():
-    app.add_typer(group, name=name)
-for command in (assess, optimize, methods, evaluate, tradeoff, ablate, harden, demo, report):
-    app.command()(command)
+COMMANDS: Mapping[str, tuple[Callable[..., None], ...]] = {
+    START: (demo,),
+    ATTACK: (optimize, methods, tradeoff, ablate),
+    EVALUATE: (assess, evaluate, report),
+    HARDEN: (harden,),
+}
+"""Every command, under the heading that `rauca --help` shows it below."""
+
+
+def _build() -> None:
+    for heading, commands in COMMANDS.items():
+        for command in commands:
+            app.command(rich_help_panel=heading)(command)
+    for name, (group, heading) in GROUPS.items():
+        app.add_typer(group, name=name, rich_help_panel=heading)
+
+
+_build()
 
 
 def run(*command: str) -> None:
@@ -67,7 +89,8 @@ def run(*command: str) -> None:
     Args:
         command: put before what the user typed, for programs that stand for one command.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in set(stop_signals()) - {signal.SIGINT}:
+        signal.signal(number, _interrupt)
     try:
         app([*command, *sys.argv[1:]])
     except RaucaError as error:
@@ -88,7 +111,7 @@ def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-@app.command()
+@app.command(rich_help_panel=ATTACK)
 def apply(
     camouflage: Annotated[Path, typer.Argument(help="camouflage .json file")],
     out: Annotated[Path, typer.Option(help="the .blend to write")],
@@ -108,7 +131,7 @@ def apply(
     console.print("saved; open it in Blender, or append its object to a scene of yours")
 
 
-@app.command()
+@app.command(rich_help_panel=START)
 def doctor() -> None:
     """Print versions, devices and what is missing."""
     from .doctor import findings

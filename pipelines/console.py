@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -115,6 +117,30 @@ def goes_on_by_itself() -> Iterator[None]:
         yield
     except StoppedError as stop:
         raise RaucaError(f"{stop.where}; run the same command again to go on") from None
+
+
+def progress_lines() -> Callable[[str, Progress], None]:
+    """What tells a study's progress as lines on standard output, for programs; silent once nobody reads any more.
+
+    A line's ``last`` is what is being done, ``left_s`` the time left of that alone, judged by what was done of it here.
+    """
+    began: dict[str, tuple[float, int]] = {}
+    heard = True
+
+    def tell(title: str, progress: Progress) -> None:
+        nonlocal heard
+        since, before = began.setdefault(title, (time.monotonic(), progress.done))
+        done, left_s = progress.done - before, progress.left_s
+        if left_s is None and done > 0:
+            left_s = (time.monotonic() - since) / done * (progress.total - progress.done)
+        line = Progress(progress.done, progress.total, title, left_s).line() + "\n"
+        try:
+            if heard:
+                os.write(1, line.encode())  # one write, whole lines, as nothing else may come between
+        except BrokenPipeError:
+            heard = False
+
+    return tell
 
 
 def command_line(short: bool = False) -> str:

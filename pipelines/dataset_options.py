@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 from rauca_core.contract import (
     MIN_VISIBLE,
@@ -21,6 +22,7 @@ from rauca_core.contract import (
     find_preset,
     preset_notes,
 )
+from rauca_core.contract.clips import MANOEUVRES, clips_asked
 from rauca_core.contract.job import (
     DEVICES,
     RECYCLE,
@@ -67,8 +69,16 @@ def _plan_of(options: argparse.Namespace) -> Plan:
         options.samples, options.adaptive_threshold, options.denoise, options.bounces, options.composed_fog
     )
     same = ("size", "light", "locations", "min_visible", "seed", "finish", "recolor_share")
-    chosen = {name: getattr(options, name) for name in same}
+    chosen = {name: getattr(options, name) for name in same} | _driven(options)
     return Plan.of(find_preset(options.weathers), ring, quality=quality, reference_srgb=options.reference, **chosen)
+
+
+def _driven(options: argparse.Namespace) -> dict[str, Any]:
+    """What clips change in a plan: they keep frames in which the vehicle is hidden, as a tracker sees those too."""
+    if not options.clips:
+        return {}
+    driven = (options.clip_frames, options.speed, options.frame_rate, options.shutter)
+    return {"clips": clips_asked(options.clips, *driven), "min_visible": 0.0}
 
 
 def _plan_of_file(options: argparse.Namespace) -> Plan:
@@ -154,6 +164,11 @@ def plan_parser() -> argparse.ArgumentParser:
     add("--jitter-distance", type=float, default=0.0, help="half-width, fraction of the distance")
     add("--jitter-aim", type=float, default=0.0, help="half-width, metres")
     add("--jitter-roll", type=float, default=0.0, help="half-width, degrees")
+    add("--clips", default="", help=f"drive instead of standing still: all, or of {', '.join(MANOEUVRES)}")
+    add("--clip-frames", type=_whole, default=30, help="frames of each clip")
+    add("--speed", type=float, default=10.0, help="of the camera in clips, m/s")
+    add("--frame-rate", type=float, default=15.0, help="of clips, frames a second")
+    add("--shutter", type=float, default=0.0, help="seconds that it is open in clips: motion blur; 0: none")
     add("--fov", type=float, default=60.0, help="horizontal field of view, degrees")
     add("--size", type=_whole, default=320, help="frames are square, pixels")
     add("--samples", type=_whole, default=8, help="Cycles samples per pixel before denoising")

@@ -12,9 +12,10 @@ from rich.table import Table
 
 import rauca_core as rauca
 from rauca_core.contract import RaucaError
+from rauca_core.contract.clips import MANOEUVRES, clips_asked
 
 from .console import command_line, console, output
-from .options import Blender, Device, RenderDevice, Slurm, means_of, numbers, split_names
+from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, means_of, numbers, split_names
 
 if TYPE_CHECKING:
     from rauca_core.study.study import Study
@@ -65,6 +66,12 @@ def evaluate(
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
     views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
+    clips: Annotated[str | None, typer.Option(help=f"drive: all, or of {', '.join(MANOEUVRES)}")] = None,
+    clip_frames: Annotated[int, typer.Option(min=1, help="frames of each clip")] = 30,
+    speed: Annotated[float, typer.Option(help="of the camera in clips, m/s")] = 10.0,
+    frame_rate: Annotated[float, typer.Option(help="of clips, frames a second")] = 15.0,
+    shutter: Annotated[float, typer.Option(help="seconds that it is open in clips: motion blur; 0: none")] = 0.0,
+    tracker: Annotated[Literal["bytetrack", "sort"], typer.Option(help="that joins detections of clips")] = "bytetrack",
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
     random_seed: Annotated[int, typer.Option(min=0)] = 1,
     random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
@@ -77,9 +84,11 @@ def evaluate(
     slurm: Slurm = None,
     blender: Blender = None,
     render_device: RenderDevice = "cpu",
+    json_progress: JsonProgress = False,
 ) -> None:
     """Measure AP@0.5 on held-out views: reference paint, camouflages, defences; re-rendered by Cycles."""
     from rauca_core.contract.towns import TEST
+    from rauca_core.study.driven import has_clips
     from rauca_core.study.evaluate import RandomPaint
     from rauca_core.study.views import RINGS, SCALES, HeldOut
 
@@ -94,7 +103,10 @@ def evaluate(
     )
     town = TEST["held-out views"] if views_seed is None else views_seed
     views = HeldOut(frames or SCALES[scale], chosen, size=size, samples=samples, seed=town, fit=distances is None)
-    with means_of(device, slurm, blender, render_device) as means:
+    if clips:
+        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter)
+        views = HeldOut.driven(driven, size, samples, views_seed)
+    with means_of(device, slurm, blender, render_device, json_progress=json_progress) as means:
         study = rauca.evaluate(
             [*split_names(camouflage), *files], split_names(detectors), out=out, vehicle=split_names(vehicle),
             weathers=split_names(weathers) or ["both"], views=views, datasets=datasets,
@@ -102,6 +114,8 @@ def evaluate(
             scene=scene, store=store, command=command_line(), **means,
         )  # fmt: skip
     _print(study, out)
+    if has_clips(study):
+        _print_drives(study, out, tracker)
 
 
 def report(
@@ -142,3 +156,26 @@ def _print(study: Study, out: Path) -> None:
     places = {entry.results.places for entry in study.entries}
     wide.print(f"in brackets: 95 % interval over {', '.join(sorted(places))}")
     console.print(f"study: {out}", highlight=False, soft_wrap=True)
+
+
+def _print_drives(study: Study, out: Path, tracker: str) -> None:
+    """What clips say of warning, a table per detector; the page of the clips is written."""
+    from rauca_core.report import write_clips
+    from rauca_core.study.driven import by_detector, measure_drives, save_drives
+
+    drives, wide = measure_drives(study, tracker), output()
+    save_drives(out, drives)
+    for (weathers, defence, detector), rows in by_detector(drives).items():
+        title = f"{detector}, {weathers}, defence {defence}: {rows[0].clips} clips, tracks by {tracker}"
+        columns = ("AP", "lost m", "lost s", "longest gap s", "blind", "breaks", "other track", "HOTA")
+        shown = Table("paint", *columns, title=title)
+        for row in rows:
+            lost = [
+                f"{m.value:.2f}" + ("" if m.low is None else f" [{m.low:.2f}, {m.high:.2f}]")
+                for m in (row.lost_m, row.lost_s)
+            ]
+            blind = "" if row.blind is None else f"{row.blind:.0%}"
+            told = (f"{row.gap_s:.2f}", blind, f"{row.breaks}", f"{row.switches}", f"{row.hota:.3f}")
+            shown.add_row(row.paint, f"{row.ap:.3f}", *lost, *told)
+        wide.print(shown)
+    console.print(f"page: {write_clips(study, drives, out / 'clips.html')[0]}", highlight=False, soft_wrap=True)

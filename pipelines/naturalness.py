@@ -20,6 +20,10 @@ PaletteColors = Annotated[int, typer.Option("--palette-colors", help="to take fr
 FeatureSize = Annotated[
     float | None, typer.Option("--feature-size", help="smallest patch of one color on the vehicle, centimetres")
 ]
+Symmetric = Annotated[
+    bool | None,
+    typer.Option("--symmetric/--asymmetric", help="left and right alike: a view of one side teaches both"),
+]
 Reference = Annotated[
     str | None,
     typer.Option("--reference", help="what to look like: a photograph, a camouflage's .json, or a color #rrggbb"),
@@ -68,6 +72,7 @@ def make_naturalness(
 def natural_settings(context: typer.Context) -> dict[str, Any]:
     """The optimizer's settings that the command's options of this module amount to; a method's patches stay."""
     from rauca_core.attack.methods import method_named
+    from rauca_core.attack.naturalness import Naturalness
 
     given = context.params
     names = ("palette_colors", "feature_size", "reference", "reference_width", "max_delta_e")
@@ -78,7 +83,11 @@ def natural_settings(context: typer.Context) -> dict[str, Any]:
     if weight and given["method"] in ("das", "active"):
         raise RaucaError(f"--reference-weight: {given['method']} has a prior of its own; use another --method")
     own = method_named(given["method"]).settings.get("natural") if given["method"] else None
-    if wanted is not None and own is not None and given["feature_size"] is None:
-        wanted = wanted.model_copy(update={"feature_cm": own.feature_cm})
+    sides = given.get("symmetric")
+    if own is not None and (wanted is not None or sides is not None):
+        kept = {"feature_cm": own.feature_cm} if given["feature_size"] is None else {}
+        wanted = (wanted or own).model_copy(update={**kept, "symmetric": own.symmetric if sides is None else sides})
+    elif sides:
+        wanted = (wanted or Naturalness()).model_copy(update={"symmetric": True})
     chosen: dict[str, Any] = {} if wanted is None else {"natural": wanted}
     return chosen | ({"prior": "reference", "gamma": weight} if weight else {})

@@ -26,6 +26,7 @@ from .naturalness import (
     Reference,
     ReferenceWeight,
     ReferenceWidth,
+    Symmetric,
     natural_settings,
 )
 
@@ -109,10 +110,14 @@ def optimize(
         ),
     ] = "rauca",
     rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
+    turns: Annotated[
+        bool, typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next")
+    ] = False,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
     palette_of: PaletteOption = None,
     palette_colors: PaletteColors = 4,
     feature_size: FeatureSize = None,
+    symmetric: Symmetric = None,
     reference: Reference = None,
     reference_width: ReferenceWidth = 2.0,
     reference_weight: ReferenceWeight = 0.0,

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from rauca_core.contract import RaucaError
+from rauca_core.contract import Progress, RaucaError
 
-from .console import progress_bars
+from .console import progress_bars, progress_lines
 
 if TYPE_CHECKING:
     from rauca_core.study.engine import Means
@@ -31,6 +31,7 @@ Slurm = Annotated[
 ]
 
 
+JsonProgress = Annotated[bool, typer.Option("--json-progress", help="progress as JSON lines, for programs")]
 Threads = Annotated[int | None, typer.Option(min=1, help="of torch; its own choice by default")]
 PaintMask = Annotated[Path | None, typer.Option(help="grey PNG, white where the camouflage may go")]
 PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to camouflage")]
@@ -38,11 +39,22 @@ PaintMaterial = Annotated[str | None, typer.Option(help="name of the material to
 
 @contextlib.contextmanager
 def means_of(
-    device: str, slurm: str | None, blender: Path | None, render_device: str, threads: int | None = None
+    device: str,
+    slurm: str | None,
+    blender: Path | None,
+    render_device: str,
+    threads: int | None = None,
+    json_progress: bool = False,
 ) -> Iterator[Means]:
     """With what a study is made, as the options say; within, its progress is shown."""
-    executor = executor_of(slurm)
-    with progress_bars() as on_progress:
+    executor, tell = executor_of(slurm), progress_lines()
+    with progress_bars() as show:
+
+        def on_progress(title: str, progress: Progress) -> None:
+            show(title, progress)
+            if json_progress:
+                tell(title, progress)
+
         yield {
             "device": device, "threads": threads, "blender": blender, "render_device": render_device,
             "executor": executor, "on_progress": on_progress,

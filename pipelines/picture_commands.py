@@ -11,6 +11,7 @@ from rauca_core.contract import RaucaError
 from rauca_core.contract.color import find_colors
 
 from .console import console
+from .options import Blender, PaintMask, PaintMaterial
 
 picture_app = typer.Typer(help="Photographs and other simulators' pictures.", no_args_is_help=True)
 
@@ -22,36 +23,37 @@ def _group() -> None:
 
 @picture_app.command("add")
 def picture_add(
-    image: Annotated[Path, typer.Argument(help="a square picture of the vehicle")],
-    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, or a vehicle folder")],
+    image: Annotated[Path, typer.Argument(help="a picture of the vehicle; grey bars make it square")],
+    vehicle: Annotated[str, typer.Option(help="shipped vehicle's name, its folder, or an .obj, .glb or .blend")],
     out: Annotated[Path, typer.Option(help="data set of pictures to add it to; begun if it is not there")],
     camera: Annotated[Path | None, typer.Option(help="camera file: K, R, t, width, height, in the vehicle's frame")] = (
         None
     ),
     points: Annotated[Path | None, typer.Option(help="marked points to solve the camera from")] = None,
     mask: Annotated[Path | None, typer.Option(help="grey picture, white where the vehicle is seen")] = None,
-    paint_color: Annotated[str, typer.Option(help="sRGB color of the vehicle's paint, as ff8800")] = "8c8c8c",
+    paint_color: Annotated[
+        str | None,
+        typer.Option(help="sRGB color of the vehicle's paint, as ff8800; told by the first picture if left out"),
+    ] = None,
+    paint_mask: PaintMask = None,
+    paint_material: PaintMaterial = None,
+    blender: Blender = None,
 ) -> None:
     """Add a picture of a vehicle: its camera given or solved, its light estimated."""
     from rauca_core.dataset_tools.stored import load_vehicle
-    from rauca_core.pictures.fit import fit_camera, fit_points, read_camera
-    from rauca_core.pictures.frame import add_picture, read_mask, read_picture
-    from rauca_core.pictures.points import read_points
+    from rauca_core.pictures.add import add_picture
 
-    if (camera is None) == (points is None):
-        raise RaucaError("picture add: give either --camera or --points")
-    pixels = read_picture(image)
-    high, wide = pixels.shape[:2]
-    found, seen = load_vehicle(vehicle), None if mask is None else read_mask(mask, wide, high)
-    if camera is not None:
-        fit = fit_camera(found, read_camera(camera, wide, high), seen)
-    else:
-        assert points is not None
-        fit = fit_points(found, read_points(points), seen, (wide, high))
+    colors = [] if paint_color is None else find_colors(paint_color)
+    if len(colors) > 1:
+        raise RaucaError(f"--paint-color {paint_color}: give one sRGB color like 8c8c8c")
+    found = load_vehicle(vehicle, paint_mask, paint_material, blender)
+    added = add_picture(image, found, out, camera, points, mask, colors[0] if colors else None)
+    fit = added.fit
+    if fit.points_px is not None:
         console.print(f"points: {fit.solved_px:.2f} pixels")
         console.print(f"camera: {fit.points_px:.2f} pixels, {fit.camera.fov_deg:.1f} degrees wide")
     if fit.iou is not None:
         console.print(f"silhouette IoU: {fit.iou:.4f}")
-    shown = fit.coverage if seen is None else seen
-    made, overlay = add_picture(out, image.name, pixels, found, fit, shown, find_colors(paint_color)[0])
-    console.print(f"{made.id}: {out}; fit drawn in {overlay}", soft_wrap=True)
+    if not colors:
+        console.print(f"paint: {bytes(added.paint_srgb).hex()}, by the set's first picture")
+    console.print(f"{added.frame.id}: {out}; fit drawn in {added.overlay}", soft_wrap=True)

@@ -21,7 +21,7 @@ from tools.build_extension import CARRIED
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 HOUSE = ("rauca_core", "blender_addon", "pipelines", "benchmarks")
-FLOW = ("contract", "geometry", "render", "environment", "detect", "training", "attack", "study", "report")
+FLOW = ("contract", "geometry", "render", "environment", "detect", "training", "motion", "attack", "study", "report")
 BLENDER = {"addon_utils", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 
 

@@ -35,6 +35,7 @@ class JobUpdate:
         note: something the user should know.
         figures: numbers by name, such as ``loss``, of the steps it tells of, oldest first.
         pictures: small (H, W, 3) sRGB bytes by name, row 0 at the top.
+        doing: what is being done, where a job does several things in turn.
     """
 
     done: int | None = None
@@ -43,6 +44,7 @@ class JobUpdate:
     note: str = ""
     figures: Sequence[Mapping[str, float]] = ()
     pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    doing: str = ""
 
 
 @dataclass
@@ -74,6 +76,7 @@ class Job:
     Attributes:
         phase: where it stands.
         done, total, left_s: progress; 0 of 0 until the child tells.
+        doing: what that is the progress of, where a job does several things in turn.
         notes: what the child wants known, each once.
         history: each figure of every step, oldest first.
         pictures: the newest of each name, not yet shown.
@@ -88,6 +91,7 @@ class Job:
         self.phase: Phase = "starting"
         self.done = self.total = 0
         self.left_s: float | None = None
+        self.doing = ""
         self.notes: list[str] = []
         self.history: dict[str, list[float]] = {}
         self.pictures: dict[str, NDArray[np.uint8]] = {}
@@ -167,7 +171,7 @@ class Job:
         if told.note and told.note not in self.notes:
             self.notes.append(told.note)
         if told.done is not None and told.total is not None:
-            self.done, self.total, self.left_s = told.done, told.total, told.left_s
+            self.done, self.total, self.left_s, self.doing = told.done, told.total, told.left_s, told.doing
             self.phase = "running" if self.phase == "starting" else self.phase
         for step in told.figures:
             for name, value in step.items():

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import signal
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
+
+from ..core import system
 
 
 def child_command(job: Path) -> list[str]:
@@ -30,8 +32,18 @@ IN_THE_WINDOW = (
     ("run the same command to go on", "start again to go on"),
     ("or pass --no-denoise with 64 samples or more", "or turn Denoise off and take 64 samples or more"),
     ("choose another output folder", "choose another folder"),
+    ("give its vehicle with --vehicle", "choose that vehicle in step 1, or another folder in step 4"),
+    ("or render on the CPU with --render-device cpu", "or choose CPU under Render On"),
+    ("drop the paint option", "leave its paint alone in step 1"),
     ("data set", "dataset"),
 )
+# Options that a sentence may name beside what it fills in, and the setting of the window that each one is.
+SETTINGS = {
+    "steps": "Steps", "batch": "Frames a Step", "map-size": "Texture Size", "seed": "Seed", "name": "Name",
+    "detector": "Detectors", "detectors": "Detectors", "vehicle": "Vehicle", "paint-mask": "Paint Mask",
+    "paint-material": "Material", "render-device": "Render On", "locations": "Locations", "weathers": "List",
+    "no-denoise": "Denoise off", "scene": "the scene's file",
+}  # fmt: skip
 
 
 def ending(code: int, complaints: Sequence[str]) -> str:
@@ -47,13 +59,14 @@ def ending(code: int, complaints: Sequence[str]) -> str:
             return reason[:1].upper() + reason[1:]
         if line.startswith("interrupted: "):
             return rpt("It was interrupted from outside; what is finished is kept. Start again to go on")
-    if code == -signal.SIGKILL:
+    killer = system.killed_by(code)
+    if killer == "SIGKILL":
         return rpt(
             "It was killed, perhaps for want of memory; what is finished is kept. Close other programs, start again"
         )
-    if code < 0:
+    if killer:
         text = rpt("It crashed ({signal}); what is finished is kept. Start again to go on")
-        return text.format(signal=signal.Signals(-code).name)
+        return text.format(signal=killer)
     last = complaints[-1] if complaints else "no message"
     return rpt("It broke off with code {code}: {last}").format(code=code, last=last)
 
@@ -62,4 +75,4 @@ def with_buttons(sentence: str) -> str:
     """A sentence of the command line as one for the window: it tells of buttons, not of commands."""
     for there, here in IN_THE_WINDOW:
         sentence = sentence.replace(there, here)
-    return sentence
+    return re.sub(r"--([a-z-]*[a-z])", lambda option: SETTINGS.get(option[1], option[1].replace("-", " ")), sentence)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from .. import devices
-from ..core import contract, files, folder_lock
+from ..core import contract, files, folder_lock, system
 from ..folders import scratch_folder, sweep_scratch
 from ..scene.frame import render_chunk
 from ..scene.images import read_image_blender
@@ -76,8 +75,8 @@ def completed(job: contract.MakeDataset, vehicle: contract.Vehicle) -> contract.
     plan = job.plan
     if plan.atlas_id not in ("", vehicle.atlas_id):
         raise contract.RaucaError(
-            f"{vehicle.name}: has the UV atlas {vehicle.atlas_id}, the plan is of {plan.vehicle_name} with "
-            f"{plan.atlas_id}; give its vehicle with --vehicle"
+            f"{vehicle.name}: the plan is of {plan.vehicle_name or 'a vehicle'} in another UV layout; "
+            "give its vehicle with --vehicle"
         )
     scenery = contract.Scenery.of_file(job.scene) if job.scene else contract.Scenery()
     if plan.scenery not in (contract.Scenery(), scenery):
@@ -147,8 +146,7 @@ class _Run:
     def _crew(self) -> Crew:
         job, threads = self.job, 0
         if job.workers > 1:  # together they fill the machine
-            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-            threads = max(1, cores // job.workers)
+            threads = max(1, system.cores() // job.workers)
         order = contract.RenderFrames(
             self.draft.absolute(), job.out.absolute(), job.scene and job.scene.absolute(), threads, job.device
         )

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from queue import SimpleQueue
 
-from ..core import child_process, contract, reading
+from ..core import child_process, contract, reading, system
 
 _MARK = "rauca-worker "
 STOP = "stop"
@@ -145,8 +144,7 @@ class Worker:
         code = self._process.wait()
         if self._garbled:
             return self._garbled
-        if code < 0:
-            name = signal.Signals(-code).name
+        if name := system.killed_by(code):
             return f"Blender was killed by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
         return f"Blender stopped with code {code}: {next(reversed(self._process.complaints()), 'no message')}"
 

@@ -94,7 +94,8 @@ class GeometryView:
     def _ids(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Semantic and instance ids at the pixels' centers, (H, W) each."""
         self._switch(1.0)
-        with set_within((self._scene.cycles, "filter_width", SMALLEST_FILTER)):
+        sharp = (self._scene.render, "use_motion_blur", False)  # ids never blend
+        with set_within((self._scene.cycles, "filter_width", SMALLEST_FILTER), sharp):
             pixels = render_linear(self._scene, contract.Quality(1, denoise=False, bounces=0), 0)
         numbers = np.rint(pixels).astype(np.uint8)
         semantic = np.where(pixels[..., 3] < 0.5, np.uint8(semantics.CLASS_IDS["sky"]), numbers[..., 0])

@@ -27,7 +27,7 @@ def export_glb(context: bpy.types.Context, surface: Surface, coat: Coat, layer: 
     """
     image = coat.image("baked")
     if image is None:
-        raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 7)")
+        raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 8)")
     with (
         _as_bytes(image) as picture,
         _copies(context, surface, picture, layer),

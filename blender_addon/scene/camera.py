@@ -44,11 +44,16 @@ def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
     lens.shift_y = (camera.K[1, 2] - camera.height / 2) / larger
     lens.clip_start, lens.clip_end = 0.02, 5000.0
 
+    holder.matrix_world = stand(camera)
+
+
+def stand(camera: contract.Camera) -> Matrix:
+    """Where a camera object stands for a contract camera."""
     to_blender = np.diag([1.0, -1.0, -1.0])  # Blender's camera looks along -z with y up
     pose = np.eye(4)
     pose[:3, :3] = camera.R.T @ to_blender
     pose[:3, 3] = camera.position
-    holder.matrix_world = Matrix(pose.tolist())
+    return Matrix(pose.tolist())
 
 
 def look(scene: bpy.types.Scene, kept: bpy.types.PropertyGroup, camera: contract.Camera) -> None:

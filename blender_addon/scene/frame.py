@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import color, contract
+from ..core import clips, color, contract
 from ..jobs.workers import News
 from .annotate import Annotation
 from .light_maps import light_maps
@@ -167,7 +167,7 @@ def describe(session: Session, task: contract.PlannedFrame, annotation: Annotati
         location=task.location,
         view=task.view,
         camera=viewpoint.camera,
-        vehicle_to_world=session.place.pose(task.location),
+        vehicle_to_world=session.pose(task.location, task.view),
         weather=task.weather,
         azimuth_deg=viewpoint.azimuth_deg,
         elevation_deg=viewpoint.elevation_deg,
@@ -178,6 +178,8 @@ def describe(session: Session, task: contract.PlannedFrame, annotation: Annotati
         instances=annotation.others,
         check_srgb=checked,
         exposure_stops=stops,
+        clip="" if plan.clips is None else clips.clip_name(plan.clips, task.location, task.view, task.weather.name),
+        time_s=0.0 if plan.clips is None else plan.clips.at(task.view)[1],
     )
 
 

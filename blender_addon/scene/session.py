@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..core import contract, seeding, viewpoints
-from . import camera, composed_fog, render
+from . import camera, composed_fog, driving, render
 from .annotate import Annotation, PaintVisibility, geometry_only
 from .composed_fog import is_composed
 from .town import Town
@@ -121,7 +122,35 @@ class Session:
 
     def viewpoint(self, location: int, view: int) -> viewpoints.Viewpoint:
         """The camera of a view, jitter included."""
+        if self.plan.clips is not None:
+            return self._driven(self.plan.clips, location, view)[0]
         return viewpoints.viewpoint(self.plan, location, view, self.place.pose(location), self.vehicle.center)
+
+    def pose(self, location: int, view: int) -> NDArray[np.float64]:
+        """(4, 4) the vehicle to world in a view."""
+        if self.plan.clips is not None:
+            return self._driven(self.plan.clips, location, view)[1]
+        return self.place.pose(location)
+
+    def _driven(
+        self, clips: contract.Clips, location: int, view: int, later_s: float = 0.0
+    ) -> tuple[viewpoints.Viewpoint, NDArray[np.float64]]:
+        street = self.place.street(location)
+        return viewpoints.driven(self.plan, clips, view, street, self.vehicle.center, later_s)
+
+    def _aim(self, location: int, view: int, seen_by: contract.Camera) -> None:
+        """Look through a camera of a view; in a clip, camera and vehicle are where the view has them, and move."""
+        camera.place(self.scene, seen_by)
+        clips = self.plan.clips
+        if clips is None:
+            return
+        times = [(key - 1) * clips.shutter_s for key in driving.KEYS]
+        seen = [self._driven(clips, location, view, time) for time in times]
+        ways = {
+            self.scene.camera: [camera.stand(one.camera) for one, _ in seen],
+            self.vehicle.object: [Matrix(pose.tolist()) for _, pose in seen],
+        }
+        driving.move(self.scene, ways, clips.shutter_s > 0)
 
     def enter(self, location: int) -> None:
         """Put the vehicle at a location, if it is not there; its weather is to be set anew."""
@@ -134,17 +163,21 @@ class Session:
         if self.plan.scenery.kind != "town":  # which lies on z = 0, all of it inside the box
             self.weather.fog.location = pose[:3, 3]
         self.scene.view_layers[0].update()
+        clips = self.plan.clips
+        if clips is not None:
+            street = self.place.street(location)
+            where = f"clips at location {location}"
+            driving.require_free_ways(self.scene, self.vehicle.object, street, clips, clips.manoeuvres, where)
         self._entered = location
 
     def annotations(self, location: int, views: Iterable[int]) -> dict[int, Annotation]:
         """What several views of a location see, whatever the weather."""
         result = {}
-        pose = self.place.pose(location)
         with geometry_only(self.scene, self.vehicle, [self.weather.fog]) as geometry:
             for view in views:
                 seen_by = self.viewpoint(location, view).camera
-                camera.place(self.scene, seen_by)
-                visible = partial(self._visibility.share, seen_by.relative_to(pose))
+                self._aim(location, view, seen_by)
+                visible = partial(self._visibility.share, seen_by.relative_to(self.pose(location, view)))
                 seed = seeding.named_seed(self.plan.seed, "coverage", location, view)
                 result[view] = geometry.annotate(visible, seed)
         return result
@@ -157,14 +190,14 @@ class Session:
         Args:
             crop: the part of the frame that is wanted; all of it by default.
         """
-        camera.place(self.scene, self.viewpoint(location, view).camera)
+        self._aim(location, view, self.viewpoint(location, view).camera)
         pixels = render.render_linear(self.scene, self.plan.quality, self.seed(location, view, weather), crop)
         return pixels[..., :3]
 
     def render_coarse(self, location: int, view: int, weather: contract.Weather) -> NDArray[np.float32]:
         """The same on composed fog's coarse grid: few pixels of many samples each."""
         quality = self.plan.quality
-        camera.place(self.scene, composed_fog.coarse_camera(self.viewpoint(location, view).camera))
+        self._aim(location, view, composed_fog.coarse_camera(self.viewpoint(location, view).camera))
         many = replace(quality, samples=composed_fog.COARSE_SAMPLES * quality.samples)
         return render.render_linear(self.scene, many, self.seed(location, view, weather))[..., :3]
 

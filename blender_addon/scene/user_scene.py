@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import contract, semantics
+from ..core import clips, contract, semantics
 from .annotatable import require_annotatable
 from .blocks import Since, layers_below
 from .massing import turned
@@ -77,6 +77,10 @@ class UserScene:
     def pose(self, location: int) -> NDArray[np.float64]:
         """(4, 4) vehicle-to-world transform: wheels at the mark's height, front along its x axis seen from above."""
         return self._poses[location].copy()
+
+    def street(self, location: int) -> clips.Street:
+        """A straight lane along the mark's x axis."""
+        return clips.Street(self.pose(location))
 
     def enter(self, location: int) -> None:
         """Nothing to change: the whole scene is always there."""

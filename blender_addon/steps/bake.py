@@ -1,4 +1,4 @@
-"""Step 7: carry the camouflage to another UV layout; the bake works beside the window, which stays alive."""
+"""Step 8: carry the camouflage to another UV layout; the bake works beside the window, which stays alive."""
 
 from __future__ import annotations
 
@@ -105,22 +105,23 @@ class RAUCA_PT_bake(StepPanel, bpy.types.Panel):
     """Bake the camouflage to other UVs"""
 
     bl_label = "Bake"
-    number = 7
+    number = 8
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.bake
-        if run := RAUCA_OT_bake.running():
-            layout.progress(factor=run.done, text=f"{run.done:.0%}")
-            return
-        layout.prop(settings, "layer", icon="GROUP_UVS")
-        layout.operator("rauca.new_uv_layer", icon="ADD")
+        run = RAUCA_OT_bake.running()
+        column = layout.column()
+        column.enabled = run is None
+        column.prop(settings, "layer", icon="GROUP_UVS")
+        column.operator("rauca.new_uv_layer", icon="ADD")
         for name in ("size", "folder", "allow_overlaps"):
-            layout.prop(settings, name)
-        row = layout.row(align=True)
-        row.operator("rauca.bake", icon="RENDER_STILL")
-        if _is_baked(context):
-            row.operator("rauca.export_glb", text="Export GLB", icon="EXPORT")
+            column.prop(settings, name)
+        if run is None:
+            layout.operator("rauca.bake", icon="RENDER_STILL")
+        else:
+            layout.progress(factor=run.done, text=f"{run.done:.0%}")
+        layout.operator("rauca.export_glb", icon="EXPORT")
 
 
 class BakeRun(threading.Thread):

@@ -19,8 +19,8 @@ from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.child import child_command
 from ..jobs.thumbnails import thumbnail
 from .cameras import timing
-from .job_panel import draw_job, draw_open_folder, job_state, shown_job
-from .on_disk import chosen_path, forget, frames_in
+from .job_panel import draw_buttons, draw_told, job_state, shown_job
+from .on_disk import forget, frames_in
 from .operator import BackgroundOperator, Obstacle, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
 
@@ -102,28 +102,20 @@ class RAUCA_PT_dataset(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        if not watch.busy(JOB):
-            self._draw_settings(context, layout)
-        folder = context.scene.rauca.dataset.folder
-        draw_job(context, layout, JOB, folder)
-        if found := shown_job(JOB, folder):
-            if icon := pictures.icon(PICTURE):
-                layout.template_icon(icon, scale=8)
-            draw_open_folder(layout, str(found.task.folder))
-        elif frames_in(folder):
-            draw_open_folder(layout, str(chosen_path(folder)))
-
-    def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.dataset
         column = layout.column()
+        column.enabled = not watch.busy(JOB)
         for name in ("folder", "locations", "size", "samples", "denoise"):
             column.prop(settings, name)
-        if settings.denoise and not compat.has_denoiser():
+        draw_buttons(layout, JOB, settings.folder, "rauca.generate_dataset", "RENDER_ANIMATION")
+        if shown_job(JOB, settings.folder) and (icon := pictures.icon(PICTURE)):
+            layout.template_icon(icon, scale=8)
+        draw_told(context, layout, JOB, settings.folder)
+        if not watch.busy(JOB) and settings.denoise and not compat.has_denoiser():
             count = samples_without_denoiser(settings.samples)
             words = iface("This Blender has no denoiser: {count} samples without it give as clean frames, more slowly")
             paragraph(context, layout, words.format(count=count), icon="ERROR")
             layout.operator("rauca.without_denoiser")
-        layout.operator("rauca.generate_dataset", icon="RENDER_ANIMATION")
 
 
 class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):

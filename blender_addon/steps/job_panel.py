@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface
 from ..core import contract
 from ..jobs import watch
 from ..jobs.background import Job
-from .on_disk import chosen_path
+from .on_disk import chosen_path, folder_there
 from .operator import NO_UNDO, RaucaOperator
 from .panel import State, paragraph
 
@@ -53,18 +53,35 @@ def job_state(found: Job | None, items: str, starting: str) -> State | None:
     return State("done" if found.phase == "done" else "running", told)
 
 
-def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, name: str, folder: str) -> None:
-    """Progress, notes and buttons of a job at work, or how the last one in this file's ``folder`` ended."""
+def draw_buttons(layout: bpy.types.UILayout, name: str, folder: str, start: str, icon: str) -> None:
+    """What begins a job or, in its place, how far it is; what steers it; its folder. Each has one place at all times.
+
+    Args:
+        folder: the setting of this file.
+        start: the operator that begins the job.
+    """
+    found = shown_job(name, folder)
+    at_work = found if found is not None and found.alive else None
+    if at_work is None:
+        layout.operator(start, icon=icon)
+    else:
+        layout.progress(factor=at_work.fraction, text=f"{at_work.fraction:.0%}")
+    _draw_steering(layout, name, at_work)
+    where = found.task.folder if found is not None else chosen_path(folder)
+    row = layout.row()
+    row.enabled = found is not None or folder_there(folder)
+    draw_open_folder(row, str(where))
+
+
+def draw_told(context: bpy.types.Context, layout: bpy.types.UILayout, name: str, folder: str) -> None:
+    """What a job at work has to say, or how the last one in this file's ``folder`` ended; below all buttons."""
     found = shown_job(name, folder)
     if found is None:
         return
-    if found.alive:
-        if not _is_here(found, folder):
-            words = iface("Begun in another file; its results go to {folder}")
-            paragraph(context, layout, words.format(folder=found.task.folder), icon="INFO")
-        layout.progress(factor=found.fraction, text=f"{found.fraction:.0%}")
-        _draw_buttons(layout, name, found)
-    elif found.phase != "done":
+    if found.alive and not _is_here(found, folder):
+        words = iface("Begun in another file; its results go to {folder}")
+        paragraph(context, layout, words.format(folder=found.task.folder), icon="INFO")
+    if not found.alive and found.phase != "done":
         paragraph(context, layout, found.ending, icon="ERROR" if found.phase == "failed" else "INFO")
     for note in found.notes[-NOTES:]:
         paragraph(context, layout, note, icon="INFO")
@@ -81,15 +98,17 @@ def draw_button(layout: bpy.types.UILayout, name: str, action: str, text: str, i
     button.job, button.action = name, action
 
 
-def _draw_buttons(layout: bpy.types.UILayout, name: str, found: Job) -> None:
-    row = layout.row(align=True)
-    if found.phase == "paused":
+def _draw_steering(layout: bpy.types.UILayout, name: str, found: Job | None) -> None:
+    """Greyed while nothing is at work."""
+    row, phase = layout.row(align=True), found.phase if found is not None else ""
+    row.enabled = found is not None
+    if phase == "paused":
         draw_button(row, name, "GO_ON", "Go On", "PLAY")
     else:
         pause = row.row(align=True)
-        pause.enabled = found.phase in ("starting", "running")
+        pause.enabled = phase in ("starting", "running")
         draw_button(pause, name, "PAUSE", "Pause", "PAUSE")
-    draw_button(row, name, "STOP", "Stop at Once" if found.phase == "stopping" else "Stop", "CANCEL")
+    draw_button(row, name, "STOP", "Stop at Once" if phase == "stopping" else "Stop", "CANCEL")
 
 
 ACTIONS = [

@@ -20,10 +20,15 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames of a dataset's plan, and how many of them need no more work: rendered, or found to show too little."""
+    """Frames of a dataset's plan, and how many of them need no more work: rendered, or found to show too little.
+
+    ``views`` counts cameras, at every location; frames are ``size`` pixels wide.
+    """
 
     done: int
     planned: int
+    views: int
+    size: int
 
 
 @dataclass(frozen=True)
@@ -49,14 +54,19 @@ def chosen_path(setting: str) -> Path:
     return Path(bpy.path.abspath(setting)).absolute()
 
 
+def folder_there(setting: str) -> bool:
+    """Whether the chosen folder is there."""
+    return ask("folder", setting, ("",), lambda folder: folder.is_dir()) or False
+
+
 def frames_in(setting: str) -> Frames | None:
     """The dataset in the chosen folder; None where there is none that can be read."""
-    return _ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)
+    return ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)
 
 
 def paint_in(setting: str) -> Paint | None:
     """The camouflage, or the stopped run, in the chosen folder; None where there is none that can be read."""
-    return _ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)
+    return ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)
 
 
 def camouflage_at(setting: str) -> contract.Camouflage | None:
@@ -64,7 +74,7 @@ def camouflage_at(setting: str) -> contract.Camouflage | None:
     if not setting:
         return None
     path = chosen_path(setting).with_suffix(".json")
-    return _ask(
+    return ask(
         f"camouflage {path.name}", str(path.parent), (path.name,), lambda folder: _camouflage(folder / path.name)
     )
 
@@ -75,8 +85,10 @@ def _camouflage(path: Path) -> contract.Camouflage:
 
 
 def _frames(folder: Path) -> Frames:
-    planned, states = contract.read_plan(folder).frames(), contract.frame_states(folder)
-    return Frames(sum(states.get(frame.id) in ("done", "occluded") for frame in planned), len(planned))
+    plan, states = contract.read_plan(folder), contract.frame_states(folder)
+    planned = plan.frames()
+    done = sum(states.get(frame.id) in ("done", "occluded") for frame in planned)
+    return Frames(done, len(planned), len(plan.ring) * plan.locations, plan.size)
 
 
 def _paint(folder: Path) -> Paint:
@@ -87,8 +99,11 @@ def _paint(folder: Path) -> Paint:
     return Paint("", schema.read_json(folder / CHECKPOINT).integer("step"))
 
 
-def _ask(kind: str, setting: str, names: tuple[str, ...], read: Callable[[Path], T]) -> T | None:
-    """Read anew only when one of the named entries of the folder has changed, and not at every redraw."""
+def ask(kind: str, setting: str, names: tuple[str, ...], read: Callable[[Path], T | None]) -> T | None:
+    """What ``read`` finds in the chosen folder; None where there is nothing that can be read.
+
+    It is asked again only when one of the named entries of the folder has changed, and not at every redraw.
+    """
     if not setting:
         return None
     folder, now = chosen_path(setting), time.monotonic()
@@ -106,7 +121,7 @@ def forget() -> None:
     _answers.clear()
 
 
-def _read(read: Callable[[Path], T], folder: Path) -> T | None:
+def _read(read: Callable[[Path], T | None], folder: Path) -> T | None:
     try:
         return read(folder)
     except (contract.RaucaError, OSError):

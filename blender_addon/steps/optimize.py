@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -17,10 +18,11 @@ from ..folders import chosen_folder, refuse_foreign
 from ..jobs import pictures, watch
 from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.thumbnails import thumbnail
-from ..preferences import CHECK, draw_python, preferences
+from ..preferences import draw_detectors, draw_python, lacks_python, preferences
+from . import cost
 from .dataset import JOB as DATASET_JOB
-from .job_panel import draw_job, draw_open_folder, job_state, shown_job
-from .on_disk import CHECKPOINT, UNFINISHED, chosen_path, forget, paint_in
+from .job_panel import draw_buttons, draw_told, job_state, shown_job
+from .on_disk import CHECKPOINT, UNFINISHED, chosen_path, forget, frames_in, paint_in
 from .operator import BackgroundOperator, RaucaOperator
 from .panel import SidebarPanel, State, StepPanel, folder_setting
 
@@ -39,7 +41,7 @@ class RaucaOptimize(bpy.types.PropertyGroup):
         name="Steps", default=1000, min=1, description="More bring the camouflage nearer to its best"
     )
     batch: bpy.props.IntProperty(
-        name="Frames per Step", default=4, min=1, max=1024, description="More make a step surer and slower"
+        name="Frames a Step", default=4, min=1, max=1024, description="More make a step surer and slower"
     )
     map_size: bpy.props.IntProperty(
         name="Texture Size", default=1024, min=16, max=8192, subtype="PIXEL", description="Side of the camouflage"
@@ -67,20 +69,25 @@ def state(context: bpy.types.Context) -> State:
     if there is not None:
         words = iface("Stands after {done} of {total} steps; Optimize goes on")
         return State("ready", words.format(done=there.steps, total=settings.steps))
-    return State("ready", iface("Ready to optimize"))
+    words = iface("Ready to optimize: about {time}, {disk} on the disk")
+    return State("ready", words.format(**estimate(context).told()))
+
+
+def estimate(context: bpy.types.Context) -> cost.Cost:
+    """What the optimization will take; of a dataset that cannot be read yet, as step 4 describes it."""
+    settings, settled, dataset = context.scene.rauca.optimize, preferences(context), context.scene.rauca.dataset
+    there = frames_in(settings.dataset_folder(context))
+    views = there.views if there is not None else len(context.scene.rauca.cameras.ring()) * dataset.locations
+    size = there.size if there is not None else dataset.size
+    names = settled.chosen_detectors() if settled is not None else []
+    return cost.of_optimization(settings.steps, settings.batch, names, views, size, settings.map_size)
 
 
 def missing(context: bpy.types.Context) -> str:
     """What to do before a camouflage can be optimized; empty when all is there."""
-    settings, settled = context.scene.rauca.optimize, preferences(context)
-    if settled is None or not settled.python.strip():
-        return iface("Choose the Python in which rauca is installed")
-    if watch.busy(CHECK):
-        return iface("Checking the chosen Python")
-    if not settled.ready:
-        return iface("Press Check: the chosen Python is not known to have what it needs")
-    if not settled.chosen_detectors():
-        return iface("Choose a detector")
+    settings = context.scene.rauca.optimize
+    if lack := lacks_python(context):
+        return lack
     if not settings.dataset_folder(context):
         return iface("Generate a dataset, or choose one")
     return "" if settings.folder else iface("Choose a folder for the camouflage")
@@ -94,31 +101,26 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settled = preferences(context)
+        settled, folder = preferences(context), context.scene.rauca.optimize.folder
         if not watch.busy(JOB) and (settled is None or not settled.ready):
             draw_python(context, layout)
-        elif not watch.busy(JOB):
+        else:
             self._draw_settings(context, layout)
-        folder = context.scene.rauca.optimize.folder
-        draw_job(context, layout, JOB, folder)
-        if not RAUCA_OT_use_now.obstacle(context):
+            draw_buttons(layout, JOB, folder, "rauca.optimize", "PLAY")
             layout.operator("rauca.use_now", icon="FORWARD")
         if found := shown_job(JOB, folder):
             self._draw_pictures(layout, found)
-            draw_open_folder(layout, str(found.task.folder))
-        elif paint_in(folder):
-            draw_open_folder(layout, str(chosen_path(folder)))
+        draw_told(context, layout, JOB, folder)
 
     def _draw_settings(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings, settled = context.scene.rauca.optimize, preferences(context)
-        column = layout.column()
+        settings = context.scene.rauca.optimize
+        every = layout.column()
+        every.enabled = not watch.busy(JOB)
+        column = every.column()
         column.prop(settings, "dataset", placeholder=context.scene.rauca.dataset.folder)
         for name in ("folder", "title", "steps"):
             column.prop(settings, name)
-        column = layout.column(heading="Detectors", align=True)
-        for detector in settled.detectors if settled is not None else ():
-            column.prop(detector, "use", text=detector.name, translate=False)
-        layout.operator("rauca.optimize", icon="PLAY")
+        draw_detectors(context, every)
 
     def _draw_pictures(self, layout: bpy.types.UILayout, found: Job) -> None:
         """The painted vehicle beside the camouflage, and below them how the loss went, with its figures."""
@@ -172,7 +174,14 @@ class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):
         if not begun(folder) and not (folder / HISTORY).is_file():
             refuse_foreign(folder, "camouflage.json", rpt("camouflage"))
         task = OptimizeTask(folder, _command(settings, found.program(), found.chosen_detectors(), dataset, folder))
-        watch.begin(JOB, task, _offer)
+        names, batch = found.chosen_detectors(), settings.batch
+
+        def learn_and_offer(job: Job) -> None:
+            with contextlib.suppress(contract.RaucaError, OSError):
+                cost.learn(names, batch, task.seconds)
+            _offer(job)
+
+        watch.begin(JOB, task, learn_and_offer)
 
 
 def _require_light(folder: Path) -> None:
@@ -263,6 +272,7 @@ MAX_HISTORY_BYTES = 2**28  # as `rauca optimize` reads it
 class OptimizeTask(Task):
     """Optimizes a camouflage into ``folder``, going on where an earlier run stopped."""
 
+    seconds: list[float] = field(default_factory=list)  # of each step, in this session
     _told_history: bool = False
     _preview_at: int = 0  # when the pictures that were read last were written, nanoseconds
 
@@ -273,6 +283,7 @@ class OptimizeTask(Task):
         progress = contract.parse_optimize_progress(line)
         if progress is None:
             return None
+        self.seconds.append(progress.seconds)
         figures: list[Mapping[str, float]] = [] if self._told_history else earlier(self.folder, progress.step)
         self._told_history = True
         figures.append({name: getattr(progress, name) for name in FIGURES})

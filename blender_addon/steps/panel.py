@@ -36,6 +36,7 @@ class State:
 
 ICONS = {"missing": "RADIOBUT_OFF", "ready": "RADIOBUT_ON", "running": "TIME", "done": "CHECKMARK"}
 LETTER_PX = 6.4  # mean width of a letter of the interface's font, at scale 1
+FEWEST_LINES = 2  # that a state's sentence has room for
 MARGINS_PX = 64.0  # of the sidebar beside a line of text: borders, icon, tabs
 
 
@@ -66,6 +67,8 @@ class StepPanel(SidebarPanel):
     """
 
     number: int
+    # Lines that the state's sentence has taken so far: a longer one moves what is below once, a shorter one nothing.
+    reserved: ClassVar[dict[tuple[int, int], int]] = {}  # by step and letters in a line
 
     @staticmethod
     def step_state(context: bpy.types.Context) -> State:
@@ -78,20 +81,32 @@ class StepPanel(SidebarPanel):
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         # Last: a sentence of one to four lines before the buttons would move them under the mouse.
         self.draw_step(context, layout)
-        paragraph(context, layout, self.step_state(context).words)
+        words, key = self.step_state(context).words, (self.number, letters(context))
+        lines = len(textwrap.wrap(words, key[1]))
+        self.reserved[key] = max(FEWEST_LINES, lines, self.reserved.get(key, 0))
+        paragraph(context, layout, words, empty=self.reserved[key] - lines)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         """The step's settings and buttons."""
         raise NotImplementedError
 
 
-def paragraph(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """Text broken into as many lines as the sidebar's width asks for; Blender's labels would cut it off."""
-    scale = context.preferences.system.ui_scale
+def letters(context: bpy.types.Context) -> int:
+    """How many letters a line of the sidebar has room for."""
     width = context.region.width if context.region else 0
-    letters = max(24, int((width / scale - MARGINS_PX) / LETTER_PX))
+    return max(24, int((width / context.preferences.system.ui_scale - MARGINS_PX) / LETTER_PX))
+
+
+def paragraph(
+    context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE", empty: int = 0
+) -> None:
+    """Text broken into as many lines as the sidebar's width asks for; Blender's labels would cut it off.
+
+    Args:
+        empty: lines that follow it.
+    """
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, letters)):
+    for number, line in enumerate([*textwrap.wrap(text, letters(context)), *[""] * empty]):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 
 

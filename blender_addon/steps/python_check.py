@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -65,38 +66,40 @@ class CheckTask(Task):
         return JobUpdate()
 
 
-def verdict(python: Path, found: Mapping[str, Any]) -> tuple[bool, str]:
-    """Whether a Python will do, by what the probe told; what is there, or what is missing and what to do, translated.
+def verdict(python: Path, found: Mapping[str, Any]) -> tuple[bool, str, str]:
+    """Whether a Python will do, by what the probe told; what is there or missing, translated; what would mend it.
 
     ``found`` is empty when it told nothing.
     """
-    lack = _lack(python, found)
+    lack, command = _lack(python, found)
     words = lack or rpt("Python {version} with torch {torch} on {device}, rauca {rauca} and {count} detectors")
     known = {"rauca_error": "it crashes", **found, "version": ".".join(map(str, found.get("version", ())))}
-    return not lack, words.format(**known, python=python, count=len(found.get("detectors", ())))
+    told = words.format(**known, python=python, count=len(found.get("detectors", ())))
+    return not lack, told, f"{shlex.quote(str(python))} -m {command}" if command else ""
 
 
-def _lack(python: Path, found: Mapping[str, Any]) -> str:
+def _lack(python: Path, found: Mapping[str, Any]) -> tuple[str, str]:
+    """What is lacking, and what the Python is to run for it."""
     if not python.is_file():
-        return rpt("{python} is not there; choose the Python in which rauca is installed")
+        return rpt("{python} is not there; choose the Python in which rauca is installed, or press Make a Python"), ""
     if not found:
-        return rpt("{python} is not a Python; choose the one in which rauca is installed")
+        return rpt("{python} is not a Python; choose the one in which rauca is installed"), ""
     if tuple(found["version"][:2]) < OLDEST:
-        return rpt("Python {version} is too old: choose 3.11 or newer, with torch and rauca installed in it")
+        return rpt("Python {version} is too old: choose 3.11 or newer, or press Make a Python"), ""
     if found.get("torch_lacks") == "torch":
-        return rpt("torch is missing: run {python} -m pip install torch")
+        return rpt("torch is missing: press Make a Python, or run the copied command"), "pip install torch"
+    again = "pip install --force-reinstall "
     if "torch_error" in found:
-        return rpt(
-            "torch does not load ({torch_error}); install it again: {python} -m pip install --force-reinstall torch"
-        )
+        return rpt("torch does not load ({torch_error}): install it again, by the copied command"), again + "torch"
     if "torch" not in found:
-        return rpt("torch brings {python} down; install it again: {python} -m pip install --force-reinstall torch")
+        return rpt("torch brings this Python down: install it again, by the copied command"), again + "torch"
     if found.get("rauca_lacks", "").partition(".")[0] in ("rauca_core", "pipelines"):
-        return rpt("rauca is missing: run {python} -m pip install rauca")
+        return rpt("rauca is missing: press Make a Python, or run the copied command"), "pip install rauca"
     if "rauca" not in found:
-        return rpt(
-            "rauca does not load ({rauca_error}); install it again: {python} -m pip install --force-reinstall rauca"
-        )
+        return rpt("rauca does not load ({rauca_error}): install it again, by the copied command"), again + "rauca"
     if not found["speaks"]:
-        return rpt("Its rauca {rauca} is older than this extension: run {python} -m pip install --upgrade rauca")
-    return "" if found["detectors"] else rpt("There are no detectors yet: run rauca weights fetch --all in a terminal")
+        words = rpt("Its rauca {rauca} is older than this extension: bring it up to date, by the copied command")
+        return words, "pip install --upgrade rauca"
+    if not found["detectors"]:
+        return rpt("There are no detectors yet: press Fetch Detectors"), "pipelines weights fetch --all"
+    return "", ""

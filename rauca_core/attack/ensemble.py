@@ -79,14 +79,24 @@ class DetectorEnsemble:
         """What of the ensemble a result depends on, as JSON."""
         return [[d.fingerprint, round(weight, 9)] for d, weight in zip(self.detectors, self.weights, strict=True)]
 
-    def attack(self, images: Tensor, boxes: Tensor) -> Attacked:
-        """The objective on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels."""
+    @property
+    def turns(self) -> int:
+        """Detectors that have a weight."""
+        return sum(weight > 0 for weight in self.weights)
+
+    def attack(self, images: Tensor, boxes: Tensor, turn: int | None = None) -> Attacked:
+        """The objective on sRGB images (B, 3, H, W) that show the target at ``boxes`` (B, 4) xyxy pixels.
+
+        Args:
+            turn: attack one detector alone, by turns; over a round the mean is that of all. None attacks all at once.
+        """
         images = images.detach().requires_grad_()
         losses, scores = images.new_zeros(len(images)), images.new_zeros(len(images))
-        parts = zip(self.detectors, self.weights, self._labels, self._watched, strict=True)
+        parts = [p for p in zip(self.detectors, self.weights, self._labels, self._watched, strict=True) if p[1]]
+        if turn is not None:
+            detector, weight, label, layer = parts[turn % self.turns]
+            parts = [(detector, weight * self.turns, label, layer)]
         for detector, weight, label, layer in parts:
-            if not weight:
-                continue
             half = torch.autocast(images.device.type, torch.bfloat16, enabled=self.precision == "bfloat16")
             with half, watching(layer) as seen:
                 found = detector.dense(images)

@@ -146,13 +146,15 @@ METHODS: Mapping[str, Method] = {
         settings={
             # Small scores push as hard as large ones: Eq. 6 lets go of a frame long before average precision does.
             "objective": "log-score",
-            # Finer patches are no longer seen as such from 5 m on, and fit the frames at hand rather than new ones.
-            "natural": Naturalness(feature_cm=5.0),
+            # Finer patches are no longer seen as such from 5 m on, and fit the frames at hand rather than new ones;
+            # where both sides look alike, every frame is a view of either.
+            "natural": Naturalness(feature_cm=5.0, symmetric=True),
             "lr": 0.03,
             "decay": 0.03,
             # Both ended lower than without, though by no more than chance (docs/ablations-measured.md).
             "augmentation": "ours",
             "rest": 3,
+            "turns": True,
         },
     ),
 }

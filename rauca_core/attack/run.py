@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ..contract import Dataset, RaucaError
-from ..contract.seeding import named_rng
+from ..contract.seeding import named_rng, named_seed
 from ..render import TAP_FORMAT, MipmappedTexture, srgb_to_linear
 from ..runtime.devices import threads
 from ..runtime.distributed import SINGLE_PROCESS, Processes
@@ -60,7 +60,9 @@ class Run:
         self.adam = torch.optim.Adam([self.texture.parameter], lr=settings.lr, fused=True)
         self.smooth = smooth_paint(self.texture, self.store, settings)
         self.prior = prior(self.texture, dataset, self.store, settings)
-        self.order = FrameOrder(len(self.store), settings.seed, settings.rest)
+        # Detectors that take turns do not lose sight of the same frames: each has an order of its own.
+        seeds = [settings.seed, *(named_seed(settings.seed, "turn", k) for k in range(1, ensemble.turns))]
+        self.orders = [FrameOrder(len(self.store), s, settings.rest) for s in (seeds if settings.turns else seeds[:1])]
         self.identity = {
             **settings.identity(),
             "detectors": ensemble.identity,
@@ -72,6 +74,11 @@ class Run:
         self._loader = ThreadPoolExecutor(1, "frames")
         self._next: list[int] = []
         self._loading: Future[list[ReadyFrame]] | None = None
+
+    @property
+    def order(self) -> FrameOrder:
+        """That the next step's frames are of."""
+        return self.orders[self.step % len(self.orders)]
 
     def advance(self) -> StepReport:
         """Take one step of Eq. 8 on the step's own frames and augmentation."""
@@ -107,7 +114,11 @@ class Run:
     def checkpoint(self) -> Checkpoint:
         """Everything that the next step depends on; its frames are drawn, as they load while the step before works."""
         parameter = self.texture.parameter
-        tensors = {"parameter": parameter.detach(), "order": self.order.state(), "next": torch.tensor(self._next)}
+        tensors = {
+            "parameter": parameter.detach(),
+            "order": torch.cat([o.state() for o in self.orders]),
+            "next": torch.tensor(self._next),
+        }
         return Checkpoint(self.step, self.identity, {**tensors, **self.adam.state[parameter]})
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -118,7 +129,8 @@ class Run:
         with torch.no_grad():
             parameter.copy_(tensors["parameter"])
         self.adam.state[parameter] = {name: tensors[name].to(parameter.device) for name in ADAM}
-        self.order.restore(tensors["order"])
+        for order, state in zip(self.orders, tensors["order"].tensor_split(len(self.orders)), strict=True):
+            order.restore(state)
         self._prefetch(tensors["next"].tolist())
         self.step = checkpoint.step
 
@@ -132,7 +144,8 @@ class Run:
             self._prefetch(self.order.draw(self.settings.batch))
         assert self._loading is not None
         drawn, batch = self._next, self._loading.result()
-        self._prefetch(self.order.draw(self.settings.batch))
+        following = self.orders[(self.step + 1) % len(self.orders)]
+        self._prefetch(following.draw(self.settings.batch))
         return drawn, batch
 
     def _prefetch(self, frames: list[int]) -> None:
@@ -179,7 +192,7 @@ class Run:
     def _attack(self, seen: Tensor, boxes: Tensor, batch: list[ReadyFrame]) -> Attacked:
         """The detectors' losses and gradient; what is not finite is told by its frame."""
         try:
-            found = self.ensemble.attack(seen, boxes)
+            found = self.ensemble.attack(seen, boxes, self.step if self.settings.turns else None)
         except RaucaError as error:  # a detector counts places in the batch, which nobody knows
             for frame, image in zip(batch, seen, strict=True):
                 if not torch.isfinite(image).all():

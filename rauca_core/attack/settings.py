@@ -21,7 +21,7 @@ from .naturalness import Naturalness
 
 Fidelity = Literal["adapted", "published"]
 # Settings that came later: left out of a run's identity where they say what was done before there were any.
-LATER: Mapping[str, Any] = {"views": "rendered", "fidelity": "adapted"}
+LATER: Mapping[str, Any] = {"views": "rendered", "fidelity": "adapted", "turns": False}
 
 
 class OptimizerSettings(Settings):
@@ -50,6 +50,8 @@ class OptimizerSettings(Settings):
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
         weights: of the detectors in the attack loss; equal when None.
+        turns: a step attacks one detector, the next step the next: several cost no more than one. Else every step
+            attacks all.
         precision: of the detectors' networks; losses are in float32.
         target: the class to hide.
         detector_size: images are resized to this side first, pixels; None leaves them to the detector's adapter.
@@ -94,6 +96,7 @@ class OptimizerSettings(Settings):
     roa: bool = True
     rest: int = Field(0, ge=0, le=1000)
     weights: tuple[float, ...] | None = None
+    turns: bool = False
     precision: Literal["float32", "bfloat16"] = "float32"
     target: str = "car"
     detector_size: int | None = Field(None, ge=32, le=8192)
@@ -130,6 +133,8 @@ class OptimizerSettings(Settings):
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
+        if self.natural is not None and not self.natural.symmetric:
+            del shared["natural"]["symmetric"]
         for name, before in LATER.items():  # runs begun before there were others go on
             if shared[name] == before:
                 del shared[name]

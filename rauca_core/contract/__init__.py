@@ -4,9 +4,10 @@ NumPy and the standard library only, relative imports only: the Blender add-on c
 Nobody else parses or writes these files.
 """
 
-from . import exposure, rain, viewpoints
+from . import clips, exposure, rain, viewpoints
 from .camera import Camera
 from .camouflage import Camouflage, load_camouflage, save_camouflage
+from .clips import Clips
 from .dataset import Dataset, LedgerEntry, append_entry, frame_folder, frame_states, read_ledger
 from .errors import RaucaError, StoppedError
 from .files import seal_dataset
@@ -36,13 +37,13 @@ from .weather import Weather, find_preset, preset_notes, save_weathers, weather_
 from .work import Shard, balanced_frames, cameras_of, chunks, in_rendering_order, planned_frames
 
 __all__ = [
-    "MAX_EXTENT_M", "MIN_VISIBLE", "REFERENCE_SRGB", "ApplyCamouflage", "Box", "Camera", "Camouflage",
+    "MAX_EXTENT_M", "MIN_VISIBLE", "REFERENCE_SRGB", "ApplyCamouflage", "Box", "Camera", "Camouflage", "Clips",
     "Dataset", "Finish", "Frame", "FramePasses", "ImportVehicle", "Instance", "Job", "LedgerEntry", "MakeDataset",
     "Material", "OptimizeProgress", "Plan", "PlannedFrame", "Progress", "Quality", "RaucaError",
     "RenderCamouflages", "RenderFrames", "Ring", "Scenery", "Shard", "StoppedError", "UnwrapVehicle",
     "Vehicle", "VehicleSource", "Weather", "append_entry", "balanced_frames", "by_place_and_weather",
     "cameras_of", "chunks",
-    "claim_folder", "exposure", "find_preset", "finish_of", "format_duration", "frame_folder", "frame_states",
+    "claim_folder", "clips", "exposure", "find_preset", "finish_of", "format_duration", "frame_folder", "frame_states",
     "in_rendering_order", "load_camouflage", "load_frame", "load_job", "load_passes", "load_vehicle",
     "parse_optimize_progress", "parse_progress", "planned_frames", "preset_notes", "rain",
     "read_ledger", "read_plan", "save_camouflage", "save_frame", "save_job", "save_weathers",

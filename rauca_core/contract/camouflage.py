@@ -38,8 +38,8 @@ class Camouflage(Record):
         """Raise :class:`RaucaError` when the camouflage was made for another UV layout."""
         if self.atlas_id != atlas_id:
             raise RaucaError(
-                f"{where}: made for {self.vehicle_name} in another UV layout, and does not fit this vehicle; optimize one "
-                "on this vehicle, or choose the vehicle that it was made for"
+                f"{where}: made for {self.vehicle_name} in another UV layout, and does not fit this vehicle; optimize "
+                "one on this vehicle, or choose the vehicle that it was made for"
             )
 
 

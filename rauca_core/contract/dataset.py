@@ -59,6 +59,22 @@ class Dataset:
                 "set of `rauca dataset make`"
             )
 
+    def require_rendered_or_pictured(self, purpose: str) -> bool:
+        """Raise :class:`RaucaError` for frames composed from others, and for pictures among rendered frames.
+
+        Args:
+            purpose: says what wants them.
+
+        Returns:
+            Whether the frames are pictures: what is shown of them in other paint is composed, never rendered.
+        """
+        pictured = [frame.pictured for frame in self.frames()]
+        if not any(pictured):
+            self.require_rendered(purpose)
+        elif not all(pictured):
+            raise RaucaError(f"{self.folder}: holds pictures among rendered frames; give each a data set of its own")
+        return any(pictured)
+
     def begun(self) -> frozenset[str]:
         """Names of all there is among the frames: one look, where a plan may have thousands that are not rendered."""
         frames = self.folder / "frames"

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from .errors import RaucaError
 from .reading import read_text
+from .system import flush, read_at
 
 TEMPORARY_PREFIX = ".partial-"
 
@@ -105,12 +106,12 @@ def atomic_folder(target: Path) -> Iterator[Path]:
         try:
             yield temporary
             for entry in temporary.rglob("*"):
-                _flush(entry)
+                flush(entry)
             os.chmod(temporary, 0o755)
             if target.exists():
                 shutil.rmtree(target)
             os.replace(temporary, target)
-            _flush(target.parent)
+            flush(target.parent)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise
@@ -156,7 +157,7 @@ def append_line(path: Path, line: str) -> None:
         handle = open_to_append(path)
         try:
             size = os.fstat(handle).st_size
-            cut = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
+            cut = size > 0 and read_at(handle, 1, size - 1) != b"\n"
             data = ("\n" * cut + line + "\n").encode()
             while data:  # a disk that is filling up takes a part of it, and refuses the rest
                 data = data[os.write(handle, data) :]
@@ -192,14 +193,6 @@ def _lasting(target: Path) -> Path:
         if path.name.startswith(TEMPORARY_PREFIX):
             return path.parent
     return target
-
-
-def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 SUMS_FILE = "SHA256SUMS"

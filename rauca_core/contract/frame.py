@@ -62,6 +62,7 @@ class Frame(Record):
         exposure_stops: powers of two by which the frame is brighter than its weather's exposure makes it.
         composed: the frames that this one was composed from; empty for a rendered one. To learn from, never to judge
             by: its background is approximated.
+        clip, time_s: name of the clip that it is a frame of, and the time since the clip's begin; empty for a still.
     """
 
     FORMAT = ("rauca-frame", 2)
@@ -81,11 +82,13 @@ class Frame(Record):
     check_srgb: Rgb8 | None = None
     exposure_stops: Annotated[float, (-16, 16)] = 0.0
     composed: tuple[str, ...] = ()
+    clip: str = ""
+    time_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """As of any record; a rendered frame says nothing of ``composed``, and stays what older versions read."""
-        told = super().to_json()
-        return told if self.composed else {name: value for name, value in told.items() if name != "composed"}
+        """As of any record, less what only composed frames or clips have: others stay what older versions read."""
+        left_out = ([] if self.composed else ["composed"]) + ([] if self.clip else ["clip", "time_s"])
+        return {name: value for name, value in super().to_json().items() if name not in left_out}
 
     @property
     def pictured(self) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from .clips import Clips
 from .errors import RaucaError
 from .files import file_digest, write_json
 from .schema import Record, Rgb8, read_json
@@ -154,6 +155,7 @@ class Plan(Record):
         finish: of the paint: the vehicle's ``own``, ``car_paint`` (clearcoat) or ``sticker`` (matte).
         recolor_share: share of frames rendered once more for real in another color, to check the light maps.
         device: that renders it: ``cpu``, or a backend of Cycles with its GPUs, such as ``OPTIX: NVIDIA L4``.
+        clips: what is driven instead of the ring's views, of which only ``fov_deg`` counts then; None: still views.
     """
 
     FORMAT = ("rauca-dataset", 3)
@@ -174,6 +176,17 @@ class Plan(Record):
     finish: Annotated[str, FINISHES] = "own"
     recolor_share: Annotated[float, (0, 1)] = 0.0
     device: str = CPU
+    clips: Clips | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As of any record; still views say nothing of clips, and stay what older versions read."""
+        told = super().to_json()
+        return told if self.clips else {name: value for name, value in told.items() if name != "clips"}
+
+    @property
+    def views(self) -> int:
+        """Of each location: the ring's, or the frames of its clips."""
+        return len(self.ring) if self.clips is None else len(self.clips)
 
     @staticmethod
     def of(weathers: Sequence[Weather], ring: Ring, **chosen: Any) -> Plan:
@@ -190,13 +203,13 @@ class Plan(Record):
             PlannedFrame(f"L{location:02d}-V{view:03d}-{weather.name}", location, view, weather)
             for location in range(self.locations)
             for weather in self.weathers
-            for view in range(len(self.ring))
+            for view in range(self.views)
         ]
 
     def _check_whole(self, where: str) -> None:
         if not self.weathers:
             raise RaucaError(f"{where}: weathers must not be empty")
-        planned = self.locations * len(self.weathers) * len(self.ring)
+        planned = self.locations * len(self.weathers) * self.views
         if planned > MAX_FRAMES:
             raise RaucaError(f"{where}: plans {planned} frames; at most {MAX_FRAMES} are made in one data set")
 
@@ -222,7 +235,8 @@ def claim_folder(folder: Path, plan: Plan) -> None:
         device = found.device if same_kind else plan.device
         plan = replace(plan, blender=found.blender, name=found.name, device=device)
         if found != plan:
-            changed = [k for k, v in plan.to_json().items() if found.to_json()[k] != v]
+            ours, theirs = plan.to_json(), found.to_json()
+            changed = [k for k in {**ours, **theirs} if ours.get(k) != theirs.get(k)]
             raise RaucaError(
                 f"{folder}: holds a data set made with another {', '.join(changed)}; choose another folder or remove it"
             )

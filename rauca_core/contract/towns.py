@@ -29,6 +29,7 @@ TEST: Mapping[str, int] = MappingProxyType(
         "demo": 2,
         "bench environment": 12,
         "held-out views": 20_000,
+        "held-out clips": 20_004,
         "assess-1, street-seen": 31_600,
         "assess-1, street-unseen": 31_601,
         "assess-1, high": 31_602,

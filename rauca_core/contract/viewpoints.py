@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
+from .clips import Clips, Street, driving_camera, moves
 from .plan import Plan, Ring
 from .seeding import named_rng
 
@@ -64,6 +65,22 @@ def viewpoint(
     world = np.stack([eye, aim]) @ vehicle_to_world[:3, :3].T + vehicle_to_world[:3, 3]
     camera = Camera.look_at(world[0], world[1], ring.fov_deg, plan.size, plan.size, roll)
     return Viewpoint(camera, azimuth % 360.0, elevation, distance)
+
+
+def driven(
+    plan: Plan, clips: Clips, view: int, street: Street, center: NDArray[np.float64], later_s: float = 0.0
+) -> tuple[Viewpoint, NDArray[np.float64]]:
+    """The camera of a clip's view, and (4, 4) the vehicle to world; other arguments as of :func:`viewpoint`.
+
+    Args:
+        later_s: after the view's time.
+    """
+    spot, place = moves(clips, view, later_s)
+    camera, pose = driving_camera(street, spot, plan.ring.fov_deg, plan.size), street.at(place)
+    x, y, z = camera.relative_to(pose).position - center
+    flat = math.hypot(x, y)
+    azimuth, elevation = math.degrees(math.atan2(y, x)) % 360.0, math.degrees(math.atan2(z, flat))
+    return Viewpoint(camera, azimuth, elevation, math.hypot(flat, z)), pose
 
 
 def eye_at(

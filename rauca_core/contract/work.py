@@ -60,13 +60,13 @@ def cameras_of(plan: Plan, shard: Shard) -> tuple[int, int]:
 
     The cameras are cut into ``count`` runs whose lengths differ by at most one, so a shard visits few locations.
     """
-    cameras = plan.locations * len(plan.ring)
+    cameras = plan.locations * plan.views
     return (shard.index - 1) * cameras // shard.count, shard.index * cameras // shard.count
 
 
 def planned_frames(plan: Plan, shard: Shard = WHOLE) -> list[PlannedFrame]:
     """The frames of a shard, in the plan's order; the shards of any split together are the plan."""
-    views, (first, end) = len(plan.ring), cameras_of(plan, shard)
+    views, (first, end) = plan.views, cameras_of(plan, shard)
     return [frame for frame in plan.frames() if first <= frame.location * views + frame.view < end]
 
 
@@ -112,6 +112,8 @@ def balanced_frames(plan: Plan, count: int) -> list[str]:
     them. The choice of fewer frames is part of the choice of more.
     """
     ring, weathers = plan.ring, len(plan.weathers)
+    if plan.clips is not None:
+        raise RaucaError("--frames: a part of a clip is no clip; ask for shorter ones with --clip-frames")
     shape = (plan.locations, weathers, len(ring.distances_m), len(ring.elevations_deg), len(ring.azimuths_deg))
     every = [frame.id for frame in plan.frames()]  # in just this order of axes
     chosen = range(len(every)) if count >= len(every) else sorted(_even_choice(shape, count, plan.seed).tolist())

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import Dataset, Frame, Plan, PlannedFrame, RaucaError, Vehicle, load_frame
+from ..contract.clips import Clips, clip_name
 from ..contract.color import linear_to_srgb, recolor, srgb_to_linear
 from ..contract.files import SUMS_FILE, file_digest, read_sums
 from ..contract.semantics import CLASS_IDS, CLASSES, TARGET_INSTANCE, VEHICLE_CLASSES, find_instances, mask_box
@@ -125,7 +126,7 @@ def _contents(
     for name in pictures if plan.light else pictures[:1]:
         check_picture(report, name, images[name])
     if plan.light:
-        check_light(report, plan, maps, paint, images["image.png"])
+        check_light(report, plan, maps, paint, images["image.png"], exactly=not frame.pictured)
     if not plan.light or frame.check_srgb is None:
         return 0.0, 0
     return squared_error(frame, maps, paint, images["check.png"])
@@ -168,10 +169,18 @@ def check_metadata(report: Report, frame: Frame, planned: PlannedFrame, plan: Pl
         report(file, f"camera of {frame.camera.width}x{frame.camera.height} pixels, the plan says {plan.size}")
     if frame.visible < plan.min_visible:
         report(file, f"visible is {frame.visible:.3f}, below the plan's limit of {plan.min_visible:g}")
-    if not frame.pictured:  # whose photographer knew no plan
+    if plan.clips is not None:
+        _within_clip(report, frame, plan.clips)
+    elif not frame.pictured:  # whose photographer knew no plan
         _within_ring(report, frame, plan)
     if vehicle is not None:
         _camera_stands(report, frame, vehicle)
+
+
+def _within_clip(report: Report, frame: Frame, clips: Clips) -> None:
+    _, time = clips.at(frame.view)
+    if frame.clip != clip_name(clips, frame.location, frame.view, frame.weather.name) or frame.time_s != time:
+        report("frame.json", "clip or time_s is not that of the plan")
 
 
 def _within_ring(report: Report, frame: Frame, plan: Plan) -> None:
@@ -243,8 +252,14 @@ def check_distances(report: Report, distance: NDArray[np.floating], semantic: Im
         report("passes.npz", "distance is finite where semantic.png shows sky")
 
 
-def check_light(report: Report, plan: Plan, maps: dict[str, NDArray[np.floating]], paint: Image, image: Image) -> None:
-    """Light maps are finite, no light is negative, A is zero off the paint, and they predict the stored image."""
+def check_light(
+    report: Report, plan: Plan, maps: dict[str, NDArray[np.floating]], paint: Image, image: Image, exactly: bool
+) -> None:
+    """Light maps are finite, no light is negative, A is zero off the paint, and they predict the stored image.
+
+    Args:
+        exactly: hold the prediction against the image; the paint of a picture from elsewhere has not one color alone.
+    """
     A, B = maps["A"].astype(np.float32), maps["B"].astype(np.float32)
     for name, array in (("A", A), ("B", B)):
         if not np.isfinite(array).all():
@@ -255,6 +270,8 @@ def check_light(report: Report, plan: Plan, maps: dict[str, NDArray[np.floating]
     stray = int((A[paint == 0] != 0).any(axis=-1).sum())
     if stray:
         report("passes.npz", f"A is not zero at {stray} pixels without paint")
+    if not exactly:
+        return
     predicted = linear_to_srgb(A * srgb_to_linear(np.array(plan.reference_srgb) / 255) + B) * 255
     wrong = (np.abs(predicted - image) > IMAGE_TOLERANCE).any(axis=-1)
     if wrong.mean() > 1e-3:

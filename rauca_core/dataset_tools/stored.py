@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,21 +12,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import contract
-from ..contract import Box, Dataset, Frame, RaucaError, Vehicle, load_passes
+from ..contract import Box, Dataset, Frame, ImportVehicle, RaucaError, Vehicle, VehicleSource, load_passes
 from ..contract.assets import assets_folder
 from ..contract.semantics import MIN_BOX_PIXELS
+from ..runtime.blender import run_blender
 from ..runtime.images import read_image
 
+FILES = (".obj", ".glb", ".blend")  # of vehicles, which Blender reads
 GREY = ("vehicle.png", "paint.png", "semantic.png", "instances.png")
 
 
-def load_vehicle(vehicle: Path | str) -> Vehicle:
-    """A shipped vehicle by its name, or one in a folder, such as a data set's ``vehicle/``.
+def load_vehicle(
+    vehicle: Path | str,
+    paint_mask: Path | None = None,
+    paint_material: str | None = None,
+    blender: Path | None = None,
+) -> Vehicle:
+    """A shipped vehicle by its name, one in a folder, such as a data set's ``vehicle/``, or one that Blender reads.
+
+    Args:
+        vehicle: name, folder, or an .obj, .glb or .blend.
+        paint_mask: grey PNG, white where the camouflage may go; of a file only.
+        paint_material: name of the material to camouflage; of a file only.
+        blender: program that reads the file; the bpy wheel if left out.
 
     Raises:
-        RaucaError: no such vehicle, or its files are damaged. An .obj, .glb or .blend has to be read by Blender first:
-            `make_dataset` takes it, and leaves its folder in the data set.
+        RaucaError: no such vehicle, its files are damaged, or Blender is missing.
     """
+    if Path(vehicle).is_file() and Path(vehicle).suffix.lower() in FILES:
+        with tempfile.TemporaryDirectory(prefix="rauca-") as scratch:
+            source = VehicleSource(str(vehicle), paint_mask, paint_material)
+            run_blender(ImportVehicle(Path(scratch), source), lambda progress: None, blender)
+            return contract.load_vehicle(Path(scratch), read_image)
+    if paint_mask or paint_material:
+        raise RaucaError(f"{vehicle}: --paint-mask and --paint-material are of an .obj, .glb or .blend file; drop them")
     shipped = assets_folder() / "vehicles"
     names = sorted(path.parent.name for path in shipped.glob("*/vehicle.json"))
     if str(vehicle) in names:
@@ -33,8 +53,8 @@ def load_vehicle(vehicle: Path | str) -> Vehicle:
     folder = Path(vehicle)
     if not (folder / "vehicle.json").is_file():
         raise RaucaError(
-            f"{vehicle}: neither a vehicle folder nor one of {', '.join(names)}; an .obj, .glb or .blend is read by "
-            "`rauca dataset make --vehicle FILE`, which leaves its folder in the data set"
+            f"{vehicle}: neither a vehicle folder, nor an .obj, .glb or .blend, nor one of {', '.join(names)}; look at "
+            "its path"
         )
     return contract.load_vehicle(folder, read_image)
 

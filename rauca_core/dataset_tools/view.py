@@ -74,8 +74,8 @@ def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int
     """Rows of weathers, columns of places and views."""
     plan = dataset.plan
     for view in views:
-        if not 0 <= view < len(plan.ring):
-            raise RaucaError(f"{dataset.folder}: has views 0 to {len(plan.ring) - 1}, not {view}")
+        if not 0 <= view < plan.views:
+            raise RaucaError(f"{dataset.folder}: has views 0 to {plan.views - 1}, not {view}")
     places = columns_of(plan, views)
     by_place = {(s.frame.location, s.frame.view, s.frame.weather.name): s for s in stored.values()}
     rows = {weather.name: [by_place.get((*place, weather.name)) for place in places] for weather in plan.weathers}
@@ -84,7 +84,7 @@ def _sheet(dataset: Dataset, stored: dict[str, StoredFrame], views: Sequence[int
 
 def columns_of(plan: Plan, views: Sequence[int] = ()) -> list[tuple[int, int]]:
     """(location, view) of the contact sheet's columns, each in another location as long as there are more."""
-    around, count = len(plan.ring), len(views) or MOST_COLUMNS
+    around, count = plan.views, len(views) or MOST_COLUMNS
     evenly = [(2 * i + 1) * around // (2 * MOST_COLUMNS) for i in range(MOST_COLUMNS)]
     chosen = list(views) or (evenly if around > MOST_COLUMNS else list(range(around)))
     return list(dict.fromkeys((i % plan.locations, chosen[i % len(chosen)]) for i in range(count)))
@@ -104,7 +104,7 @@ def _page(dataset: Dataset, sheet: Image.Image, overlays: dict[str, Image.Image]
         "frames": f"{states['done']} of {len(plan.frames())}, {plan.size}x{plan.size} pixels",
         "kept out": f"{states['occluded']} with less than {100 * plan.min_visible:.0f} % of their paint visible",
         "weathers": len(plan.weathers),
-        "cameras": f"{len(plan.ring)} views of {plan.locations} places",
+        "cameras": f"{plan.views} views of {plan.locations} places",
     }
     page = string.Template(Path(__file__).with_name("view.html").read_text(encoding="utf-8"))
     return page.substitute(

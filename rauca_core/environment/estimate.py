@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ..contract import Dataset, color
 from ..render import srgb_to_linear
+from .dichromatic import split_colors
 from .exact import Light
 from .extractor import LightSplitter
 from .frames import read_picture
@@ -41,7 +42,8 @@ def split_light(
     with torch.no_grad():
         inputs = (image_srgb[inside][None], mask[inside][None], reference_linear[None])
         found = net(*(t.to(device) for t in inputs))
-    A[inside], B[inside] = (m[0].to(A) for m in found)
+    gain, rest = (maps[0].to(A) for maps in found)
+    A[inside], B[inside] = split_colors(gain, rest, mask[inside], reference_linear)
     return A, B
 
 

@@ -2,6 +2,7 @@
 
 from .ablation_page import write_ablation
 from .assessment_page import write_assessment
+from .clips_page import write_clips
 from .comparison_page import comparison_markdown, write_comparison
 from .hardening_page import write_hardening
 from .robustness import Robustness, assess
@@ -18,6 +19,7 @@ __all__ = [
     "save_showcase",
     "write_ablation",
     "write_assessment",
+    "write_clips",
     "write_comparison",
     "write_curve",
     "write_hardening",

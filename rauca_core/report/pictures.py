@@ -38,23 +38,23 @@ def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: 
     picture = Image.fromarray(pixels).convert("RGB")
     picture = picture.resize((TILE, TILE), Image.Resampling.LANCZOS, box=(left, top, left + side, top + side))
     pen = ImageDraw.Draw(picture, "RGBA")
-    _thin(pen, _in_window(np.array(truth), window))
+    thin(pen, _in_window(np.array(truth), window))
     overlaps = box_overlaps(found.boxes, np.array(truth))
     for i in reversed(range(len(found.scores))):  # the best comes last: nothing covers its label
         box = _in_window(found.boxes[i], window)
         if found.scores[i] >= threshold and (box[2:] > 0).all() and (box[:2] < TILE).all():
             right = overlaps[i] >= IOU_THRESHOLD
             color = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
-            _label(pen, box, f"{found.names[i]} {found.scores[i]:.2f}", color)
+            label(pen, box, f"{found.names[i]} {found.scores[i]:.2f}", color)
     return _jpeg(picture)
 
 
-def _label(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, color: str) -> None:
+def label(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, color: str, side: int = TILE) -> None:
     """Outline a box, with its label above it or, where that is outside the picture, at its upper edge."""
     left, top, right, bottom = box.tolist()
     pen.rectangle((left, top, max(right - 1, left), max(bottom - 1, top)), outline=color, width=2)
     _, _, width, height = (int(v) + 4 for v in _FONT.getbbox(text))
-    x, y = min(max(left, 0), TILE - width), min(max(top - height, 0), TILE - height)
+    x, y = min(max(left, 0), side - width), min(max(top - height, 0), side - height)
     pen.rectangle((x, y, x + width, y + height), fill=color)
     pen.text((x + 2, y + 1), text, fill="#101418", font=_FONT)
 
@@ -116,7 +116,7 @@ def sheet_of(rows: Mapping[str, Sequence[bytes]]) -> Image.Image:
     return sheet
 
 
-def _thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
+def thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
     left, top, right, bottom = (round(v) for v in box.tolist())
     pen.rectangle((left - 1, top - 1, right + 1, bottom + 1), outline=_CASING, width=3)
     pen.rectangle((left, top, right, bottom), outline=TRUTH, width=1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-import signal
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from ..contract import Job, Progress, RaucaError, parse_progress, save_job
+from ..contract.system import killed_by
 from .child_process import ChildProcess
 
 LOG = logging.getLogger(__name__)  # without a handler of the caller's, warnings go to standard error as they are
@@ -84,8 +84,7 @@ def reason_of(task: str, code: int, complaints: Sequence[str], program: str = "B
         for mark in ("error: ", "interrupted: "):
             if line.startswith(mark):
                 return line.removeprefix("error: ").strip()
-    if code < 0:
-        name = signal.Signals(-code).name
+    if name := killed_by(code):
         return (
             f"{task}: {program} was killed by {name} (out of memory?); finished frames are kept, run the command again"
         )

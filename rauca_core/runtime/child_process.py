@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
 import subprocess
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import IO
+
+from ..contract import system
 
 KEPT_COMPLAINTS = 200  # lines
 LONGEST_LINE = 65536  # characters: a child that never ends its line must not fill the memory
@@ -29,7 +29,7 @@ class ChildProcess:
             stderr=subprocess.PIPE,
             encoding="utf-8",
             errors="replace",
-            start_new_session=True,
+            **system.own_session(),
         )
         self._readers = [threading.Thread(target=self._read, args=(self._process.stderr, self._keep), daemon=True)]
         self._readers[0].start()
@@ -78,8 +78,7 @@ class ChildProcess:
 
     def stop(self) -> None:
         """Ask it to end at the next good moment."""
-        with contextlib.suppress(OSError):
-            self._process.terminate()
+        system.ask_to_end(self._process)
 
     def kill(self) -> None:
         """End it at once."""
@@ -88,12 +87,7 @@ class ChildProcess:
 
     def end(self) -> None:
         """Ask it and what it has started to end, wait, and end them if that takes too long."""
-        if self._process.poll() is None:
-            os.killpg(self.pid, signal.SIGTERM)
-            try:
-                self._process.wait(timeout=PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                os.killpg(self.pid, signal.SIGKILL)
+        system.end_all(self._process, PATIENCE_S)
 
     def _keep(self, line: str) -> None:
         if line.strip():

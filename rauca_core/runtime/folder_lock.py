@@ -21,11 +21,7 @@ from ..contract import RaucaError
 from ..contract.files import disk_errors, open_to_append
 from ..contract.reading import parse_json
 from ..contract.schema import Fields, Record
-
-try:
-    import fcntl
-except ImportError:  # Windows, which has no such locks: nothing is held there
-    fcntl = None  # type: ignore[assignment]
+from ..contract.system import has_range_locks, lock_range, read_at, unlock_range
 
 LOCK_FILE = ".lock"
 EVERYTHING = 1 << 40  # more things than any folder has; this byte guards the opening of the file, and shared writing
@@ -42,25 +38,25 @@ class HeldRange:
     def shared_writing(self) -> Iterator[None]:
         """Within: no other holder writes what belongs to all of them."""
         if self._handle is not None:
-            _lock(self._handle, EVERYTHING, 1, wait=True)
+            lock_range(self._handle, EVERYTHING, 1, wait=True)
         try:
             yield
         finally:
             if self._handle is not None:
-                _unlock(self._handle, EVERYTHING, 1)
+                unlock_range(self._handle, EVERYTHING, 1)
 
     @contextlib.contextmanager
     def nobody_else(self) -> Iterator[bool]:
         """Within: no other process holds any range, if the value is True."""
-        if self._handle is None or not _lock(self._handle, 0, EVERYTHING):
+        if self._handle is None or not lock_range(self._handle, 0, EVERYTHING):
             yield self._handle is None
             return
         try:
             yield True
         finally:
             if self._first:
-                _unlock(self._handle, 0, self._first)
-            _unlock(self._handle, self._end, EVERYTHING - self._end)
+                unlock_range(self._handle, 0, self._first)
+            unlock_range(self._handle, self._end, EVERYTHING - self._end)
 
 
 @contextlib.contextmanager
@@ -103,7 +99,7 @@ def hold_range(
     handle: int | None = None
     note = _Note(os.getpid(), socket.gethostname(), label, first, end)
     deadline = time.monotonic() + patience_s
-    while fcntl is not None and handle is None:
+    while has_range_locks() and handle is None:
         handle, holder = _try_to_hold(path, note, wait)
         if holder and time.monotonic() >= deadline:
             raise RaucaError(f"{folder}: {refusal.format(who=holder)}")
@@ -113,7 +109,7 @@ def hold_range(
     finally:
         if handle is not None:
             # The last one to leave removes the file, while it holds everything; who has it open notices.
-            if _lock(handle, 0, 0):
+            if lock_range(handle, 0, 0):
                 path.unlink(missing_ok=True)
             os.close(handle)
         with contextlib.suppress(OSError):
@@ -139,14 +135,14 @@ def _try_to_hold(path: Path, note: _Note, wait: Callable[[str], None] | None) ->
     """The lock's file with the range locked, or who holds some of it; neither where a last holder removed the file."""
     handle, length = _open(path), note.end - note.first
     try:
-        if length > 0 and not _lock(handle, note.first, length):  # a length of 0 would mean everything
+        if length > 0 and not lock_range(handle, note.first, length):  # a length of 0 would mean everything
             holder = _holder(handle, note.first, note.end)
             if wait is None:
                 os.close(handle)
                 return None, holder
             wait(holder)
-            _lock(handle, note.first, length, wait=True)
-        _lock(handle, EVERYTHING, 1, wait=True)
+            lock_range(handle, note.first, length, wait=True)
+        lock_range(handle, EVERYTHING, 1, wait=True)
         if not _is_still_there(handle, path):
             os.close(handle)
             return None, ""
@@ -154,7 +150,7 @@ def _try_to_hold(path: Path, note: _Note, wait: Callable[[str], None] | None) ->
             if length == EVERYTHING:
                 os.ftruncate(handle, 0)  # nobody else's note is true
             os.write(handle, (json.dumps(note.to_json()) + "\n").encode())
-        _unlock(handle, EVERYTHING, 1)
+        unlock_range(handle, EVERYTHING, 1)
         return handle, ""
     except BaseException:
         os.close(handle)
@@ -181,25 +177,12 @@ def _is_still_there(handle: int, path: Path) -> bool:
 
 def _holder(handle: int, first: int, end: int) -> str:
     """Who holds things in question, from the newest note in the lock's file whose lock is still there."""
-    text = os.pread(handle, 1 << 20, 0).decode(errors="replace")
+    text = read_at(handle, 1 << 20, 0).decode(errors="replace")
     for line in reversed(text.splitlines()):
         with contextlib.suppress(RaucaError):
             note = _Note.from_json(Fields(parse_json(line, LOCK_FILE), LOCK_FILE))
             if max(note.first, first) < min(note.end, end):
-                if not _lock(handle, note.first, note.end - note.first):
+                if not lock_range(handle, note.first, note.end - note.first):
                     return str(note)
-                _unlock(handle, note.first, note.end - note.first)
+                unlock_range(handle, note.first, note.end - note.first)
     return "another process"
-
-
-def _lock(handle: int, start: int, length: int, wait: bool = False) -> bool:
-    """Lock bytes; False where another process has some and we do not wait. A length of 0 means all that follow."""
-    try:
-        fcntl.lockf(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), length, start)
-    except (BlockingIOError, PermissionError):
-        return False
-    return True
-
-
-def _unlock(handle: int, start: int, length: int) -> None:
-    fcntl.lockf(handle, fcntl.LOCK_UN, length, start)

@@ -8,6 +8,8 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from ..contract.system import stop_signals
+
 
 class StopRequest:
     """Whether someone asked the run to stop, and how."""
@@ -35,7 +37,7 @@ def stop_request() -> Iterator[StopRequest]:
             raise KeyboardInterrupt
         request.signal = signal.Signals(number)
 
-    previous = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {number: signal.signal(number, note) for number in stop_signals()}
     try:
         yield request
     finally:

@@ -16,7 +16,7 @@ from ..contract import Dataset, Frame, Progress, RaucaError
 from ..contract.color import to_bytes
 from ..dataset_tools import export_dataset
 from ..dataset_tools.export import Wearer
-from .candidates import Candidate, match, read_candidates, read_vehicle_choice
+from .candidates import match, read_candidates, read_vehicle_choice
 
 PLAIN = "plain"
 
@@ -51,12 +51,13 @@ def export_camouflaged(
         candidates, [read_vehicle_choice(dataset.vehicle_folder)], True, f"`rauca optimize {folder}` makes one for it"
     )
     renderers = {size: Renderer(dataset, size) for size in {candidate.record.size for candidate in candidates}}
-    worn = {candidate.label: _wearer(renderers[candidate.record.size], candidate) for candidate in candidates}
+    worn = {candidate.label: wearer(renderers[candidate.record.size], candidate.path) for candidate in candidates}
     return export_dataset(dataset.folder, form, out, progress, worn)
 
 
-def _wearer(render: Renderer, candidate: Candidate) -> Wearer:
-    pixels = np.ascontiguousarray(load_paint(candidate.path).texture.transpose(2, 0, 1))
+def wearer(render: Renderer, camouflage: Path) -> Wearer:
+    """What shows frames in a camouflage (JSON) of the renderer's size: 8-bit sRGB, None where the vehicle is hidden."""
+    pixels = np.ascontiguousarray(load_paint(camouflage).texture.transpose(2, 0, 1))
     texture = torch.from_numpy(pixels).float() / 255
     shown = {frame.id for frame in render.frames}
 

@@ -42,7 +42,7 @@ def pictures_in(folder: Path, ids: Sequence[str]) -> Pictures:
     while not (views / "dataset.json").is_file():
         views = source_of(views)
     dataset = Dataset(views)
-    dataset.require_rendered("detectors are judged on")
+    dataset.require_rendered_or_pictured("detectors are judged on")
     known = {frame.id: frame for frame in dataset.frames()}
     return Pictures.of([known[frame] for frame in ids], [image_of(folder, frame) for frame in ids])
 

@@ -109,7 +109,7 @@ class Engine:
     def _count_seconds(self, artifact: Artifact, folder: Path) -> None:
         kind = KINDS.get(artifact.kind)
         if kind is not None and artifact.place is None:
-            many = artifact.kind in ("renders", "defended", "detections")
+            many = artifact.kind in ("renders", "composed", "defended", "detections")
             title = kind.doing if many else f"{kind.doing}, {artifact.label}"
             self.seconds[title] = round(self.seconds.get(title, 0.0) + seconds_spent(folder), 2)
 

@@ -1,5 +1,8 @@
 """The evaluation: held-out views of each vehicle, every paint rendered there by Cycles, every defence, AP@0.5.
 
+Of pictures from elsewhere nothing can be rendered: paints are composed on them by their light maps, which the name of
+every result tells, and they are evaluated in studies of their own.
+
 Folder of a study; run again to resume, every step only makes what is missing::
 
     study.json                                       what was evaluated, written after each result
@@ -84,7 +87,7 @@ def evaluate(
         weathers: sets of them: ``seen``, ``unseen``, ``both``, or presets by name or file.
         frames: per set of weathers; ``views.frames`` if left out.
         views: how held-out views are made.
-        datasets: rendered views to evaluate on instead of making some; they bring vehicle and weathers.
+        datasets: rendered views to evaluate on instead of making some, or pictures; they bring vehicle and weathers.
         defences: that images go through before detection.
         random: evaluate in random paint, too.
         scene: the .blend that ``datasets`` were made in, if they were.
@@ -95,7 +98,7 @@ def evaluate(
     Raises:
         RaucaError: a mistake, before anything is rendered; another process at work in ``out``.
     """
-    opened = open_views(datasets)
+    opened = open_views(datasets, pictures=True)
     held_out = views or HeldOut()
     held_out = held_out if frames is None else replace(held_out, frames=frames)
     asked = _listed(defences) or [NO_DEFENCE]
@@ -132,28 +135,50 @@ def held_out_places(
         for name in weathers:
             plan = fitted.plan(vehicle.name, vehicle.atlas_id, weathers_named(name))
             plan = plan if scene is None else replace(plan, scenery=Scenery.of_file(scene))
-            frames, called = balanced_frames(plan, fitted.frames), Path(name).stem
+            driven = [frame.id for frame in plan.frames()] if plan.clips else None
+            frames, called = driven or balanced_frames(plan, fitted.frames), Path(name).stem
             views = recipes.data_set(f"{vehicle.name}-{called}", plan, body, frames, scene)
             places.append(Place(called, vehicle, views))
     return places
 
 
 def given_places(datasets: Sequence[Dataset], vehicles: Iterable[VehicleChoice], scene: Path | None) -> list[Place]:
-    """Data sets of the vehicles that were rendered before."""
+    """Data sets of the vehicles that were rendered before, or of pictures, which are called composed."""
     return [
-        Place(dataset.folder.absolute().name, vehicle, recipes.views_in(dataset.folder, scene))
+        Place(_called(dataset), vehicle, recipes.views_in(dataset.folder, scene))
         for vehicle in vehicles
         for dataset in datasets
         if dataset.plan.atlas_id == vehicle.atlas_id
     ]
 
 
-def open_views(folders: Sequence[Dataset | Path | str]) -> list[Dataset]:
-    """Rendered views; raises :class:`RaucaError` for composed ones, and for two of one name on a vehicle."""
+def _called(dataset: Dataset) -> str:
+    name = dataset.folder.absolute().name
+    return f"{name}, composed" if dataset.require_rendered_or_pictured("detectors are judged on") else name
+
+
+def open_views(folders: Sequence[Dataset | Path | str], pictures: bool = False) -> list[Dataset]:
+    """Views to judge on.
+
+    Args:
+        pictures: take data sets of pictures, too, but not beside rendered ones.
+
+    Raises:
+        RaucaError: composed views, pictures beside rendered views, two data sets of one name on a vehicle.
+    """
     opened = [one if isinstance(one, Dataset) else Dataset(Path(one)) for one in folders]
     seen: dict[tuple[str, str], Dataset] = {}
+    first = None
     for dataset in opened:
-        dataset.require_rendered("detectors are judged on")
+        if not pictures:
+            dataset.require_rendered("detectors are judged on")
+        pictured = dataset.require_rendered_or_pictured("detectors are judged on")
+        first = pictured if first is None else first
+        if pictured != first:
+            raise RaucaError(
+                f"{dataset.folder}: pictures and rendered views in one study, whose averages would be of both; "
+                "evaluate them apart, each into a folder of its own"
+            )
         if seen.setdefault((dataset.plan.atlas_id, dataset.folder.absolute().name), dataset) is not dataset:
             raise RaucaError(f"{dataset.folder}: two data sets of one name; results are told apart by it, rename one")
     return opened
@@ -195,4 +220,5 @@ def _listed(given: Any) -> list[Any]:
 def _name_of(candidates: Sequence[Candidate], sets: Sequence[str], held_out: HeldOut, defences: Sequence[str]) -> str:
     """Of a study without a folder: the same question comes back to the same one."""
     maps = [recipes.camouflage_in(one.path, one.label).digest for one in candidates]
-    return digest_of([maps, list(sets), asdict(held_out), list(defences)])
+    asked = {name: value for name, value in asdict(held_out).items() if value is not None}
+    return digest_of([maps, list(sets), asked, list(defences)])

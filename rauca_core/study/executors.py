@@ -20,6 +20,7 @@ from typing import NoReturn, Protocol
 
 from ..contract import Progress, RaucaError
 from ..contract.files import TEMPORARY_PREFIX, sweep_partials
+from ..contract.system import stop_signals
 from ..runtime.cluster import Cluster
 from ..runtime.folder_lock import alone_in
 from .artifact import Artifact, read_recipe, seconds_spent
@@ -130,7 +131,8 @@ def sweep_finished(folder: Path) -> None:
 
 def main(machine: str, *folders: str) -> int:
     """Make the artifacts of folders whose inputs are finished; returns the exit code."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in set(stop_signals()) - {signal.SIGINT}:
+        signal.signal(number, _interrupt)
     try:
         artifacts = tuple(read_recipe(Path(folder))[0] for folder in folders)
         inputs = tuple(tuple(one.place for one in artifact.inputs if one.place) for artifact in artifacts)

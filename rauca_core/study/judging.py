@@ -1,4 +1,4 @@
-"""Judging paints: all rendered on all views, shown to all detectors behind every defence, and counted."""
+"""Judging paints: all rendered on all views, or composed on pictures, shown to all detectors behind every defence."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def judge(
     judges: Judges,
     command: str,
 ) -> Study:
-    """Render all paints on all views, detect in them behind every defence, and write ``out/study.json``.
+    """Show all paints on all views, detect in them behind every defence, and write ``out/study.json``.
 
     Args:
         paints: of each vehicle, camouflages (JSON) by label; its own paint comes before them.
@@ -100,8 +100,11 @@ def _runs(place: Place, folder: Path, paints: Mapping[str, Path], judges: Judges
     if not frames:
         raise RaucaError(f"{folder}: none of its {len(every)} frames shows the vehicle; nothing to evaluate")
     images = {NORMAL: place.views}
+    pictured = all(frame.pictured for frame in every)
     for label, path in paints.items():
-        images[label] = recipes.renders(place.views, recipes.camouflage_in(path, label), frames)
+        worn = recipes.camouflage_in(path, label)
+        make = recipes.composed if pictured else recipes.renders
+        images[label] = make(place.views, worn, frames)
     category, runs = place.vehicle.category, []
     for defence in judges.defences:
         plain = defence.name == NO_DEFENCE

@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 
-from ..attack import make_settings, random_camouflage, run_optimization
+from ..attack import Renderer, make_settings, random_camouflage, run_optimization
 from ..contract import (
     Dataset,
     ImportVehicle,
@@ -37,6 +37,7 @@ from ..training.extractor_fit import FINISHED, PUBLISHED_WEIGHTS, fit_published
 from .agreement import FILE_NAME as AGREEMENT
 from .agreement import measure_agreement
 from .artifact import Artifact
+from .camouflaged import wearer
 from .defences import make_defence
 from .defences.interface import to_pixels
 from .detecting import detect_in, detections_in, image_of, image_tensor, pictures_in, read_frame_image, source_of
@@ -149,6 +150,19 @@ def make_renders(*jobs: Job) -> None:
             scene=_scene(first.artifact), device=first.machine.render_device,
         )  # fmt: skip
         run_blender(wanted, first.report, first.machine.blender)
+
+
+def make_composed(job: Job) -> None:
+    """Compose pictures in a camouflage by their light maps: of photographs nothing can be rendered."""
+    frames = job.artifact.options["frames"]
+    render = Renderer(Dataset(job.inputs[0]), load_camouflage(job.inputs[1])[0].size)
+    wear = wearer(render, job.inputs[1])
+    for done, frame in enumerate(frame for frame in render.frames if frame.id in frames):
+        job.report(Progress(done, len(frames), job.artifact.label))
+        pixels = wear(frame)
+        assert pixels is not None
+        write_bytes(job.folder / f"{frame.id}.png", png_bytes(pixels))
+    job.report(Progress(len(frames), len(frames), job.artifact.label))
 
 
 def make_defended(job: Job) -> None:
@@ -293,6 +307,7 @@ KINDS = {
         "views in camouflage", "re-rendering in camouflage", make_renders, has_renders,
         group=rendered_together,
     ),
+    "composed": Kind("pictures in camouflage, composed", "composing in camouflage", make_composed, has_renders),
     "defended": Kind("images after a defence", "defending", make_defended, has_renders),
     "vacant": Kind("views without their vehicle", "taking vehicles out", make_vacant, has_renders, heavy=False),
     "detections": Kind(

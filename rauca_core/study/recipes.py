@@ -11,8 +11,18 @@ from typing import Any
 import numpy as np
 
 from ..attack import OptimizerSettings
-from ..contract import Dataset, Plan, RaucaError, Vehicle, VehicleSource, load_camouflage, load_vehicle, read_plan
-from ..contract.files import file_digest
+from ..contract import (
+    Dataset,
+    Plan,
+    RaucaError,
+    Vehicle,
+    VehicleSource,
+    frame_folder,
+    load_camouflage,
+    load_vehicle,
+    read_plan,
+)
+from ..contract.files import file_digest, read_sums
 from ..detect import Detector
 from ..runtime.images import read_image
 from .artifact import Artifact, digest_of
@@ -117,6 +127,19 @@ def renders(views: Artifact, camouflage: Artifact, frames: Sequence[str], sample
     settings = {} if samples is None else {"samples": samples}
     options = {"frames": list(frames), "scene": views.options.get("scene")}
     return Artifact("renders", camouflage.label, settings, (views, camouflage), options)
+
+
+def composed(pictures: Artifact, camouflage: Artifact, frames: Sequence[str]) -> Artifact:
+    """Pictures from elsewhere in a camouflage, composed by their light maps.
+
+    Args:
+        pictures: a data set of them, in its folder; its plan does not tell it from others, so its files do.
+        frames: ids of those that are wanted.
+    """
+    assert pictures.place is not None
+    files = {frame: read_sums(frame_folder(pictures.place, frame)) for frame in frames}
+    settings = {"files": digest_of(files)}
+    return Artifact("composed", camouflage.label, settings, (pictures, camouflage), {"frames": list(frames)})
 
 
 def agreement(views: Artifact, camouflage: Artifact, reference: Artifact) -> Artifact:

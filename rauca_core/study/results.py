@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..contract import RaucaError
 from ..contract.files import write_json
@@ -83,6 +84,8 @@ class Results(Record):
         detections: ``detections[paint][detector]``, the folder that keeps them, relative to the results' folder.
         vehicle: the data set's vehicle.
         defence: what the images went through before detection.
+        composed: the images show pictures from elsewhere, in camouflages by their light maps; never to be averaged with
+            rendered ones.
         place_kind, place_count: what intervals are over (``locations``, ``views`` or ``frames``), and how many.
     """
 
@@ -101,6 +104,12 @@ class Results(Record):
     defence: str = "none"
     place_kind: str = "frames"
     place_count: int = 0
+    composed: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """As of any record; results of renders say nothing of ``composed``, and stay what older versions read."""
+        told = super().to_json()
+        return told if self.composed else {name: value for name, value in told.items() if name != "composed"}
 
     @property
     def places(self) -> str:

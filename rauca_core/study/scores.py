@@ -128,6 +128,7 @@ def tabulate(
         defence=defence,
         place_kind=places.kind,
         place_count=places.count,
+        composed=dataset.require_rendered_or_pictured("detectors are judged on"),
     )
     save_results(out / "results.json", results)
     return results
@@ -142,7 +143,14 @@ def _samples(cache: DetectionCache, rows: Sequence[FrameRow], hashes: Sequence[s
 
 
 def _frame_row(dataset: Dataset, frame: Frame) -> FrameRow:
-    camera, weather = dataset.plan.ring.nominal(frame.view), frame.weather
+    weather, plan = frame.weather, dataset.plan
+    if frame.pictured:  # whose photographer knew no plan
+        camera = (float(round(frame.azimuth_deg % 360)), float(round(frame.elevation_deg)), round(frame.distance_m, 1))
+    elif plan.clips is None:
+        camera = plan.ring.nominal(frame.view)
+    else:  # no two frames of a drive share an angle: those near each other are counted together
+        steps = (frame.azimuth_deg / 45, frame.elevation_deg / 8, frame.distance_m / 4)
+        camera = (round(steps[0]) % 8 * 45.0, round(steps[1]) * 8.0, round(steps[2]) * 4.0)
     assert frame.box_xyxy is not None
     shown = (weather.sun_altitude_angle, weather.fog_density, frame.box_xyxy)
     return FrameRow(frame.id, weather.name, *camera, *shown, frame.location, frame.view)

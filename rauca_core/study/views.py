@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import Plan, Quality, RaucaError, Ring, Weather, find_preset, preset_notes
+from ..contract import MIN_VISIBLE, Clips, Plan, Quality, RaucaError, Ring, Weather, find_preset, preset_notes
 from ..contract.towns import TEST
 
 LOG = logging.getLogger(__name__)
@@ -43,6 +43,7 @@ class HeldOut:
         samples: per pixel.
         seed: of the town and its cameras; a test town unless another is asked for, see `contract.towns`.
         fit: see large vehicles from farther away, see :meth:`fitted`.
+        clips: what is driven at one place instead of standing still; ``frames`` and ``ring`` say nothing then.
     """
 
     frames: int = SCALES["standard"]
@@ -52,6 +53,13 @@ class HeldOut:
     samples: int = 8
     seed: int = TEST["held-out views"]
     fit: bool = True
+    clips: Clips | None = None
+
+    @staticmethod
+    def driven(clips: Clips, size: int, samples: int, seed: int | None = None) -> HeldOut:
+        """Clips at one place of a test town in which all ways are free at the usual speeds."""
+        town = TEST["held-out clips"] if seed is None else seed
+        return HeldOut(locations=1, size=size, samples=samples, seed=town, clips=clips)
 
     def fitted(self, positions: NDArray[np.float32]) -> HeldOut:
         """The same views of a vehicle larger than a car, from as many times farther (whole metres).
@@ -59,6 +67,8 @@ class HeldOut:
         Args:
             positions: (V, 3) the vehicle's vertices, metres, z up.
         """
+        if self.clips is not None:
+            return self
         reach = float(np.linalg.norm(np.ptp(positions[:, :2], axis=0)) / 2)
         if not self.fit or reach <= REACH_M:
             return self
@@ -73,6 +83,7 @@ class HeldOut:
         return Plan.of(
             weathers, self.ring, name="views", vehicle_name=vehicle_name, atlas_id=atlas_id, size=self.size,
             quality=Quality(self.samples, composed_fog=False), light=False, locations=self.locations, seed=self.seed,
+            clips=self.clips, min_visible=MIN_VISIBLE if self.clips is None else 0.0,
         )  # fmt: skip
 
 

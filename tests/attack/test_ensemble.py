@@ -48,6 +48,22 @@ def test_a_weight_of_zero_leaves_a_detector_out(small_detector: Any) -> None:
     assert torch.equal(alone.gradient, mixed.gradient)
 
 
+def test_detectors_take_turns(small_detector: Any) -> None:
+    """Each turn is one detector's own attack; a round's mean is the attack on all at once."""
+    both, shown = [small_detector, Other(small_detector)], images()
+    turns = [DetectorEnsemble(both, "car").attack(shown, BOXES, turn) for turn in range(4)]
+    for turn, detector in zip(turns, both * 2, strict=True):
+        alone = DetectorEnsemble([detector], "car").attack(shown, BOXES)
+        assert torch.equal(turn.gradient, alone.gradient)
+        assert torch.equal(turn.losses, alone.losses)
+        assert torch.equal(turn.scores, alone.scores)
+    weighted = DetectorEnsemble([small_detector, small_detector, both[1]], "car", [1, 0, 3])
+    whole = weighted.attack(shown, BOXES)
+    parts = [weighted.attack(shown, BOXES, turn) for turn in range(weighted.turns)]
+    assert len(parts) == 2
+    assert torch.allclose(sum(p.gradient for p in parts) / 2, whole.gradient, atol=1e-7)
+
+
 def test_bfloat16_points_the_same_way(small_detector: Any) -> None:
     full = DetectorEnsemble([small_detector], "car").attack(images(), BOXES)
     half = DetectorEnsemble([small_detector], "car", precision="bfloat16").attack(images(), BOXES)

@@ -19,6 +19,7 @@ import torch
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import (
     METHODS,
+    DetectorEnsemble,
     OptimizerSettings,
     ensemble,
     make_settings,
@@ -28,6 +29,7 @@ from rauca_core.attack import (
 )
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.optimizer import UNFINISHED
+from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, RaucaError, Vehicle, load_camouflage
 from rauca_core.contract.seeding import named_seed
 from rauca_core.runtime.images import read_image
@@ -105,6 +107,26 @@ def test_resumed_run_ends_in_the_same_bits(run: Any, tmp_path: Path, case: str) 
     assert again.with_suffix(".png").read_bytes() == (tmp_path / "whole" / "camouflage.png").read_bytes()
     for one, two in zip(read_history(tmp_path / "whole"), read_history(parts), strict=True):
         assert {k: one[k] for k in ("step", "loss", "score")} == {k: two[k] for k in ("step", "loss", "score")}
+
+
+def test_detectors_in_turn_are_resumed_in_the_same_bits(dataset: Dataset, small_detector: Any, tmp_path: Path) -> None:
+    """Each has its own order of frames, and its own that rest."""
+    detectors, chosen = [small_detector] * 3, settings(turns=True, rest=1, steps=9)
+    whole = Run(dataset, DetectorEnsemble(detectors, "car"), chosen)
+    parts = [Run(dataset, DetectorEnsemble(detectors, "car"), chosen) for _ in range(2)]
+    assert whole.orders[0].upcoming() != whole.orders[1].upcoming()
+    for _ in range(9):
+        whole.advance()
+    for _ in range(4):
+        parts[0].advance()
+    parts[1].restore(parts[0].checkpoint())
+    for _ in range(5):
+        parts[1].advance()
+    assert torch.equal(whole.texture.parameter, parts[1].texture.parameter)
+    for one, two in zip(whole.orders, parts[1].orders, strict=True):
+        assert torch.equal(one.state(), two.state())
+    for run in (whole, *parts):
+        run.close()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

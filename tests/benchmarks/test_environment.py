@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.environment import CLEAR, FULL, METHODS, QUICK, compare, data_sets, methods_of, weigh
-from benchmarks.environment_report import error_of, save_curve, save_figure_of_maps, summarize
+from benchmarks.environment import CLEAR, FULL, METHODS, QUICK, bench, compare, data_sets, methods_of, weigh
+from benchmarks.environment_report import TEXTURE, error_of, save_curve, save_figure_of_maps, summarize
 from benchmarks.environment_training import Trained, drawn, first_within, time_epochs
 from benchmarks.environment_truth import (
     LIGHT,
@@ -27,7 +27,7 @@ from benchmarks.environment_truth import (
 )
 from benchmarks.harness import Results
 from benchmarks.in_blender import make_dataset
-from rauca_core.contract import Vehicle
+from rauca_core.contract import RaucaError, Vehicle
 from rauca_core.environment import PublishedEfe, load_exact
 from rauca_core.environment.frames import LightFrames
 from rauca_core.environment.methods import exact_render
@@ -79,10 +79,12 @@ def test_the_comparison_ranks_and_the_tables_say_so(frames, truths, tmp_path):
     net, published = drawn(), PublishedEfe(TINY.widths)
     results = Results("environment", TINY)
     compare(results, "sedan", frames, truths, methods_of(frames, net, published.eval()))
-    compare(results, "defaults", frames, truths, {"exact": lambda i, frame: exact_render(frame)})
+    compare(
+        results, "defaults", frames, truths, dict.fromkeys(("exact", TEXTURE), lambda i, frame: exact_render(frame))
+    )
     for row in results.rows["errors"]:  # under the presets' name for clear weather, which targets ask for
         row["weather"] = row["weather"].replace("clear", CLEAR)
-    assert results.distinct("errors", "method") == list(METHODS)
+    assert results.distinct("errors", "method") == [*METHODS, TEXTURE]
     mse = [error_of(results, name).mse for name in ("exact", "transfer", "none")]
     assert mse == sorted(mse)
     values = {region: error_of(results, "ours", region=region).values for region in ("paint", "inside", "edge")}
@@ -105,12 +107,19 @@ def test_the_comparison_ranks_and_the_tables_say_so(frames, truths, tmp_path):
     targets = {t.what: t for t in results.targets}
     assert targets["suv: epochs pre-trained over from scratch, the paper's criterion"].passed
     assert targets["suv: the same, to 5 % of the error from scratch"].passed
+    on_edges = targets[f"irradiance texture on edges, {CLEAR}"]
+    assert on_edges.found == targets[f"exact maps on edges, {CLEAR}"].found > 0
     page = (tmp_path / "environment.md").read_text()
     assert all(f"| {name} |" in page for name in METHODS)
     assert f"over {TINY.most_epochs}" in page
     save_curve(results, tmp_path / "curve.svg")
     save_figure_of_maps(frames, truths, net, ("clear", "fog"), tmp_path / "maps.jpg")
     assert min((tmp_path / name).stat().st_size for name in ("curve.svg", "maps.jpg")) > 1000
+
+
+def test_a_part_of_the_benchmark_fills_no_page(tmp_path):
+    with pytest.raises(RaucaError, match="leave out --maps-only"):
+        bench(tmp_path / "environment.json", TINY, docs=tmp_path, maps_only=True)
 
 
 def test_the_first_epoch_within_an_error():

@@ -60,6 +60,8 @@ def property_texts() -> Iterator[str]:
     for cls in classes():
         if issubclass(cls, bpy.types.Panel):
             continue
+        if issubclass(cls, bpy.types.FileHandler):  # which shows nothing of itself
+            continue
         shown = cls.bl_rna.properties
         if issubclass(cls, bpy.types.Operator):
             group, name = cls.bl_idname.split(".")

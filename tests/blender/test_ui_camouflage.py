@@ -15,7 +15,7 @@ from blender_addon.scene.camera import place
 from blender_addon.scene.render import prepare, render_linear
 from blender_addon.scene.vehicle import load_shipped
 from blender_addon.steps import bake
-from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation
+from blender_addon.steps.camouflage import detection_overlay, panel, shown_evaluation, views_panel
 from blender_addon.steps.camouflage.painted_vehicle import painted_surface
 from rauca_core.contract import Camera, Frame, Quality, Weather
 from rauca_core.contract.files import png_bytes, write_json
@@ -201,7 +201,7 @@ def test_boxes_of_the_evaluated_view(rauca, tmp_path):
     scene = bpy.context.scene
     assert rauca.camouflage.study == str(tmp_path)
     views = shown_evaluation.load_now(rauca.camouflage.study)
-    assert panel._views(bpy.context) is views
+    assert views_panel._views(bpy.context) is views
     assert shown_evaluation.same_view(scene, views) == []
     assert bpy.ops.rauca.evaluated_view(step="NEAREST") == {"FINISHED"}
     seen = shown_evaluation.same_view(scene, views)
@@ -263,6 +263,6 @@ def test_a_file_that_is_no_camouflage_is_told_before_it_is_applied(rauca, tmp_pa
 def test_no_evaluation_is_told_in_words(rauca, tmp_path):
     painted_box(tmp_path)
     assert not bpy.ops.rauca.evaluated_view.poll()
-    assert "No evaluation yet" in panel._views(bpy.context)
+    assert "No evaluation yet" in views_panel._views(bpy.context)
     rauca.camouflage.study = str(tmp_path)
     assert "holds no evaluation" in refusal(bpy.ops.rauca.evaluated_view)

@@ -211,9 +211,11 @@ def test_the_check_says_what_is_missing(addon, settings, tmp_path):
     old.chmod(0o700)
     assert checked(addon, settings, old).startswith("Python 3.9.2 is too old: choose 3.11 or newer")
     bare = a_python(tmp_path / "bare")
-    assert checked(addon, settings, bare) == f"torch is missing: run {bare} -m pip install torch"
+    assert "torch is missing: press Make a Python" in checked(addon, settings, bare)
+    assert settings.command == f"{bare} -m pip install torch"
+    assert addon.ops.rauca.copy_command(command=settings.command) == {"FINISHED"}
     a_package(bare, "torch", "raise ImportError('libtorch.so: cannot open')")
-    assert "torch does not load (libtorch.so: cannot open); install it again" in checked(addon, settings, bare)
+    assert "torch does not load (libtorch.so: cannot open): install it again" in checked(addon, settings, bare)
     a_package(bare, "torch", "import os; os.abort()")
     assert "torch brings" in checked(addon, settings, bare)
 
@@ -226,7 +228,8 @@ def test_the_check_misses_rauca_where_torch_is(addon, settings, tmp_path, monkey
     for entry in site.iterdir():
         if "rauca" not in entry.name and entry.suffix != ".pth" and not (here / entry.name).exists():
             (here / entry.name).symlink_to(entry)
-    assert checked(addon, settings, python) == f"rauca is missing: run {python} -m pip install rauca"
+    assert "rauca is missing" in checked(addon, settings, python)
+    assert settings.command == f"{python} -m pip install rauca"
 
 
 def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
@@ -248,11 +251,12 @@ def test_the_check_leaves_the_window_free_and_lists_detectors(addon, settings):
     ("found", "words"),
     [
         ({"speaks": False, "detectors": ["a"]}, "rauca 0.0.1 is older than this extension"),
-        ({"speaks": True, "detectors": []}, "rauca weights fetch --all"),
+        ({"speaks": True, "detectors": []}, "press Fetch Detectors"),
         ({"speaks": True, "detectors": ["a"]}, "torch 2 on CPU, rauca 0.0.1 and 1 detectors"),
     ],
 )
 def test_verdicts_on_raucas_own_state(found, words):
-    ready, told = verdict(Path(sys.executable), CHECKED | found)
+    ready, told, command = verdict(Path(sys.executable), CHECKED | found)
+    assert bool(command) != ready
     assert words in told
     assert ready == (found["speaks"] and bool(found["detectors"]))

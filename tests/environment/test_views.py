@@ -12,7 +12,7 @@ from rauca_core.contract import Camera, Dataset, RaucaError, Ring, Vehicle, Weat
 from rauca_core.contract.color import linear_to_srgb, srgb_to_linear
 from rauca_core.contract.semantics import CLASS_IDS, mask_box
 from rauca_core.dataset_tools import check_dataset
-from rauca_core.environment.views import Composed, Place, View, Views, compose, densify
+from rauca_core.environment.views import Composed, Place, View, Views, compose, densify, drawn
 from rauca_core.environment.views.sources import mixed
 from rauca_core.study.datasets import Dataset as OpenDataset
 from rauca_core.study.evaluate import open_views
@@ -148,6 +148,16 @@ def test_views_are_functions_of_the_seed_and_lie_between_the_sources(room: Datas
         assert 12.0 <= made.frame.elevation_deg <= 24.0
         assert made.frame.distance_m == 7.0
         assert len(made.frame.composed) == 6
+
+
+def test_few_sources_are_told(room: Dataset, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture):
+    monkeypatch.setattr(drawn, "ENOUGH_SOURCES", len(room.frames()) + 1)
+    Views(room, 2)
+    assert f"1 of 1 places and weathers have fewer than {len(room.frames()) + 1} rendered views" in caplog.text
+    caplog.clear()
+    monkeypatch.setattr(drawn, "ENOUGH_SOURCES", len(room.frames()))
+    Views(room, 2)
+    assert not caplog.text
 
 
 def test_densify_writes_a_whole_data_set_that_nobody_is_judged_on(tmp_path: Path, room: Dataset):

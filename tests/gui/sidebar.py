@@ -9,7 +9,7 @@ from typing import Any
 
 from .blender import Blender
 
-PANELS = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "bake")
+PANELS = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "evaluate", "bake")
 FIRST_HEADER, HEADER_PITCH = 16, 28  # pixels below the tab's top, and from one closed panel to the next
 LOOK_EVERY = 8  # pixels: less than half a button's height
 ANSWER_S = 40.0  # seconds after which a button is pressed again
@@ -114,11 +114,11 @@ class Sidebar:
         self.screen.key("Return")
         time.sleep(0.5)
 
-    def unfold(self, below: str, wanted: str) -> None:
-        """Open the panel "More" that follows the button or field ``below``, until it shows ``wanted``."""
+    def unfold(self, below: str, wanted: str, skip: int = 0) -> None:
+        """Open the panel "More" below the button or field ``below``, and ``skip`` pixels, until it shows ``wanted``."""
         _, y = self.find(below)
         left, _, width, _ = self.blender.region("UI")
-        for down in range(TALLEST // 2, 2 * TALLEST, LOOK_EVERY):
+        for down in range(TALLEST // 2 + skip, 3 * TALLEST + skip, LOOK_EVERY):
             self.screen.click(left + width * 0.2, y + down)
             time.sleep(1)  # panels glide
             with contextlib.suppress(LookupError):

@@ -94,13 +94,13 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str]) -> N
     desk.open(4)
     desk.enter("folder", str(blender.scratch / "dataset"))
     desk.enter("size", SIDE)
-    desk.unfold("rauca.generate_dataset(", "workers")
-    desk.enter("seed", 7)
-    blender.shoot("4-more")
-    assert blender.settings("dataset.seed") == 7
     if not blender.ask("value = own('compat').has_denoiser()"):
         blender.shoot("4-no-denoiser")
         desk.press("rauca.without_denoiser(", lambda: not blender.settings("dataset.denoise"))
+    desk.unfold("rauca.generate_dataset(", "workers", skip=2 * ROW)
+    desk.enter("seed", 7)
+    blender.shoot("4-more")
+    assert blender.settings("dataset.seed") == 7
     desk.enter("samples", SAMPLES)
     figures["idle"] = str(idle(blender))
     desk.press("rauca.generate_dataset(", lambda: begun(blender, "dataset"))
@@ -124,7 +124,7 @@ def test_step_5_optimizes(desk: Sidebar, figures: dict[str, str]) -> None:
     assert blender.ask("value = own('preferences').preferences(bpy.context).ready"), blender.ask(checked)
     desk.enter("folder", str(blender.scratch / "optimized"))
     desk.enter("steps", STEPS)
-    desk.unfold("rauca.optimize(", "batch")
+    desk.unfold("rauca.optimize(", "batch", skip=3 * ROW)
     desk.enter("batch", 2)
     blender.shoot("5-more")
     assert blender.settings("optimize.batch") == 2
@@ -159,9 +159,29 @@ def test_step_6_applies_the_camouflage(desk: Sidebar) -> None:
     blender.wait(lambda: coat(blender)["shown"] == "CAMOUFLAGE", "redo")
 
 
-def test_step_7_bakes_and_exports(desk: Sidebar, figures: dict[str, str]) -> None:
+def test_step_7_evaluates_and_leads_to_the_worst_view(desk: Sidebar, figures: dict[str, str]) -> None:
+    if not os.environ.get("RAUCA_PYTHON"):
+        pytest.skip("no Python with torch for this Blender (set RAUCA_PYTHON)")
     blender = desk.blender
     desk.open(7)
+    desk.enter("folder", str(blender.scratch / "evaluated"))
+    desk.unfold("rauca.evaluate(", "frames", skip=2 * ROW)
+    desk.enter("frames", 1)
+    desk.enter("size", SIDE)
+    blender.shoot("7-ready")
+    desk.press("rauca.evaluate(", lambda: begun(blender, "evaluate"))
+    figures["evaluating"] = measured(desk, "evaluate", "7-evaluating")
+    blender.shoot("7-evaluated")
+    assert blender.settings("camouflage.study") == str(blender.scratch / "evaluated")
+    desk.press("rauca.evaluated_view(step='WORST'", lambda: blender.settings("camouflage.frame"))
+    blender.shoot("7-worst")
+    assert blender.ask("value = len(bpy.context.scene.camera.data.background_images)") == 1
+    desk.press("rauca.leave_evaluated_view(", lambda: blender.ask("value = bpy.context.scene.camera is None"))
+
+
+def test_step_8_bakes_and_exports(desk: Sidebar, figures: dict[str, str]) -> None:
+    blender = desk.blender
+    desk.open(8)
     layer = desk.press("rauca.new_uv_layer(", lambda: blender.settings("bake.layer"))
     desk.enter("folder", str(blender.scratch / "baked"))
     desk.turn("size", -1)
@@ -171,7 +191,7 @@ def test_step_7_bakes_and_exports(desk: Sidebar, figures: dict[str, str]) -> Non
     gaps = Gaps.of(blender.ask("value = heart.take()"))
     figures["baking"] = str(gaps)
     MEASURED["bake"] = gaps
-    blender.shoot("7-baked")
+    blender.shoot("8-baked")
     (png,) = (blender.outside / "baked").glob("*.png")
     texture = cv2.imread(str(png))
     assert texture.shape == (1024, 1024, 3)
@@ -181,11 +201,22 @@ def test_step_7_bakes_and_exports(desk: Sidebar, figures: dict[str, str]) -> Non
     windows = "value = len(bpy.context.window_manager.windows) > 1"
     desk.press("rauca.export_glb(", lambda: blender.ask(windows))
     time.sleep(3)
-    blender.screen.shoot(blender.scratch / "7-export.png")
+    blender.screen.shoot(blender.scratch / "8-export.png")
     desk.screen.key("Return")
     glb = png.with_suffix(".glb")
     blender.wait(glb.is_file, "the GLB")
     assert glb.read_bytes()[:4] == b"glTF"
+
+
+def test_one_click_adds_the_demo_scene(desk: Sidebar) -> None:
+    blender = desk.blender
+    desk.open(1)
+    desk.press("rauca.demo_scene(", lambda: blender.ask("value = bpy.context.scene.name") == "Rauca Demo")
+    time.sleep(20)  # shaders are compiled
+    blender.shoot("9-demo")
+    assert chosen(blender) == "sedan"
+    assert blender.ask("value = bpy.context.scene.rauca.weather.shown.on")
+    assert blender.ask(f"{VIEW}\nvalue = space.region_3d.view_perspective") == "CAMERA"
 
 
 def test_it_speaks_german(desk: Sidebar) -> None:
@@ -195,8 +226,9 @@ def test_it_speaks_german(desk: Sidebar) -> None:
         "value = [bpy.app.translations.pgettext_iface('Apply Camouflage', 'Operator'),"
         " bpy.app.translations.pgettext_rpt('{name} is on {vehicle}')]"
     )
-    desk.open(1)
-    blender.shoot("8-german")
+    for number in range(1, len(ORDER) + 1):
+        desk.open(number)
+        blender.shoot(f"9-german-{number}")
     assert told == ["Tarnung anwenden", "{name} ist auf {vehicle}"]
     # Words that Blender says in another sense.
     senses = (
@@ -217,7 +249,8 @@ def test_the_window_stays_awake() -> None:
         assert name == "bake" or percentile(gaps.busy, 99) < DEAF_S, f"{name}: {gaps}"
 
 
-ORDER = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "bake")
+ORDER = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "evaluate", "bake")
+ROW = 26  # pixels, of a button and the gap below it
 MEASURED: dict[str, Gaps] = {}
 PATCHES_BGR = ((150, 200, 215), (60, 120, 90), (45, 75, 125), (30, 40, 35))  # sand, green, brown, black
 SEEN = slice(480, 560), slice(400, 700)  # rows and columns of the screen: the vehicle's side after step 6 framed it

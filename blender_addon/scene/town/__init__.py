@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
+from ...core import clips
 from ..massing import MeshParts
 from .furniture import build_furniture, build_parked
 from .greenery import Nursery, build_greenery
@@ -55,6 +56,10 @@ class Town:
         """(4, 4) vehicle-to-world transform of a location: on its lane, a few degrees off the lane's line."""
         chosen = self.layout(location)
         return chosen.world @ chosen.pose
+
+    def street(self, location: int) -> clips.Street:
+        """The lane on which a location's vehicle stands."""
+        return self.layout(location).street()
 
     def enter(self, location: int) -> None:
         """Build a location's district in place of the one before it."""

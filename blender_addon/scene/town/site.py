@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import seeding
+from ...core import clips, seeding
 from ..massing import MeshParts, turned
 from .tables import DISTRICTS, District
 
@@ -76,6 +76,16 @@ class Layout:
             return []
         edge = self.district.road_half_m
         return [Path(self.path.frame(self.crossing_m, side * edge, side * math.pi / 2)) for side in (-1, 1)]
+
+    def street(self) -> clips.Street:
+        """The vehicle's lane, in its direction; the vehicle stands a few degrees off it."""
+        k, (x, y) = self.path.curvature, self.pose[:2, 3]
+        along = math.atan2(k * x, 1 - k * y) / k if k else float(x)
+        aside = (1 - math.hypot(k * x, 1 - k * y)) / k if k else float(y)
+        back = self.path.frame(along)[:2, 0] @ self.pose[:2, 0] < 0
+        bend = k / (1 - k * aside)
+        frame = self.path.frame(along, aside, math.pi if back else 0.0)
+        return clips.Street(self.world @ frame, -bend if back else bend)
 
     def rng(self, *names: object) -> np.random.Generator:
         """A random stream of this location."""

@@ -32,9 +32,6 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.cameras
         layout.prop(settings, "overlay")
-        if settings.overlay and not anchor(context).found:
-            text = iface("Drawn as soon as the vehicle is in this scene.")
-            paragraph(context, layout, text, icon="INFO")
         layout.prop(settings, "azimuths")
         # A count and its two ends; of one ring only the middle counts.
         for names in (
@@ -46,6 +43,9 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
                 column.prop(settings, name)
         layout.prop(settings, "fov")
         _draw_look(settings, layout)
+        if settings.overlay and not anchor(context).found:
+            text = iface("Drawn as soon as the vehicle is in this scene.")
+            paragraph(context, layout, text, icon="INFO")
         _draw_estimate(context, layout)
 
 

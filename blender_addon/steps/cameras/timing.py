@@ -83,6 +83,11 @@ def estimated_seconds(context: bpy.types.Context) -> float:
     return pace().factor * modelled * frame_count(context)
 
 
+def frame_seconds(size: int, samples: int = 8, light: bool = False) -> float:
+    """Seconds of one denoised frame here; the samples are those of held-out views."""
+    return pace().factor * _model_seconds(size, samples, True, light)
+
+
 def _model_seconds(size: int, samples: int, denoise: bool, light: bool) -> float:
     """Seconds of a frame on the machine that the constants were measured on."""
     per_pixel = (PER_SAMPLE * samples + DENOISING * denoise) * (size / 640.0) ** 2

@@ -44,6 +44,11 @@ class EvaluatedFrame:
     pictures: dict[str, Path]
     evaluation: Evaluation
 
+    def sureness(self, paint: str) -> float:
+        """The best score that each detector gives the vehicle in a paint, 0 where it is not found: their mean."""
+        seen = [self.evaluation.of(self, paint, detector)[:1] for detector in self.evaluation.detectors]
+        return sum(found[0].score for found in seen if found) / max(len(seen), 1)
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -83,7 +88,7 @@ def read_evaluated_frames(folder: Path) -> list[EvaluatedFrame]:
     elif (folder / RESULTS).is_file():
         paths = [folder / RESULTS]
     else:
-        raise contract.RaucaError(f"{folder}: holds no evaluation; run `rauca evaluate` and choose the folder it wrote")
+        raise contract.RaucaError(f"{folder}: holds no evaluation; choose the folder that step 7, Evaluate, wrote")
     return [evaluated for path in paths for evaluated in _read_results(path)]
 
 

@@ -17,7 +17,7 @@ from ...scene.mesh_edits import Surface, object_mode
 from ..operator import NO_COAT, Obstacle, RaucaOperator
 from .evaluation import EvaluatedFrame, Views, find_evaluation
 from .painted_vehicle import objects_of, place, vehicle_for
-from .shown_evaluation import load_now, nearest, same_view, show_picture, vehicle_to_world
+from .shown_evaluation import load_now, nearest, paint_of, same_view, show_picture, take_pictures, vehicle_to_world
 
 
 class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
@@ -66,7 +66,7 @@ class RAUCA_OT_show_paint(RaucaOperator, bpy.types.Operator):
         if which == "TOGGLE":
             which = "CAMOUFLAGE" if coat.shown == "ORIGINAL" else "ORIGINAL"
         if which == "BAKED" and coat.image("baked") is None:
-            raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 7)")
+            raise contract.RaucaError("Nothing is baked yet; bake the camouflage first (step 8)")
         coat.show(which)
         show_picture(context.scene)
 
@@ -88,6 +88,11 @@ STEPS = [
     ("NEAREST", "Nearest", "The evaluated view closest to the present camera"),
     ("NEXT", "Next", "The next evaluated view"),
     ("PREVIOUS", "Previous", "The evaluated view before"),
+    (
+        "WORST",
+        "Worst",
+        "The view in which detectors are surest of the vehicle in this paint; again: the next",
+    ),
     ("WEATHER", "Weather", "The same view in the next weather"),
 ]
 
@@ -119,6 +124,8 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
 
 
 def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame | None:
+    if step == "WORST":
+        return _worst(scene, views)
     here = same_view(scene, views)
     if not here or step == "NEAREST":
         return here[0] if here else nearest(scene, views)
@@ -131,6 +138,15 @@ def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame |
         first.setdefault(_place(evaluated), evaluated)
     mine = list(first).index(_place(here[0]))
     return list(first.values())[(mine + (1 if step == "NEXT" else -1)) % len(first)]
+
+
+def _worst(scene: bpy.types.Scene, views: Views) -> EvaluatedFrame | None:
+    """The surest found view, or the one after it in that order where it is looked through already."""
+    paint, here = paint_of(scene), [evaluated.frame for evaluated in same_view(scene, views)[:1]]
+    order = [evaluated for evaluated in views.evaluated_frames if paint in evaluated.evaluation.paints]
+    order.sort(key=lambda evaluated: -evaluated.sureness(paint))
+    at = next((i for i, evaluated in enumerate(order) if [evaluated.frame] == here), None)
+    return order[0 if at is None else (at + 1) % len(order)] if order else nearest(scene, views)
 
 
 def _place(evaluated: EvaluatedFrame) -> tuple[float, ...]:
@@ -148,7 +164,7 @@ class RAUCA_OT_leave_evaluated_view(RaucaOperator, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.camouflage
-        pictures = [entry.image for entry in settings.camera.data.background_images if entry.image is not None]
+        pictures = take_pictures(settings.camera.data)
         camera.leave(context.scene, settings)
         bpy.data.batch_remove([image for image in pictures if image.users == 0])
         space = context.space_data

@@ -1,4 +1,4 @@
-"""Step 6's settings and panel, and the panel inside it that tells what detectors found."""
+"""Step 6's settings and panel."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from bpy.app.translations import pgettext_iface as iface
 
 from ...scene.coating import Coat
 from ..on_disk import camouflage_at
-from ..panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
-from .evaluation import NORMAL, EvaluatedFrame, Views
+from ..panel import State, StepPanel, folder_setting, paragraph
 from .painted_vehicle import vehicle_gone
-from .shown_evaluation import ask, loaded, paint_of, same_view, show_picture
+from .shown_evaluation import loaded, show_picture
 
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
 
@@ -95,9 +94,9 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
         layout.prop(settings, "file", text="File")
         row = layout.row(align=True)
         row.operator("rauca.apply_camouflage", icon="BRUSH_DATA")
+        row.operator("rauca.remove_camouflage", text="", icon="X")
         if settings.coat is None:
             return
-        row.operator("rauca.remove_camouflage", text="", icon="X")
         coat = Coat(settings.coat)
         row = layout.row(align=True)
         shown = [("ORIGINAL", iface("Original")), ("CAMOUFLAGE", iface("Camouflage"))]
@@ -118,67 +117,3 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
     row.use_property_split = False
     row.prop_enum(shading, "type", "MATERIAL", text="Preview")
     row.prop_enum(shading, "type", "RENDERED", text="Rendered")
-
-
-class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):
-    """What detectors found in the evaluated views"""
-
-    bl_label = "What Detectors See"
-    bl_parent_id = "RAUCA_PT_camouflage"
-
-    def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings = context.scene.rauca.camouflage
-        layout.prop(settings, "study")
-        views = _views(context)
-        if isinstance(views, str):
-            paragraph(context, layout, views, "INFO")
-            return
-        evaluated_frames = same_view(context.scene, views)
-        row = layout.row(align=True)
-        row.operator("rauca.evaluated_view", text="", icon="TRIA_LEFT").step = "PREVIOUS"
-        row.operator("rauca.evaluated_view", text="Nearest View", icon="CAMERA_DATA").step = "NEAREST"
-        row.operator("rauca.evaluated_view", text="", icon="TRIA_RIGHT").step = "NEXT"
-        if settings.camera is not None:
-            layout.operator("rauca.leave_evaluated_view", icon="X")
-            layout.prop(settings, "picture")
-        if not evaluated_frames:
-            paragraph(context, layout, iface("Not evaluated from here; look through the nearest view"), "INFO")
-            return
-        _table(context, layout, evaluated_frames)
-
-
-def _views(context: bpy.types.Context) -> Views | str:
-    """The evaluation to show, or why there is none."""
-    settings = context.scene.rauca.camouflage
-    if settings.coat is None:
-        return iface("Apply a camouflage first")
-    if not settings.study:
-        return iface("No evaluation yet: run “rauca evaluate” with this camouflage, then choose the folder it wrote")
-    return ask(settings.study) or iface("Reading the evaluation …")
-
-
-def _table(context: bpy.types.Context, layout: bpy.types.UILayout, evaluated_frames: list[EvaluatedFrame]) -> None:
-    """The frame's weather, and every detector with its best score."""
-    settings, evaluated, paint = context.scene.rauca.camouflage, evaluated_frames[0], paint_of(context.scene)
-    row = layout.row(align=True)
-    row.label(text=evaluated.weather, icon="WORLD", translate=False)
-    if len(evaluated_frames) > 1:
-        row.operator("rauca.evaluated_view", text="", icon="LOOP_FORWARDS").step = "WEATHER"
-    if paint not in evaluated.evaluation.paints:
-        text = iface("The evaluation does not have {name}; it has {others}")
-        others = ", ".join(name for name in evaluated.evaluation.paints if name != NORMAL)
-        paragraph(context, layout, text.format(name=paint, others=others), "INFO")
-        return
-    column = layout.box().column(align=True)
-    for detector in evaluated.evaluation.detectors:
-        best = evaluated.evaluation.of(evaluated, paint, detector)[:1]
-        score = best[0].score if best else 0.0
-        line = column.split(factor=0.7)
-        seen = score >= settings.least_score
-        line.label(text=detector, icon="HIDE_OFF" if seen else "HIDE_ON", translate=False)
-        line.label(text=f"{score:.2f}" if seen else iface("not found"), translate=False)
-    layout.prop(settings, "boxes")
-    column = layout.column()
-    column.active = settings.boxes
-    column.prop(settings, "detector")
-    column.prop(settings, "least_score", slider=True)

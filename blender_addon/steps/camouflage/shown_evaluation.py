@@ -91,14 +91,22 @@ def show_picture(scene: bpy.types.Scene) -> None:
     lens, views = settings.camera.data, loaded(settings.study)
     seen = same_view(scene, views)[:1] if views is not None and settings.picture else []
     file = seen[0].pictures.get(paint_of(scene)) if seen else None
-    old = [entry.image for entry in lens.background_images if entry.image is not None]
-    lens.background_images.clear()
+    old = take_pictures(lens)
     if file is not None and file.is_file():
         entry = lens.background_images.new()
         entry.image = bpy.data.images.load(str(file), check_existing=True)
         entry.alpha, entry.display_depth, entry.frame_method = 1.0, "FRONT", "STRETCH"
     lens.show_background_images = bool(lens.background_images)
     bpy.data.batch_remove([image for image in old if image.users == 0])
+
+
+def take_pictures(lens: bpy.types.Camera) -> list[bpy.types.Image]:
+    """Take all pictures off a camera, and give back what lay there."""
+    found = {entry.image for entry in lens.background_images if entry.image is not None}
+    for entry in lens.background_images:
+        entry.image = None  # clearing alone would leave the image one user too many
+    lens.background_images.clear()
+    return list(found)
 
 
 def _corners(scene: bpy.types.Scene, pose: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -24,7 +24,7 @@ def state(context: bpy.types.Context) -> State:
     if settings.origin == "COLLECTION":
         picked, hint = settings.collection, iface("Choose the collection of the vehicle's parts")
     else:
-        picked, hint = settings.object, iface("Pick an object, or add one of the vehicles below")
+        picked, hint = settings.object, iface("Pick an object, or add one of the vehicles above")
     if picked is None:
         return State("missing", hint)
     if settings.origin == "OBJECT" and picked.name not in context.scene.objects:
@@ -60,6 +60,7 @@ class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):
         if settings.origin != "FILE":
             layout.prop(settings, "front")
         layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
+        layout.operator("rauca.demo_scene", icon="SCENE_DATA")
 
 
 def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> None:

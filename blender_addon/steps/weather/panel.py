@@ -47,8 +47,10 @@ class RAUCA_PT_weather(StepPanel, bpy.types.Panel):
             layout.prop(settings, "file")
         layout.row().prop(settings, "used", expand=True)
         _draw_gallery(settings, layout)
-        _draw_viewport(context, settings, layout)
+        _draw_viewport(settings, layout)
         _draw_sliders(settings, layout)
+        if settings.shown.on:  # last: what it says changes with the view and the weather
+            _draw_caveats(context, settings, layout)
 
 
 def _draw_gallery(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
@@ -65,7 +67,7 @@ def _draw_gallery(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
     row.operator("rauca.next_weather", text="", icon="TRIA_RIGHT").step = 1
 
 
-def _draw_viewport(context: bpy.types.Context, settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
+def _draw_viewport(settings: RaucaWeather, layout: bpy.types.UILayout) -> None:
     row = layout.row(align=True)
     if settings.shown.on:
         row.operator("rauca.remove_weather", icon="X")
@@ -80,10 +82,9 @@ def _draw_viewport(context: bpy.types.Context, settings: RaucaWeather, layout: b
         number = row.row(align=True)
         number.scale_x = 0.5
         number.prop(settings, "place", text="")
-    if settings.shown.on:
-        if settings.street is None:
-            layout.prop(settings, "ground")
-        _draw_caveats(context, settings, layout)
+    ground = layout.row()
+    ground.enabled = settings.shown.on and settings.street is None
+    ground.prop(settings, "ground")
 
 
 def _draw_caveats(context: bpy.types.Context, settings: RaucaWeather, layout: bpy.types.UILayout) -> None:

@@ -22,6 +22,7 @@ class Naturalness(Settings):
     Attributes:
         palette: the only colors that the map may hold, ``#rrggbb``, sRGB; empty for no such constraint.
         feature_cm: every patch of one color holds a disc of this diameter on the vehicle, unless the paint ends there.
+        symmetric: left and right of the vehicle look alike: a view of one side teaches both.
         reference: an image, a camouflage's ``.json`` or a color ``#rrggbb``: what the paint should look like.
         reference_sha256: of its contents, so that a resumed run notices another picture.
         reference_width_m: how wide a photograph lies on the vehicle; None takes the image for a UV map.
@@ -30,6 +31,7 @@ class Naturalness(Settings):
 
     palette: tuple[str, ...] = ()
     feature_cm: float | None = Field(default=None, gt=0, le=100_000)
+    symmetric: bool = False
     reference: str | None = None
     reference_sha256: str | None = None
     reference_width_m: float | None = Field(default=2.0, gt=0, le=1000)
@@ -48,7 +50,7 @@ class Naturalness(Settings):
     @property
     def empty(self) -> bool:
         """Whether nothing is asked of the paint; a reference alone is measured against, and asks nothing."""
-        return not self.palette and self.feature_cm is None and self.reference is None
+        return not self.palette and self.feature_cm is None and not self.symmetric and self.reference is None
 
 
 def parse_color(text: str, option: str) -> tuple[int, int, int]:

@@ -176,6 +176,29 @@ def make_patches(points: TexelPoints, links: Links, feature_m: float, seed: int)
     return Patches(of_texel, seeds)
 
 
+MIRRORED_M = 0.1  # metres: paint whose mirror image lies farther from any paint has no counterpart
+
+
+def mirrored(patches: Patches, points: TexelPoints) -> Patches:
+    """The left side's patches (y > 0 of the vehicle) on either side, each as its own mirror image on the right.
+
+    Paint on the right that has no counterpart keeps its own patch.
+    """
+    from scipy.spatial import cKDTree  # here: only who asks for symmetry needs it
+
+    flip, side = np.array([1.0, -1.0, 1.0]), points.positions[:, 1] >= 0
+    left, right = np.flatnonzero(side), np.flatnonzero(~side)
+    of_texel = patches.of_texel.copy()
+    if len(left) and len(right):
+        # The two sides of a sheet lie in one place and differ in where they face.
+        placed = np.concatenate([points.positions, points.normals * MIRRORED_M / 2], 1)
+        apart, nearest = cKDTree(placed[left]).query(placed[right] * np.tile(flip, 2))
+        known = apart < MIRRORED_M
+        of_texel[right[known]] = patches.of_texel[left[nearest[known]]]
+    kept, renumbered = np.unique(of_texel, return_inverse=True)
+    return Patches(renumbered.astype(np.int32), patches.seeds[kept])
+
+
 def _detour(points: TexelPoints) -> float:
     """How much longer a way along steps to eight neighbors is than the straight one, at most.
 

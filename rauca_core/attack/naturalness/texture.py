@@ -16,7 +16,7 @@ from ...render import Pyramid, SparseOperator, linear_to_srgb, saturate, srgb_to
 from . import Naturalness
 from .colors import distances, draw_back, round_within
 from .palette import Palette, palette_bytes
-from .patches import Patches, TexelPoints, link, make_patches
+from .patches import Patches, TexelPoints, link, make_patches, mirrored
 from .reference import Distance, reference_texels
 
 GUTTER = 8  # texels beside the paint that a renderer's filter may read
@@ -27,7 +27,7 @@ class Constraints:
 
     Attributes:
         points: of the texels on the vehicle.
-        patches: None where every texel is free.
+        patches: of one color each; None where every texel is free.
         reference: (P, 3) 8-bit sRGB at the texels, or None.
         home: (M, 3) 8-bit sRGB, the reference of each patch: the mean of its light.
         palette: or None.
@@ -44,6 +44,9 @@ class Constraints:
         if wanted.feature_cm is not None:
             links = link(self.points, atlas.texels, atlas.size)
             self.patches = make_patches(self.points, links, wanted.feature_cm / 100, seed)
+        if wanted.symmetric:
+            every = np.arange(len(atlas.texels))
+            self.patches = mirrored(self.patches or Patches(every.astype(np.int32), every), self.points)
         self.palette = Palette(wanted.palette) if wanted.palette else None
         self.bound = wanted.max_delta_e if self.palette is None else None
         self.reference = None if wanted.reference is None else reference_texels(vehicle, atlas, wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections import OrderedDict
@@ -22,7 +23,10 @@ from .compose import NEAREST, Composed, View, compose
 from .paint_light import PaintLight
 from .place import Place
 
+LOG = logging.getLogger(__name__)
 MEMORY_MB = 2048
+ENOUGH_SOURCES = 8
+"""Rendered views of a place, all around it, below which new cameras see too little that is known (docs/views.md)."""
 JITTERS = ("jitter_azimuth_deg", "jitter_elevation_deg", "jitter_distance", "jitter_aim_m", "jitter_roll_deg")
 
 
@@ -69,6 +73,7 @@ class Views(Sequence[Composed]):
         self._sources = _sources(dataset)
         if n < 1:
             raise RaucaError(f"views: {n} is too few; ask for 1 or more")
+        _tell_of_few(dataset, self._sources)
         number = math.ceil(n / len(self._sources))
         chosen = ring or ring_between(dataset.plan.ring, number)
         if jitter is not None:
@@ -171,6 +176,16 @@ def _sources(dataset: Dataset) -> dict[tuple[int, str], list[Frame]]:
         raise RaucaError(f"{dataset.folder}: no frame is finished; run `rauca dataset make --out {dataset.folder}`")
     dataset.require_rendered("new views are composed from")
     return by_place_and_weather(frames)
+
+
+def _tell_of_few(dataset: Dataset, sources: dict[tuple[int, str], list[Frame]]) -> None:
+    few = sum(len(frames) < ENOUGH_SOURCES for frames in sources.values())
+    if few:
+        LOG.warning(
+            "note: %s: %d of %d places and weathers have fewer than %d rendered views; what new cameras see there is "
+            "guessed in part; give `rauca dataset make` eight azimuths or more",
+            dataset.folder, few, len(sources), ENOUGH_SOURCES,
+        )  # fmt: skip
 
 
 def _tasks(plan: Plan, places: frozenset[tuple[int, str]], n: int) -> list[PlannedFrame]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,11 @@ import pytest
 import torch
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.naturalness.granulometry import measure_patches
-from rauca_core.attack.naturalness.patches import TexelPoints, link, make_patches
+from rauca_core.attack.naturalness.patches import Patches, TexelPoints, link, make_patches, mirrored
 from rauca_core.attack.naturalness.texture import Constraints, NaturalColors, finish
 from rauca_core.contract import Vehicle, load_vehicle
 from rauca_core.contract.assets import assets_folder
@@ -48,12 +50,12 @@ def test_the_measure_sees_crumbs_and_one_color(box_vehicle: Vehicle) -> None:
     assert measure_patches(box_vehicle, np.full((64, 64, 3), 9, np.uint8), 0.05).smallest == np.inf
 
 
-def painted(vehicle: Vehicle, size: int, feature_cm: float, **more: object) -> tuple[np.ndarray, Constraints]:
+def painted(vehicle: Vehicle, size: int, feature_cm: float | None, **more: object) -> tuple[np.ndarray, Constraints]:
     atlas, wanted = Pyramid.of(vehicle, size), Naturalness(feature_cm=feature_cm, **more)  # type: ignore[arg-type]
     constraints = Constraints(vehicle, atlas, wanted, 0)
     texture = NaturalColors(constraints, torch.rand(constraints.count, 3, generator=torch.Generator().manual_seed(0)))
     uv_map, facts = finish(constraints, texture.texels())
-    assert facts["patches"] == constraints.count
+    assert facts.get("patches", len(atlas.texels)) == constraints.count
     return uv_map, constraints
 
 
@@ -98,6 +100,30 @@ def test_seeds_keep_their_distance_and_patches_hang_together(box_vehicle: Vehicl
     inside = patches.of_texel[rows] == patches.of_texel[links.neighbors]
     graph = coo_array((inside[inside], (rows[inside], links.neighbors[inside])), (len(points.sides),) * 2)
     assert connected_components(graph, directed=False)[0] == patches.count
+
+
+@pytest.mark.parametrize("feature_cm", [10.0, None])
+def test_the_sedans_sides_are_mirror_images(feature_cm: float | None) -> None:
+    vehicle = load_vehicle(assets_folder() / "vehicles" / "sedan", read_image)
+    uv_map, constraints = painted(vehicle, 256, feature_cm, symmetric=True)
+    _, free = painted(vehicle, 256, feature_cm)
+    assert 0.45 < constraints.count / free.count < 0.65
+    points, colors = constraints.points, uv_map.reshape(-1, 3)[constraints.atlas.texels]
+    left = points.positions[:, 1] > 0
+    placed = np.concatenate([points.positions, points.normals / 10], 1)
+    apart, twin = cKDTree(placed[left]).query(placed[~left] * (1, -1, 1, 1, -1, 1))
+    close = apart < 0.02
+    assert close.mean() > 0.8
+    assert (colors[left][twin] == colors[~left]).all(1)[close].mean() > 0.99
+
+
+def test_paint_without_a_counterpart_keeps_its_patches(box_vehicle: Vehicle) -> None:
+    atlas = Pyramid.of(box_vehicle, SIZE)
+    points = TexelPoints.of(box_vehicle, atlas)
+    one_sided = replace(points, positions=points.positions - (0.0, 5.0, 0.0))
+    every = np.arange(len(atlas.texels))
+    alone = mirrored(Patches(every.astype(np.int32), every), one_sided)
+    np.testing.assert_array_equal(alone.of_texel, every)
 
 
 def test_texels_know_their_place_and_area(box_vehicle: Vehicle) -> None:

@@ -33,6 +33,7 @@ CASES = {
     "palette": Naturalness(palette=PALETTE),
     "one color": Naturalness(palette=("#336699",)),
     "patches": Naturalness(feature_cm=50),
+    "symmetric": Naturalness(feature_cm=50, symmetric=True),
     "bound": Naturalness(reference="#8c8c8c", max_delta_e=15),
     "black": Naturalness(reference="#000000", max_delta_e=15),
     "no way": Naturalness(reference="#8c6432", max_delta_e=0),
@@ -52,7 +53,7 @@ def test_the_finished_map_keeps_to_what_was_asked(
 ) -> None:
     natural = CASES[case]
     uv_map, record = run(dataset, small_detector, tmp_path / "out", natural)
-    assert record.made["settings"]["natural"] == natural.model_dump(mode="json")
+    assert {"symmetric": False} | record.made["settings"]["natural"] == natural.model_dump(mode="json")
     history = [[line[k] for k in ("loss", "attack", "smooth")] for line in read_history(tmp_path / "out")]
     assert np.isfinite(history).all()
     vehicle = load_vehicle(dataset.vehicle_folder, read_image)

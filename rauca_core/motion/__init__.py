@@ -1,0 +1,1 @@
+"""What stills cannot say: a sensor before the detector, trackers behind it, and figures of whole clips."""

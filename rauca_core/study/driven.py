@@ -1,0 +1,240 @@
+"""What a study of clips says beyond AP: warning lost, gaps, breaks, HOTA, from the detections that it keeps.
+
+Nothing is rendered or detected here. Every detector's boxes go through a tracker, clip by clip; a track on another
+vehicle than the data set's is left out, as is what detects one.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..contract import Dataset, Frame, RaucaError
+from ..contract.files import write_json
+from ..contract.schema import Record
+from ..detect import canonical
+from ..motion.metrics import SAME, follow, hota, overlap
+from ..motion.tracks import Boxes, require_trackers, track
+from ..motion.warning import Drive, Figures, figures
+from .candidates import NORMAL
+from .intervals import spread
+from .scores import Recorded
+from .study import Entry, Study
+
+FILE_NAME = "clips.json"
+CAR = 1  # the data set's vehicle among the ids of a clip
+NOTHING = Boxes(np.zeros((0, 4)), np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Mean(Record):
+    """A mean over clips and its 95 % interval; None where a single clip tells none."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class ClipFigures(Record):
+    """One clip, one paint, one detector; fields as of :class:`~rauca_core.motion.warning.Figures`."""
+
+    clip: str
+    weathers: str
+    defence: str
+    paint: str
+    detector: str
+    late_s: float
+    late_m: float
+    gap_s: float
+    blind: float | None
+    breaks: int
+    switches: int
+    hota: float
+
+
+@dataclass(frozen=True)
+class Driven(Record):
+    """All clips of an entry in a paint, seen by a detector.
+
+    Attributes:
+        ap: AP@0.5 of the same frames.
+        lost_m, lost_s: warning lost against the plain vehicle in the same clips.
+        gap_s: the longest gap of all clips.
+        blind: mean share within braking distance without a track; None where no clip comes that close.
+        breaks, switches: in all clips together.
+        hota: mean over clips.
+    """
+
+    weathers: str
+    defence: str
+    paint: str
+    detector: str
+    clips: int
+    ap: float
+    lost_m: Mean
+    lost_s: Mean
+    gap_s: float
+    blind: float | None
+    breaks: int
+    switches: int
+    hota: float
+
+
+@dataclass(frozen=True)
+class Drives(Record):
+    """What a study of clips says."""
+
+    FORMAT = ("rauca-clips", 1)
+
+    tracker: str
+    rows: tuple[Driven, ...]
+    clips: tuple[ClipFigures, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A clip of an entry: its frames in order, and the index of each among the results' (None: no vehicle in it)."""
+
+    name: str
+    frames: Sequence[Frame]
+    places: Sequence[int | None]
+
+    @property
+    def truth(self) -> list[Boxes]:
+        """The data set's vehicle in each frame."""
+        return [
+            Boxes(np.array([frame.box_xyxy] if frame.box_xyxy else []).reshape(-1, 4), _one(frame))
+            for frame in self.frames
+        ]
+
+    @property
+    def drive(self) -> Drive:
+        return Drive(*(np.array([getattr(f, name) for f in self.frames]) for name in ("time_s", "distance_m")))
+
+
+def has_clips(study: Study) -> bool:
+    """Whether any of a study's views are clips."""
+    return any(clips_of(entry) for entry in study.entries)
+
+
+def clips_of(entry: Entry) -> list[Clip]:
+    """The clips of an entry that show the vehicle in at least two frames; none of still views."""
+    if entry.views is None or Dataset(entry.views).plan.clips is None:
+        return []
+    index = {row.id: place for place, row in enumerate(entry.results.frames)}
+    found: defaultdict[str, list[Frame]] = defaultdict(list)
+    for frame in Dataset(entry.views).frames():
+        found[frame.clip].append(frame)
+    clips = []
+    for name, frames in found.items():
+        frames.sort(key=lambda frame: frame.time_s)
+        places = [index.get(frame.id) for frame in frames]
+        if len(places) - places.count(None) > 1:
+            clips.append(Clip(name, frames, places))
+    return clips
+
+
+def tracked(recorded: Recorded, clip: Clip, detector: str, paint: str, category: str, tracker: str) -> list[Boxes]:
+    """The tracks of a clip, without those on other vehicles."""
+    found = []
+    for place in clip.places:
+        cars = None if place is None else recorded.found(detector, paint, place).only(canonical(category))
+        found.append(NOTHING if cars is None else Boxes(cars.boxes, cars.scores))
+    rate = 1 / float(np.median(np.diff(clip.drive.times_s)))
+    tracks = track(found, rate, tracker)
+    return [_without_others(boxes, frame) for boxes, frame in zip(tracks, clip.frames, strict=True)]
+
+
+def measure_drives(study: Study, tracker: str = "bytetrack") -> Drives:
+    """Track every clip of a study and read its figures.
+
+    Raises:
+        RaucaError: no tracker, no clips, or no plain vehicle to compare with.
+    """
+    require_trackers()
+    rows, every = list[Driven](), list[ClipFigures]()
+    for entry in study.entries:
+        clips, recorded = clips_of(entry), Recorded(entry)
+        if clips and NORMAL not in entry.results.paints:
+            raise RaucaError(f"{entry.folder}: lacks the plain vehicle, against which warning is lost; evaluate again")
+        for detector in entry.results.detectors if clips else ():
+            by_paint = {
+                paint: [_figures(recorded, clip, detector, paint, entry.category, tracker) for clip in clips]
+                for paint in entry.results.paints
+            }
+            for paint, found in by_paint.items():
+                told = (entry.weathers, entry.defence, paint, detector)
+                every += [ClipFigures(clip.name, *told, **one.__dict__) for clip, one in zip(clips, found, strict=True)]
+                rows.append(_row(told, entry.results.table[paint][detector].ap, found, by_paint[NORMAL]))
+    if not rows:
+        raise RaucaError("evaluate: none of the views are clips; make some with `rauca dataset make --clips`")
+    return Drives(tracker, tuple(rows), tuple(every))
+
+
+def save_drives(folder: Path, drives: Drives) -> Path:
+    """Write ``clips.json``."""
+    write_json(folder / FILE_NAME, drives.to_json())
+    return folder / FILE_NAME
+
+
+def most_lost(drives: Drives) -> Driven | None:
+    """The paint and detector that lose most warning against the plain vehicle; None without a camouflage."""
+    painted = [row for row in drives.rows if row.paint != NORMAL]
+    return max(painted, key=lambda row: (row.lost_s.value, row.gap_s), default=None)
+
+
+def _figures(recorded: Recorded, clip: Clip, detector: str, paint: str, category: str, tracker: str) -> Figures:
+    truth, tracks = clip.truth, tracked(recorded, clip, detector, paint, category, tracker)
+    return figures(clip.drive, follow(truth, tracks)[CAR], hota(truth, tracks).hota)
+
+
+def _row(told: tuple[str, str, str, str], ap: float, found: Sequence[Figures], plain: Sequence[Figures]) -> Driven:
+    close = [one.blind for one in found if one.blind is not None]
+    return Driven(
+        *told,
+        clips=len(found),
+        ap=ap,
+        lost_m=_mean([one.late_m - other.late_m for one, other in zip(found, plain, strict=True)]),
+        lost_s=_mean([one.late_s - other.late_s for one, other in zip(found, plain, strict=True)]),
+        gap_s=max(one.gap_s for one in found),
+        blind=float(np.mean(close)) if close else None,
+        breaks=sum(one.breaks for one in found),
+        switches=sum(one.switches for one in found),
+        hota=float(np.mean([one.hota for one in found])),
+    )
+
+
+def _mean(values: Sequence[float]) -> Mean:
+    """The mean with a jackknife's interval; clips are what is left out."""
+    each = np.array(values, np.float64)
+    if len(each) < 2:
+        return Mean(float(each[0]))
+    curve = np.append(each.mean(), (each.sum() - each) / (len(each) - 1))
+    reach = spread(curve).reach
+    return Mean(float(each.mean()), float(each.mean() - reach), float(each.mean() + reach))
+
+
+def _one(frame: Frame) -> np.ndarray:
+    return np.array([CAR] if frame.box_xyxy else [], np.int64)
+
+
+def _without_others(boxes: Boxes, frame: Frame) -> Boxes:
+    """Without those that overlap another vehicle, and that one more than ours."""
+    if not frame.instances or not len(boxes):
+        return boxes
+    others = overlap(boxes.xyxy, np.array([other.box_xyxy for other in frame.instances], np.float64)).max(1)
+    ours = overlap(boxes.xyxy, np.array([frame.box_xyxy], np.float64))[:, 0] if frame.box_xyxy else np.zeros(len(boxes))
+    return boxes.where(~((others >= SAME) & (others > ours)))
+
+
+def by_detector(drives: Drives) -> Mapping[tuple[str, str, str], list[Driven]]:
+    """Rows of each set of weathers, defence and detector."""
+    found: defaultdict[tuple[str, str, str], list[Driven]] = defaultdict(list)
+    for row in drives.rows:
+        found[row.weathers, row.defence, row.detector].append(row)
+    return found
