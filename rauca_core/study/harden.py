@@ -130,26 +130,13 @@ def harden(
             [detector, named_as(detector, weights)], [one.category for one in everyone], engine.machine
         )
         before, after = next(iter(both.values()))
-        worn: dict[VehicleChoice, dict[str, Path]] = {}
-        for vehicle, some in matched.items():
-            own = next(folder for folder in data if read_plan(folder).atlas_id == vehicle.atlas_id)
-            labels = {METHOD + method: method for method in measured.methods}
-            worn[vehicle] = {one.label: one.path for one in some}
-            worn[vehicle] |= held_out_paints(engine, out, vehicle, own, chosen, labels, before)
-            worn[vehicle] |= adaptive_paints(engine, out, vehicle, own, chosen, measured, some, after)
-        for vehicle, own in unseen.items():
-            worn[vehicle] = held_out_paints(engine, out, vehicle, own, chosen, {UNSEEN: ""}, before)
+        worn = _worn(engine, out, matched, unseen, data, chosen, measured, before, after)
         paints = {one: keep_paints(engine, out / "study", one, some, RandomPaint()) for one, some in worn.items()}
         new = held_out_views or HeldOut(48)
         places = given_places(opened, everyone, None) if opened else held_out_places(everyone, sets, new)
         study = judge(engine, out / "study", places, paints, Judges(both), command)
-        names = before[1].name, after[1].name
         held = {one.label for one in candidates}
-        gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measured) for entry in study.entries]
-        vacant, others = _agreement(
-            engine, study, {place.vehicle.name: place.vehicle for place in places}, before, after
-        )
-        figures = Figures(*names, gains, vacant, others, cost_of(folder / weights.name), _unmet(study, data))
+        figures = _figures(engine, study, held, measured, before, after, folder / weights.name, data)
         figures.save(out)
     facts = {
         "detector": Path(detector).name,
@@ -159,6 +146,47 @@ def harden(
         "adaptive attacks": _told_of_budgets(chosen, measured),
     }
     return Hardened(out / weights.name, study, figures, _origins(worn, held, measured), facts)
+
+
+def _worn(
+    engine: Engine,
+    out: Path,
+    matched: Mapping[VehicleChoice, list[Candidate]],
+    unseen: Mapping[VehicleChoice, Path],
+    data: Sequence[Path],
+    settings: HardenSettings,
+    measures: Measures,
+    before: Chosen,
+    after: Chosen,
+) -> dict[VehicleChoice, dict[str, Path]]:
+    """What each vehicle is judged in: given camouflages (JSON) by label, and those that are made here."""
+    worn: dict[VehicleChoice, dict[str, Path]] = {}
+    labels = {METHOD + method: method for method in measures.methods}
+    for vehicle, some in matched.items():
+        own = next(folder for folder in data if read_plan(folder).atlas_id == vehicle.atlas_id)
+        worn[vehicle] = {one.label: one.path for one in some}
+        worn[vehicle] |= held_out_paints(engine, out, vehicle, own, settings, labels, before)
+        worn[vehicle] |= adaptive_paints(engine, out, vehicle, own, settings, measures, some, after)
+    for vehicle, own in unseen.items():
+        worn[vehicle] = held_out_paints(engine, out, vehicle, own, settings, {UNSEEN: ""}, before)
+    return worn
+
+
+def _figures(
+    engine: Engine,
+    study: Study,
+    held_out: Iterable[str],
+    measures: Measures,
+    before: Chosen,
+    after: Chosen,
+    weights: Path,
+    data: Sequence[Path],
+) -> Figures:
+    """All figures, from what both detectors found and from the cards of the hardening."""
+    names, held = (before[1].name, after[1].name), set(held_out)
+    gains = [gains_of(entry, *names, sorted(held & set(entry.camouflages)), measures) for entry in study.entries]
+    vacant, others = _agreement(engine, study, before, after)
+    return Figures(*names, gains, vacant, others, cost_of(weights), _unmet(study, data))
 
 
 def recipe_of(
@@ -225,9 +253,7 @@ def _told_of_budgets(settings: HardenSettings, measures: Measures) -> str:
     return f"{steps}, {measures.restarts} restarts" if steps else "none"
 
 
-def _agreement(
-    engine: Engine, study: Study, vehicles: Mapping[str, VehicleChoice], before: Chosen, after: Chosen
-) -> tuple[Agreement, Agreement]:
+def _agreement(engine: Engine, study: Study, before: Chosen, after: Chosen) -> tuple[Agreement, Agreement]:
     """Of both detectors on the study's views without their vehicle, and on the other objects in all its pictures."""
     vacant, others = Agreement(), Agreement()
     for entry in study.entries:
@@ -235,7 +261,7 @@ def _agreement(
         frames = [row.id for row in entry.results.frames]
         boxes = [np.array(row.box_xyxy, np.float64) for row in entry.results.frames]
         empty = recipes.vacant(recipes.views_in(entry.views.resolve()), frames)
-        kept = DetectionSettings(vehicles[entry.vehicle].category)
+        kept = DetectionSettings(entry.category)
         wanted = [recipes.detections(empty, detector, typed, kept, frames) for typed, detector in (before, after)]
         one, other = (detections_in(*pair) for pair in zip(wanted, engine.make(*wanted), strict=True))
         hashes = pictures_in(engine.make(empty)[0], frames).hashes

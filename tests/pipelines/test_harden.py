@@ -103,6 +103,13 @@ def test_what_is_hardened_is_not_hardened_again(folder: Path, hardened: list[str
     assert len(list(made.parent.iterdir())) == 2
 
 
+def test_a_held_out_vehicle_needs_views_of_its_own(folder: Path, hardened: list[str]) -> None:
+    given = [*GOOD, "--out", "new", "--held-out-vehicle", "others", "--views", "data"]
+    with pytest.raises(RaucaError, match="--views: none shows mirrored, which is held out; give views of it, too"):
+        harden(*given)
+    assert not (folder / "new").exists()
+
+
 def test_what_a_round_was_trained_on_cannot_be_held_out(folder: Path, hardened: list[str]) -> None:
     (made,) = (folder / "out" / "store" / "hardened").glob("*/round-1/attack/camouflage.json")
     with pytest.raises(RaucaError, match=r"camouflage.json: the same UV map as .*; what is trained on cannot be held"):
