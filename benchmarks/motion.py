@@ -54,15 +54,16 @@ from .harness import Results, Settings
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=30, size=320, samples=8, speed_m_s=10.0, frame_rate=15.0, shutter_s=1 / 120,
-    weathers="demo", detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "yolox-nano"), blur_samples=256,
+    weathers="demo", detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "yolox-nano"), blur_samples=512,
     blur_shutter_s=1 / 60,
 )  # fmt: skip
 QUICK = FULL.but(
-    manoeuvres=("approach", "cut-in"), frames=10, size=160, samples=4, frame_rate=10.0, weathers="single",
-    detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=96,
+    manoeuvres=("approach", "cut-in"), frames=10, size=160, samples=4, speed_m_s=15.0, frame_rate=10.0, weathers="single",
+    detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=512,
 )  # fmt: skip
 WHOLE_SENSOR = Sensor(0.5, 5000, 4, 8, 85, 0.3, 0.6)
 MOMENTS = 7  # of an open shutter, at which taps are built
+BLURRED_M_S = 10.0
 BLURRED = ("passing", 4)  # a manoeuvre and how many frames of it; the first and the last only tell the speed
 WANTED_DB = 36.0
 
@@ -146,7 +147,7 @@ def _blur(results: Results, folder: Path) -> None:
         (painted,) = engine.make(recipes.random_paint(body, 1024, 1, 8))
         paint = recipes.camouflage_in(painted / CAMOUFLAGE, "random")
         for shutter_s in (0.0, settings.blur_shutter_s):
-            clips = Clips((BLURRED[0],), BLURRED[1], settings.speed_m_s, 15.0, shutter_s)
+            clips = Clips((BLURRED[0],), BLURRED[1], BLURRED_M_S, 15.0, shutter_s)
             plan = Plan.of(
                 (weather,), Ring((0.0,), (0.0,), (8.0,)), clips=clips, size=settings.size, min_visible=0.0,
                 quality=Quality(4 * settings.samples), seed=TEST["held-out clips"], vehicle_name=sedan.name,

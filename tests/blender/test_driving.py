@@ -28,7 +28,7 @@ def test_camera_and_vehicle_stand_where_the_plan_says(box_vehicle: Vehicle):
     assert min(one.visible for one in found.values()) > 0.9
     assert found[0].box_xyxy() == pytest.approx(found[2].box_xyxy(), abs=2)  # it drives as fast as the camera
     moved = session.pose(0, 2)[:3, 3] - session.pose(0, 0)[:3, 3]
-    assert np.linalg.norm(moved) == pytest.approx(2.0)
+    assert np.linalg.norm(moved) == pytest.approx(2.0, rel=1e-3)  # the street bends a little
     session.render(0, 2, session.plan.weathers[0])
     np.testing.assert_allclose(np.array(session.vehicle.object.matrix_world), session.pose(0, 2), atol=1e-5)
 
