@@ -11,9 +11,10 @@ import pytest
 import torch
 
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Camouflage, Plan, RaucaError, Ring, load_vehicle, save_camouflage
-from rauca_core.contract.files import file_digest, write_json
+from rauca_core.contract import Camera, Camouflage, Plan, RaucaError, Ring, load_vehicle, save_camouflage
+from rauca_core.contract.files import file_digest, png_bytes, write_json
 from rauca_core.detect import load_detector
+from rauca_core.pictures.add import add_picture
 from rauca_core.runtime.images import read_image
 from rauca_core.study import assess as assessing
 from rauca_core.study import battery as batteries
@@ -24,6 +25,7 @@ from rauca_core.study.battery import Battery, BatteryVehicle, BatteryViews
 from rauca_core.study.candidates import NORMAL, RANDOM, find_vehicles
 from rauca_core.study.evaluate import RandomPaint
 from rauca_core.study.makers import CAMOUFLAGE
+from rauca_core.study.study import load_study
 from rauca_core.study.views import weathers_named
 from tests.study.drawn_blender import DrawnBlender, drawn_blender
 
@@ -151,3 +153,24 @@ def test_a_function_gets_the_figures_of_the_detector_that_it_wraps(
     assert outside.white_box is None
     assert not outside.detector.differentiable
     assert "gradient" in outside.white_box_note
+
+
+def test_pictures_are_looked_at_in_a_study_of_their_own(
+    small_battery: Path, drawn_blender: DrawnBlender, detectors, tmp_path: Path
+) -> None:
+    camera = Camera.look_at(np.array([5.0, 4.0, 2.5]), np.array([0.0, 0, 0.7]), 60.0, 160, 120)
+    (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
+    noise = np.random.default_rng(0).integers(90, 110, (120, 160, 3), np.uint8)
+    (tmp_path / "car.png").write_bytes(png_bytes(noise))
+    sedan, pictures = load_vehicle(find_vehicles(["sedan"])[0].folder, read_image), tmp_path / "photographs"
+    add_picture(tmp_path / "car.png", sedan, pictures, camera=tmp_path / "camera.json")
+    told = {"battery": str(small_battery), "white_box": False}
+    found, study = assess(detectors[0], tmp_path / "out", pictures=[pictures], **told)
+    assert found.clean.frames == 8  # the battery's alone
+    assert not any(entry.results.composed for entry in study.entries)
+    (entry,) = load_study(tmp_path / "out" / "pictures").entries
+    assert entry.weathers == "photographs, composed"
+    assert entry.results.composed
+    assert set(entry.results.table) == {NORMAL, RANDOM, *LABELS}
+    with pytest.raises(RaucaError, match="was rendered; `rauca evaluate` takes it"):
+        assess(detectors[0], tmp_path / "again", pictures=[study.entries[0].views], **told)
