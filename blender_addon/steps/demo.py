@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
+from mathutils import Euler
 
 from .. import compat
 from ..core import contract
@@ -54,9 +56,12 @@ def demo_folder() -> Path:
 
 
 def _show(context: bpy.types.Context) -> None:
-    """Look at it in the material preview, under the weather's own sky."""
+    """Look at it from the front and the side, in the material preview, under the weather's own sky."""
     space = context.space_data
     if space is not None and space.type == "VIEW_3D":
         space.shading.type = "MATERIAL"
         space.shading.use_scene_world = space.shading.use_scene_lights = True
-        space.region_3d.view_perspective = "CAMERA"
+        view = space.region_3d
+        view.view_perspective, view.view_location, view.view_distance = "PERSP", (0.0, 0.0, 0.7), 11.0
+        view.view_location += context.scene.cursor.location
+        view.view_rotation = Euler((math.radians(78.0), 0.0, math.radians(50.0))).to_quaternion()
