@@ -114,7 +114,8 @@ def optimize(
         bool, typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next")
     ] = False,
     detector_size: Annotated[
-        int | None, typer.Option(help="side of the detectors' input, pixels, such as the frames' own; theirs if left out")
+        int | None,
+        typer.Option(help="side of the detectors' input, pixels, such as the frames' own; theirs if left out"),
     ] = None,
     precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
     palette_of: PaletteOption = None,
