@@ -18,6 +18,7 @@ from rauca_core.attack.augmentation import RANGES
 from rauca_core.attack.ensemble import DetectorEnsemble
 from rauca_core.attack.losses import OBJECTIVES, Predicted, complete_overlap, detection_score
 from rauca_core.attack.methods import METHODS, difference_table, differences, settings_of
+from rauca_core.attack.naturalness import Naturalness
 from rauca_core.attack.run import Run
 from rauca_core.contract import Dataset, RaucaError, load_camouflage
 from rauca_core.contract.seeding import named_rng
@@ -235,8 +236,10 @@ def test_what_differs_is_read_off_the_settings() -> None:
         assert METHODS[name].stand_ins in page
 
 
-def test_ours_is_what_the_headline_was_made_with() -> None:
+def test_ours_is_the_headlines_with_both_sides_alike_and_detectors_by_turns() -> None:
     ours = make_settings(**settings_of("ours"))
+    assert ours.natural == Naturalness(feature_cm=5.0, symmetric=True)
+    assert ours.turns
     assert (ours.augmentation, ours.rest, ours.objective, ours.lr, ours.decay) == ("ours", 3, "log-score", 0.03, 0.03)
 
 
