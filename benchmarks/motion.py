@@ -57,8 +57,8 @@ FULL = Settings(
     blur_shutter_s=1 / 60,
 )  # fmt: skip
 QUICK = FULL.but(
-    manoeuvres=("approach", "cut-in"), frames=10, size=160, samples=4, speed_m_s=15.0, frame_rate=10.0, weathers="single",
-    detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=512,
+    manoeuvres=("approach", "cut-in"), frames=10, size=160, samples=4, speed_m_s=15.0, frame_rate=10.0,
+    weathers="single", detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=256,
 )  # fmt: skip
 WHOLE_SENSOR = Sensor(0.5, 5000, 4, 8, 85, 0.3, 0.6)
 MOMENTS = 7  # of an open shutter, at which taps are built
