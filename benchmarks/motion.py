@@ -11,6 +11,7 @@ import importlib.util
 import resource
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +85,7 @@ def _sensor(results: Results) -> None:
     """CPU time of a frame of 320 px on one thread, beyond that of sRGB encoding, which happens anyway."""
     light = torch.rand(1, 3, 320, 320) * 0.6
     with threads(1):
-        bare, whole = (_milliseconds(lambda sensor=sensor: sensor(light)) for sensor in (Sensor(), WHOLE_SENSOR))
+        bare, whole = (_milliseconds(partial(sensor, light)) for sensor in (Sensor(), WHOLE_SENSOR))
     results.figures["sensor_ms"] = whole - bare
     results.target("sensor, a frame of 320 px", 2.0, whole - bare, "ms", most=True)
 
