@@ -34,7 +34,7 @@ from .detectors import Chosen, detectors_for
 from .engine import Engine, Means, open_engine
 from .evaluate import RandomPaint, given_places, held_out_places, keep_paints, open_views
 from .harden_measures import METHOD, UNSEEN, Measures, adaptive_paints, held_out_paints
-from .harden_rounds import hardening
+from .harden_rounds import STRONGEST, hardening
 from .hardening import Gains, gains_of
 from .hardening_record import Figures, cost_of
 from .judging import Judges, judge
@@ -168,7 +168,7 @@ def _worn(
         worn[vehicle] |= held_out_paints(engine, out, vehicle, own, settings, labels, before)
         worn[vehicle] |= adaptive_paints(engine, out, vehicle, own, settings, measures, some, after)
     for vehicle, own in unseen.items():
-        worn[vehicle] = held_out_paints(engine, out, vehicle, own, settings, {UNSEEN: ""}, before)
+        worn[vehicle] = held_out_paints(engine, out, vehicle, own, settings, {UNSEEN: STRONGEST}, before)
     return worn
 
 

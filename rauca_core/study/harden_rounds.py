@@ -8,7 +8,7 @@ from typing import Any
 
 from ..attack import OptimizerSettings, StepReport, make_settings, run_optimization, settings_of
 from ..attack.methods import method_named
-from ..contract import Dataset, Progress
+from ..contract import Dataset, Progress, load_camouflage
 from ..contract.seeding import named_seed
 from ..detect import Detector
 from ..runtime.tensor_files import started
@@ -18,6 +18,7 @@ from ..training.settings import HardenSettings
 from .average_precision import Sample, average_precision
 from .job import Machine
 
+STRONGEST = "ours"  # of the methods: what a hardened detector is measured by
 Report = Callable[[Progress], None]
 
 
@@ -32,7 +33,7 @@ def attack_settings(
     steps: int,
     what: object,
     taps: Path,
-    method: str = "",
+    method: str = STRONGEST,
     begin_with: Path | None = None,
     turn: int = 0,
 ) -> OptimizerSettings:
@@ -40,15 +41,14 @@ def attack_settings(
 
     Args:
         what: names its random streams.
-        method: whose settings it takes, the hardening's first one if left out. The hardening's learning rate is for
-            free texels, its subsamples for methods that bring none of their own.
+        method: whose settings it takes. The hardening's learning rate is for free texels, its subsamples for methods
+            that bring none of their own.
         begin_with: a camouflage to go on from.
         turn: of how many attacks it is, counted from 0: whose patch size it takes.
     """
-    method = method or settings.attack_methods[0]
     own = method_named(method).settings
     chosen: dict[str, Any] = {} if "samples" in own else {"samples": settings.samples}
-    if own.get("paint", "texels") == "texels":
+    if paints_texels(method):
         chosen["lr"] = settings.attack_lr
     if "natural" in own:
         patches = settings.attack_patches
@@ -60,6 +60,26 @@ def attack_settings(
         seed=named_seed(settings.seed, "attack", what), threads=settings.threads, memory_mb=settings.memory_mb,
         name=name, precision=settings.precision, tap_folder=taps, checkpoint_every=50,
     ))  # fmt: skip
+
+
+def paints_texels(method: str) -> bool:
+    """Whether it paints free texels of the UV map, and so can begin with any camouflage."""
+    return bool(method_named(method).settings.get("paint", "texels") == "texels")
+
+
+def attack_folder(out: Path, number: int, restart: int) -> Path:
+    """Of one of a round's attacks, in the folder of a hardening."""
+    folder = out / f"round-{number}" / "attack"
+    return folder / f"restart-{restart}" if restart else folder
+
+
+def grown_from(out: Path, number: int, restart: int, atlas_id: str) -> Path | None:
+    """The camouflage that the attack of that number in the newest earlier round ended with, on the same vehicle."""
+    for earlier in range(number - 1, 0, -1):
+        path = attack_folder(out, earlier, restart) / "camouflage.json"
+        if load_camouflage(path)[0].atlas_id == atlas_id:
+            return path
+    return None
 
 
 def hardening(
@@ -77,19 +97,20 @@ def hardening(
 
     def attack(detector: Detector, number: int, folder: Path) -> list[Path]:
         """The round's optimizations, or the rest of them where an earlier process stopped."""
-        return [one_attack(detector, number, restart, folder) for restart in range(settings.attack_restarts)]
+        return [one_attack(detector, number, restart) for restart in range(settings.attack_restarts)]
 
-    def one_attack(detector: Detector, number: int, restart: int, folder: Path) -> Path:
-        folder, name = (
-            (folder / f"restart-{restart}", f"round-{number}.{restart}") if restart else (folder, f"round-{number}")
-        )
+    def one_attack(detector: Detector, number: int, restart: int) -> Path:
+        """Of several, the last one grows over the rounds, where its method can; the others begin with noise."""
+        folder, name = attack_folder(out, number, restart), f"round-{number}" + (f".{restart}" if restart else "")
         if (folder / "camouflage.json").is_file():
             return folder / "camouflage.json"
         turn, length = (number - 1) * settings.attack_restarts + restart, settings.attack_length(number)
         method = settings.attack_methods[turn % len(settings.attack_methods)]
         dataset = Dataset(attacked[turn % len(attacked)])
         what = (number, restart) if restart else number
-        chosen = attack_settings(settings, name, length, what, out / "taps", method, turn=turn)
+        grows = 0 < restart == settings.attack_restarts - 1 and paints_texels(method)
+        begun = grown_from(out, number, restart, dataset.plan.atlas_id) if grows else None
+        chosen = attack_settings(settings, name, length, what, out / "taps", method, begun, turn)
 
         def show(step: StepReport) -> None:
             done = done_before(settings, number) + restart * length + step.step

@@ -14,6 +14,7 @@ import pytest
 from benchmarks.stability.drawn import make_dataset
 from rauca_core.attack import random_camouflage
 from rauca_core.contract import Vehicle, load_camouflage, load_vehicle
+from rauca_core.contract.files import file_digest
 from rauca_core.report import write_hardening
 from rauca_core.runtime.images import read_image
 from rauca_core.study.engine import Engine, open_engine
@@ -88,6 +89,9 @@ def test_every_measure_is_made_once_and_recorded(asked, tmp_path: Path, monkeypa
         f"round-{number}/attack/{restart}camouflage.json" for number in (1, 2) for restart in ("", "restart-1/")
     ]
     assert [load_camouflage(made / path)[0].made["steps"] for path in pool] == [2, 2, 3, 3]
+    # The second attack of the second round goes on from the one of the first; the first ones begin with noise.
+    begun = [load_camouflage(made / path)[0].made["settings"].get("begin_with") for path in pool]
+    assert begun == [None, None, None, file_digest(made / "round-1" / "attack" / "restart-1" / "camouflage.png")]
     # Patches of 40 cm leave fewer borders than those of 5, on the same box.
     borders = [
         np.abs(np.diff(read_image((made / path).with_suffix(".png")).astype(int), axis=1)).mean() for path in pool
