@@ -124,11 +124,8 @@ class RAUCA_PT_dataset_more(SidebarPanel, bpy.types.Panel):
     bl_parent_id = "RAUCA_PT_dataset"
     bl_label = "More"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not watch.busy(JOB)
-
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        layout.enabled = not watch.busy(JOB)
         for name in ("light", "device", "part", "workers", "seed", "retry"):
             layout.prop(context.scene.rauca.dataset, name)
 

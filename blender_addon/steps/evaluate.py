@@ -205,9 +205,10 @@ class RAUCA_PT_evaluate_more(SidebarPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settled = preferences(context)
-        return not watch.busy(JOB) and settled is not None and settled.ready
+        return watch.busy(JOB) or (settled is not None and settled.ready)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        layout.enabled = not watch.busy(JOB)
         settings = context.scene.rauca.evaluate
         for name in ("frames", "size") if settings.judged == "CAMOUFLAGE" else ("white_box",):
             layout.prop(settings, name)

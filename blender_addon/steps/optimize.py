@@ -146,9 +146,10 @@ class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settled = preferences(context)
-        return not watch.busy(JOB) and settled is not None and settled.ready
+        return watch.busy(JOB) or (settled is not None and settled.ready)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        layout.enabled = not watch.busy(JOB)
         for name in ("batch", "map_size", "seed"):
             layout.prop(context.scene.rauca.optimize, name)
         draw_python(context, layout)

@@ -13,7 +13,7 @@ from blender_addon import registration
 from blender_addon.jobs import watch
 from blender_addon.jobs.background import JobUpdate, Task
 from blender_addon.preferences import preferences
-from blender_addon.steps import dataset, optimize
+from blender_addon.steps import dataset, evaluate, optimize
 from blender_addon.steps.camouflage import panel as camouflage_panel
 from blender_addon.steps.panel import State
 from blender_addon.steps.weather import panel as weather_panel
@@ -119,9 +119,10 @@ def test_buttons_stay_in_their_places_whatever_the_state_says(addon, tmp_path):
     """A job begins, works, is paused and stops; folders come and go: no button or setting moves by a row."""
     settings = preferences(addon.context)
     settings.keep(Path(sys.executable), CHECKED)
-    for cls, name, start in (
-        (dataset.RAUCA_PT_dataset, "dataset", "rauca.generate_dataset"),
-        (optimize.RAUCA_PT_optimize, "optimize", "rauca.optimize"),
+    for cls, more, name, start in (
+        (dataset.RAUCA_PT_dataset, dataset.RAUCA_PT_dataset_more, "dataset", "rauca.generate_dataset"),
+        (optimize.RAUCA_PT_optimize, optimize.RAUCA_PT_optimize_more, "optimize", "rauca.optimize"),
+        (evaluate.RAUCA_PT_evaluate, evaluate.RAUCA_PT_evaluate_more, "evaluate", "rauca.evaluate"),
     ):
         step = getattr(addon.context.scene.rauca, name)
         before = places(drawn(cls), start)
@@ -131,6 +132,7 @@ def test_buttons_stay_in_their_places_whatever_the_state_says(addon, tmp_path):
         for steer in (lambda job: None, lambda job: job.pause(), lambda job: job.stop()):
             steer(job)
             assert places(drawn(cls), start) == before
+            assert not hasattr(more, "poll") or more.poll(addon.context)  # its header stays, too
         until(lambda job=job: not job.alive)
         assert places(drawn(cls), start) == before
         assert before["start"] < before["rauca.steer_job"] < before["wm.path_open"]
