@@ -137,7 +137,9 @@ def _sentence(gains: Gains) -> str:
 def _pictures(entry: Entry, found: Hardened) -> tuple[FramePicker, Grid]:
     """The same views before and after, paint by paint."""
     picker = FramePicker([entry])
-    before, after = picker.grid(found.before, ", before hardening"), picker.grid(found.after, ", after it")
+    which = f" on the {entry.vehicle}, {entry.weathers}"
+    before = picker.grid(found.before, f"{which}, before hardening")
+    after = picker.grid(found.after, f"{which}, after it")
     grids = {"before": before, "after": after}
     rows = {f"{paint}, {when}": grid.rows[paint] for paint in picker.paints for when, grid in grids.items()}
     return picker, Grid(before.titles, rows)

@@ -59,7 +59,7 @@ def test_blur_is_the_mean_of_the_open_shutter(box_vehicle: Vehicle):
 
 
 def test_a_way_through_what_stands_there_is_refused(box_vehicle: Vehicle):
-    clips = Clips(("approach",), 30, 10.0, 10.0)
+    clips = Clips(("approach",), 12, 10.0, 10.0)
     session = session_of(box_vehicle, clips)
     session.enter(0)
     street = session.place.street(0)
@@ -71,5 +71,3 @@ def test_a_way_through_what_stands_there_is_refused(box_vehicle: Vehicle):
     wall.location = street.at(driving.clips.Spot(-15.0))[:3, 3].tolist()
     with pytest.raises(RaucaError, match=r"here, approach: the camera's way runs into a wall at 0\.00 s; drive at"):
         driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")
-    wall.location.z += 50
-    driving.require_free_ways(session.scene, session.vehicle.object, street, clips, ["approach"], "here")

@@ -51,6 +51,7 @@ OPENS = {
     "benchmarks/environment.py": MAKES,
     "benchmarks/environment_in_blender.py": MAKES,
     "benchmarks/in_blender.py": MAKES,
+    "benchmarks/motion.py": MAKES,
     "benchmarks/stability/drawn.py": MAKES,
     "benchmarks/stability/optimizer.py": MAKES,
     "benchmarks/vehicle.py": MAKES,
@@ -78,7 +79,9 @@ OPENS = {
     "rauca_core/study/assess.py": JUDGES_PICTURES,
     "rauca_core/study/detecting.py": JUDGES_PICTURES,
     "rauca_core/study/evaluate.py": JUDGES_PICTURES,  # of `harden` as well, which takes no pictures: `--views`
+    "rauca_core/study/driven.py": READS,  # clips of views that `evaluate` has opened
     "rauca_core/study/harden.py": LEARNS,
+    "rauca_core/study/harden_measures.py": LEARNS,
     "rauca_core/study/harden_rounds.py": LEARNS,
     "rauca_core/study/judging.py": MAKES,
     "rauca_core/study/makers.py": MAKES,

@@ -119,7 +119,7 @@ def test_references_as_map_photograph_and_color(box_vehicle: Vehicle, tmp_path: 
     assert np.abs(photo.astype(int) - (10, 200, 90)).max() <= 3
     stranger = Camouflage("other", "van", "0" * 16, 64, "random")
     save_camouflage(tmp_path / "other.json", stranger, png_bytes(pixels))
-    with pytest.raises(RaucaError, match="UV atlas"):
+    with pytest.raises(RaucaError, match="in another UV layout"):
         reference_texels(box_vehicle, atlas, Naturalness(reference=str(tmp_path / "other.json")))
     changed = Naturalness(reference=str(tmp_path / "old.json"), reference_sha256="0" * 64)
     with pytest.raises(RaucaError, match="changed"):
