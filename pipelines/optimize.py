@@ -123,7 +123,7 @@ def optimize(
     ] = None,
     detector_size: Annotated[
         int | None,
-        typer.Option(help="side of the detectors' input, pixels, such as the frames' own; theirs if left out"),
+        typer.Option(help="side of the detectors' input, pixels, where it is free; theirs if left out"),
     ] = None,
     precision: Annotated[str | None, typer.Option(help="of the detectors: float32 or bfloat16")] = None,
     palette_of: PaletteOption = None,

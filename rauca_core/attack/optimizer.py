@@ -81,13 +81,21 @@ def optimize(
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [
-            load_detector(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
+            _load(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
             for d in detectors or method_named(method or "rauca-final").panel
         ]
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
         processes.any(False)  # the first one writes what all read now
         made = load_paint(path)
         return replace(made, history=read_history(path.parent), path=None if out is None else path)
+
+
+def _load(name: str, size: int | None, device: torch.device) -> Detector:
+    """A detector at the size asked for; one whose size is its own enlarges the pictures of that size to it."""
+    try:
+        return load_detector(name, size, device)
+    except RaucaError:  # any other mistake is met again
+        return load_detector(name, device=device)
 
 
 def run_optimization(
