@@ -27,7 +27,7 @@ from ..contract import Camera, RaucaError, Vehicle, Weather, finish_of
 from ..contract.color import linear_to_srgb
 from ..contract.irradiance import Residual
 from ..render import Taps
-from .fog import transmittance
+from .air import transmittance
 from .paint_optics import PaintOptics
 from .paint_surface import PaintSurface, as_matrix
 

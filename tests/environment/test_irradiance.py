@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, Finish, RaucaError, Weather
-from rauca_core.environment.fog import transmittance
+from rauca_core.environment.air import transmittance
 from rauca_core.environment.irradiance import SEEN, FitSettings, Irradiance, Source, fit_place, optics_of, view_factor
 from rauca_core.environment.paint_optics import PaintOptics
 from rauca_core.environment.paint_surface import PaintSurface
