@@ -18,16 +18,13 @@ from rauca_core.contract import (
     Progress,
     RaucaError,
     Vehicle,
-    VehicleSource,
     Weather,
     find_preset,
-    load_vehicle,
     save_weathers,
 )
-from rauca_core.contract.assets import assets_folder
 from rauca_core.contract.files import write_json
+from rauca_core.dataset_tools.stored import FILES, load_vehicle
 from rauca_core.runtime.blender import require_bpy, run_blender, run_command
-from rauca_core.runtime.images import read_image
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -92,28 +89,7 @@ def make_dataset(wanted: Wanted, folder: Path) -> Dataset:
 
 
 def open_vehicle(name_or_path: str, paint_mask: Path | None = None, paint_material: str | None = None) -> Vehicle:
-    """A shipped vehicle, a vehicle folder, or an .obj, .glb or .blend, imported in a process of its own.
-
-    Raises:
-        RaucaError: no such vehicle, nothing paintable, paint chosen for one that brings its own, or Blender is missing.
-    """
-    for folder in (assets_folder() / "vehicles" / name_or_path, Path(name_or_path)):
-        if (folder / "vehicle.json").is_file():
-            if paint_mask or paint_material:
-                raise RaucaError(f"--vehicle {name_or_path} brings its own paint; drop the paint option")
-            return load_vehicle(folder, read_image)
-    with tempfile.TemporaryDirectory(prefix="rauca-bench-") as temporary:
-        folder = Path(temporary) / "vehicle"
-        source = {"path": name_or_path, "mask": str(paint_mask or ""), "material": paint_material}
-        request = {**source, "out": str(folder)}
-        run_child("in_blender.import_vehicle", request, lambda progress: None, "give a vehicle folder")
-        return load_vehicle(folder, read_image)
-
-
-def import_vehicle(path: str, mask: str, material: str | None, out: str) -> None:
-    """In the child process: import a vehicle file and save it as a vehicle folder."""
-    import bpy  # noqa: F401  # Blender's own modules, addon_utils among them, are found once it is there
-
-    from blender_addon.scene.vehicle_files import find_vehicle
-
-    find_vehicle(VehicleSource(path, Path(mask) if mask else None, material)).save(Path(out))
+    """As `load_vehicle`; where a file is given and Blender is missing, a benchmark can do with a folder."""
+    if Path(name_or_path).suffix.lower() in FILES:
+        require_bpy("give a vehicle folder")
+    return load_vehicle(name_or_path, paint_mask, paint_material)

@@ -29,7 +29,7 @@ from rauca_core.environment import load_exact
 from rauca_core.environment.irradiance import Irradiance
 from rauca_core.environment.place_light import light_places
 from rauca_core.environment.views import Composed, Place, View, compose
-from rauca_core.environment.views.paint_light import PaintLight
+from rauca_core.environment.views.drawn import PaintLight
 from rauca_core.runtime.images import read_image
 
 from .figures import save_sheet

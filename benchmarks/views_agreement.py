@@ -29,7 +29,7 @@ from rauca_core.render import srgb_to_linear as tensor_to_linear
 from rauca_core.study.average_precision import Sample, average_precision, best_score
 from rauca_core.study.detectors import ALL, detectors_for
 from rauca_core.study.job import Machine
-from rauca_core.study.plain_look import Look
+from rauca_core.study.plain_cars import Look
 
 from .harness import Results, Settings, counted
 

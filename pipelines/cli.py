@@ -6,20 +6,18 @@ answer at once.
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
 from rauca_core.contract import ApplyCamouflage, RaucaError, VehicleSource
-from rauca_core.contract.system import stop_signals
 from rauca_core.runtime.blender import run_blender
+from rauca_core.runtime.stopping import take_sigterm_for_ctrl_c
 
 from .ablate import ablate
 from .assess import assess
@@ -89,8 +87,7 @@ def run(*command: str) -> None:
     Args:
         command: put before what the user typed, for programs that stand for one command.
     """
-    for number in set(stop_signals()) - {signal.SIGINT}:
-        signal.signal(number, _interrupt)
+    take_sigterm_for_ctrl_c()
     try:
         app([*command, *sys.argv[1:]])
     except RaucaError as error:
@@ -104,11 +101,6 @@ def run(*command: str) -> None:
         return
     print(f"error: {complaint}", file=sys.stderr)
     sys.exit(2)
-
-
-def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
-    """SIGTERM is Ctrl-C: what a job has started is stopped, what is finished is kept."""
-    raise KeyboardInterrupt
 
 
 @app.command(rich_help_panel=ATTACK)

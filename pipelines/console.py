@@ -119,26 +119,35 @@ def goes_on_by_itself() -> Iterator[None]:
         raise RaucaError(f"{stop.where}; run the same command again to go on") from None
 
 
+def line_writer() -> Callable[[str], None]:
+    """What writes lines on standard output, for programs; silent once nobody reads any more."""
+    heard = True
+
+    def say(line: str) -> None:
+        nonlocal heard
+        try:
+            if heard:
+                os.write(1, f"{line}\n".encode())  # one write, whole lines: nothing comes between or is left to flush
+        except BrokenPipeError:
+            heard = False
+
+    return say
+
+
 def progress_lines() -> Callable[[str, Progress], None]:
-    """What tells a study's progress as lines on standard output, for programs; silent once nobody reads any more.
+    """What tells a study's progress by :func:`line_writer`.
 
     A line's ``last`` is what is being done, ``left_s`` the time left of that alone, judged by what was done of it here.
     """
     began: dict[str, tuple[float, int]] = {}
-    heard = True
+    say = line_writer()
 
     def tell(title: str, progress: Progress) -> None:
-        nonlocal heard
         since, before = began.setdefault(title, (time.monotonic(), progress.done))
         done, left_s = progress.done - before, progress.left_s
         if left_s is None and done > 0:
             left_s = (time.monotonic() - since) / done * (progress.total - progress.done)
-        line = Progress(progress.done, progress.total, title, left_s).line() + "\n"
-        try:
-            if heard:
-                os.write(1, line.encode())  # one write, whole lines, as nothing else may come between
-        except BrokenPipeError:
-            heard = False
+        say(Progress(progress.done, progress.total, title, left_s).line())
 
     return tell
 

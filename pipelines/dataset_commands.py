@@ -23,8 +23,7 @@ from rauca_core.dataset_tools import (
 )
 from rauca_core.dataset_tools.check import COUNTED, MIN_PSNR_DB
 from rauca_core.runtime.blender import run_blender
-from rauca_core.runtime.cluster import Cluster
-from rauca_core.runtime.shards import render_on_cluster
+from rauca_core.runtime.cluster import Cluster, render_on_cluster
 
 from .console import console, goes_on_by_itself, output, progress_bar
 from .dataset_options import dataset_job, dataset_parser, refuse_without_slurm, slurm_parser

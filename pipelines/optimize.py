@@ -17,7 +17,7 @@ import typer
 import rauca_core as rauca
 from rauca_core.contract import OptimizeProgress
 
-from .console import console, progress_bar
+from .console import console, line_writer, progress_bar
 from .naturalness import (
     FeatureSize,
     MaxDeltaE,
@@ -165,24 +165,18 @@ def optimize(
 
 
 def _lines(out: Path) -> Callable[[StepReport], None]:
-    """Prints each step as a line of JSON on standard output; once nobody reads it any more, the run goes on alone."""
+    """Prints each step as a line of JSON; once nobody reads it any more, the run goes on alone."""
     from rauca_core.attack.history import PICTURE, UV_MAP
 
     recent: deque[float] = deque(maxlen=RECENT_STEPS)
     pictures = str((out / PICTURE).absolute()), str((out / UV_MAP).absolute())
-    heard = True
+    say = line_writer()
 
     def tell(report: StepReport) -> None:
-        nonlocal heard
         recent.append(report.seconds)
         left_s = (report.steps - report.step) * median(recent)
         losses = report.loss, report.attack, report.smooth, report.score
-        line = OptimizeProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line() + "\n"
-        try:
-            if heard:
-                os.write(1, line.encode())  # one write, whole lines: nothing is left to be flushed when we end
-        except BrokenPipeError:
-            heard = False
+        say(OptimizeProgress(report.step, report.steps, *losses, report.seconds, left_s, *pictures).line())
 
     return tell
 

@@ -9,9 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal
-
-Use = Literal["training", "validation", "test"]
 
 TRAINING: Mapping[str, int] = MappingProxyType(
     {
@@ -36,10 +33,3 @@ TEST: Mapping[str, int] = MappingProxyType(
         "plain cars of detectors check": 31_700,
     }
 )
-
-
-def use_of(seed: int) -> Use:
-    """What the town of that seed is for."""
-    if seed in VALIDATION.values():
-        return "validation"
-    return "test" if seed in TEST.values() else "training"

@@ -17,12 +17,11 @@ from .darknet_network import precise
 from .families import Resolved
 from .foreign import first_line
 from .interface import DensePredictions, Detections, check_images, in_type_of
-from .nms import SinglePassDetector
+from .nms import SinglePassDetector, of_queries
 from .onnx_detr import detr_layout
 from .onnx_fusion import fuse
 from .onnx_graph import OnnxGraph, Session, read_graph, to_torch
 from .onnx_layouts import GraphFamily, Layout, Outputs, Shape, find_layout
-from .queries import of_queries
 
 DEFAULT_SIZE = 640
 MAX_SIZE = 4096  # the largest published exports take 1536

@@ -27,7 +27,7 @@ from ..contract import Camera, RaucaError, Vehicle, Weather, finish_of
 from ..contract.color import linear_to_srgb
 from ..contract.irradiance import Residual
 from ..render import Taps
-from .fog import transmittance
+from .air import transmittance
 from .paint_optics import PaintOptics
 from .paint_surface import PaintSurface, as_matrix
 
@@ -39,6 +39,12 @@ SEEN = 1e-3  # solid pixels: a texel that told this much of them is seen; a far 
 KNOWN = 0.9  # share of a pixel's texels that some source saw, from which the texture is trusted there
 NEIGHBORS = 8  # seen texels, nearest in place and direction, that tell the light of one unseen
 METRES_PER_TURN = 1.0  # how far apart two texels of opposite directions count, halved
+# How a texture is fitted, as measured (`docs/environment.md`).
+SMOOTHNESS = 0.1  # weight of differences between neighbors against errors of pixels, both in display values
+EDGE = 0.05  # relative difference from which neighbors are taken for a shadow's edge and pay less
+SPOT = 0.04  # error in display values from which a pixel counts less and less
+ROUNDS = 4  # times that both are weighed anew
+STEPS = 40  # of conjugate gradients a round
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,25 +71,6 @@ class Source:
         """(R,) True in pixels wholly of paint, with nothing before it."""
         whole = self.taps.alpha >= SOLID
         return whole if self.shown is None else whole & (self.shown >= SOLID)
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How a texture is fitted; the defaults are measured (`docs/environment.md`).
-
-    Attributes:
-        smoothness: weight of differences between neighbors against errors of pixels, both in display values.
-        edge: relative difference from which neighbors are taken for a shadow's edge and pay less.
-        spot: error in display values from which a pixel counts less and less.
-        rounds: times that both are weighed anew.
-        steps: of conjugate gradients a round.
-    """
-
-    smoothness: float = 0.1
-    edge: float = 0.05
-    spot: float = 0.04
-    rounds: int = 4
-    steps: int = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,13 +161,7 @@ def let_out(taps: Taps, camera: Camera, surface: PaintSurface, optics: PaintOpti
     return optics(cosine, normals[:, 2] / size) * transmittance(weather, camera.position, places)
 
 
-def fit_place(
-    sources: Sequence[Source],
-    surface: PaintSurface,
-    optics: PaintOptics,
-    weather: Weather,
-    settings: FitSettings | None = None,
-) -> Irradiance:
+def fit_place(sources: Sequence[Source], surface: PaintSurface, optics: PaintOptics, weather: Weather) -> Irradiance:
     """The irradiance texture that explains all views of one place and weather.
 
     Least squares in display values, through the taps, with a prior on differences between neighbors; pixels far off and
@@ -190,7 +171,6 @@ def fit_place(
     Raises:
         RaucaError: no source shows a pixel wholly covered by paint.
     """
-    settings = settings or FitSettings()
     stops = float(np.median([source.exposure_stops for source in sources])) if sources else 0.0
     views = [_Equations.of(source, surface, optics, weather, stops) for source in sources]
     rows = np.concatenate([v.share for v in views]) if views else np.zeros(0)
@@ -198,13 +178,12 @@ def fit_place(
         raise RaucaError("irradiance: no view shows enough of the paint; give views of this place that do")
     matrix = sparse.vstack([v.matrix for v in views]).tocsr()
     wanted = np.concatenate([v.wanted for v in views])
-    texels, error = _solve(matrix, rows, wanted, surface.differences, settings)
+    texels, error = _solve(matrix, rows, wanted, surface.differences)
     weight = np.asarray(matrix.sum(0)).ravel()
     texels = _fill(texels, weight >= SEEN, surface) * 2.0**-stops
     ends = np.cumsum([0] + [len(v.share) for v in views])
     residuals = tuple(
-        _residual(source.name, error[a:b], settings.spot)
-        for source, a, b in zip(sources, ends[:-1], ends[1:], strict=True)
+        _residual(source.name, error[a:b]) for source, a, b in zip(sources, ends[:-1], ends[1:], strict=True)
     )
     return Irradiance(surface, optics, weather, texels.astype(np.float32), weight.astype(np.float32), residuals)
 
@@ -226,7 +205,7 @@ class _Equations:
 
 
 def _solve(
-    matrix: sparse.csr_matrix, share: Array, wanted: Array, differences: sparse.csr_matrix, settings: FitSettings
+    matrix: sparse.csr_matrix, share: Array, wanted: Array, differences: sparse.csr_matrix
 ) -> tuple[Array, Array]:
     """Texels (P, 3), and what the last round left of each equation (N, 3) in display values."""
     columns = matrix.shape[1]
@@ -234,13 +213,13 @@ def _solve(
     texels = np.full((columns, 3), level)
     squares, edges = matrix.power(2).T.tocsr(), abs(differences).T.tocsr()
     matrix_t, differences_t = matrix.T.tocsr(), differences.T.tocsr()
-    for turn in range(settings.rounds):
+    for turn in range(ROUNDS):
         seen = share[:, None] * (matrix @ texels)
         slope = _display_slope(np.maximum(np.maximum(seen, wanted).mean(1), 1e-3))
         error = np.abs(_display(seen) - _display(wanted)).max(1)
-        trust = np.ones(len(share)) if turn == 0 else 1 / np.maximum(1, error / settings.spot)
+        trust = np.ones(len(share)) if turn == 0 else 1 / np.maximum(1, error / SPOT)
         step = np.abs(differences @ texels).mean(1) / level
-        smooth = settings.smoothness / np.sqrt(1 + (step / settings.edge) ** 2) * _display_slope(np.array(level)) ** 2
+        smooth = SMOOTHNESS / np.sqrt(1 + (step / EDGE) ** 2) * _display_slope(np.array(level)) ** 2
         weigh = trust * (slope * share) ** 2
 
         def normal(x: Array, weigh: Array = weigh, smooth: Array = smooth) -> Array:
@@ -252,7 +231,7 @@ def _solve(
         diagonal = np.repeat(squares @ weigh + edges @ smooth + 1e-9, 3)
         system = LinearOperator((3 * columns, 3 * columns), normal)
         jacobi = LinearOperator(system.shape, lambda x, d=diagonal: x / d)
-        solved, _ = cg(system, right.ravel(), texels.ravel(), maxiter=settings.steps, rtol=1e-4, M=jacobi)
+        solved, _ = cg(system, right.ravel(), texels.ravel(), maxiter=STEPS, rtol=1e-4, M=jacobi)
         texels = np.maximum(solved.reshape(columns, 3), 0.0)
     return texels, _display(share[:, None] * (matrix @ texels)) - _display(wanted)
 
@@ -276,15 +255,15 @@ def _fill(texels: Array, seen: NDArray[np.bool_], surface: PaintSurface) -> Arra
     return filled
 
 
-def held_out(irradiance: Irradiance, source: Source, spot: float = FitSettings.spot) -> Residual:
+def held_out(irradiance: Irradiance, source: Source) -> Residual:
     """How well a texture predicts a view that it was not fitted to, where its sources saw the paint."""
     told = (irradiance.known(source.taps).numpy() >= KNOWN) & source.solid()
     scale = 2.0**source.exposure_stops
     predicted = irradiance.gain(source.taps, source.camera).numpy()[told] * scale
-    return _residual(source.name, _display(predicted) - _display(np.asarray(source.A)[told] * scale), spot)
+    return _residual(source.name, _display(predicted) - _display(np.asarray(source.A)[told] * scale))
 
 
-def _residual(name: str, error: Array, spot: float) -> Residual:
-    far = float((np.abs(error).max(1) > 2 * spot).mean()) if len(error) else 0.0
+def _residual(name: str, error: Array) -> Residual:
+    far = float((np.abs(error).max(1) > 2 * SPOT).mean()) if len(error) else 0.0
     mean = float((error**2).mean()) if len(error) else 0.0
     return Residual(name, len(error), float(-10 * np.log10(max(mean, 1e-12))), far)

@@ -23,7 +23,7 @@ def vehicle_weight(mask: Tensor) -> Tensor:
     return torch.where(area >= 0.5, pixels / area.clamp(min=0.5), 0.0)
 
 
-def weighted_bce(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor, weighted: bool = True) -> Tensor:
+def weighted_bce(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor) -> Tensor:
     """Eq. 5: binary cross-entropy over the whole masked image, times W.
 
     As with torch's own, a pixel's loss is smallest, but not 0, where prediction equals truth. The prediction is
@@ -32,24 +32,22 @@ def weighted_bce(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor, weighted: 
     Args:
         x_ren_srgb, x_gt_srgb: (B, 3, H, W) in [0, 1], 0 outside the vehicle.
         mask: (B, 1, H, W) coverage of the vehicle.
-        weighted: leave W out for the ablation.
 
     Returns:
         The mean over the batch.
     """
     p = EPSILON + (1 - 2 * EPSILON) * x_ren_srgb
     entropy = -(x_gt_srgb * p.log() + (1 - x_gt_srgb) * (1 - p).log())
-    return _mean(entropy * (mask > 0), mask, weighted)
+    return _mean(entropy * (mask > 0), mask)
 
 
-def weighted_mse(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor, weighted: bool = True) -> Tensor:
+def weighted_mse(x_ren_srgb: Tensor, x_gt_srgb: Tensor, mask: Tensor) -> Tensor:
     """The published code's loss: squared error over the whole masked image, times W. Arguments as above."""
-    return _mean((x_ren_srgb - x_gt_srgb).square() * (mask > 0), mask, weighted)
+    return _mean((x_ren_srgb - x_gt_srgb).square() * (mask > 0), mask)
 
 
-def _mean(error: Tensor, mask: Tensor, weighted: bool) -> Tensor:
-    per_frame = error.flatten(1).mean(dim=1)
-    return (per_frame * vehicle_weight(mask) if weighted else per_frame).mean()
+def _mean(error: Tensor, mask: Tensor) -> Tensor:
+    return (error.flatten(1).mean(dim=1) * vehicle_weight(mask)).mean()
 
 
 def tone(linear: Tensor) -> Tensor:

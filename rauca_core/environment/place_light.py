@@ -12,11 +12,11 @@ from ..contract import Dataset, Frame, Progress, RaucaError, Vehicle, by_place_a
 from ..contract.irradiance import StoredLight, irradiance_folder, load_irradiance, save_irradiance
 from ..render import TapCache, Taps, TapSettings
 from ..runtime.images import read_image
+from .air import drops_of, without_rain
 from .exact import Light, load_exact, require_light
 from .frames import read_picture
 from .irradiance import KNOWN, SEEN, Irradiance, Source, fit_place, held_out, optics_of
 from .paint_surface import LIGHT_SIZE, PaintSurface
-from .without_rain import drops_of, without_rain
 
 SAMPLES = 8  # per pixel and axis, of the taps that light is fitted through
 HIDDEN = 0.1  # coverage less than the vehicle's own by this: something stands before it

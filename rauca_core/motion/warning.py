@@ -33,6 +33,11 @@ class Drive:
         """(F,) speed at which the gap closes; negative where it grows."""
         return np.asarray(-np.gradient(self.distances_m, self.times_s))
 
+    @property
+    def frame_s(self) -> float:
+        """Seconds that a frame stands for."""
+        return float(np.median(np.diff(self.times_s)))
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -67,17 +72,12 @@ def figures(drive: Drive, car: Followed, hota: float) -> Figures:
     return Figures(
         late_s=float(drive.times_s[known] - drive.times_s[first]),
         late_m=float(closed.sum()),
-        gap_s=_longest(car.seen & (car.track == 0)) * frame_time_s(drive),
+        gap_s=_longest(car.seen & (car.track == 0)) * drive.frame_s,
         blind=_blind(drive, car),
         breaks=car.breaks,
         switches=car.switches,
         hota=hota,
     )
-
-
-def frame_time_s(drive: Drive) -> float:
-    """Seconds that a frame stands for."""
-    return float(np.median(np.diff(drive.times_s)))
 
 
 def braking_m(speed_m_s: NDArray[np.float64]) -> NDArray[np.float64]:

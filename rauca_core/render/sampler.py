@@ -41,11 +41,6 @@ class Sampler(StrEnum):
     TENSOR_TRAVERSAL = "tensor-traversal"
     UV_TRAVERSAL = "uv-traversal"
 
-    @property
-    def through_facets(self) -> bool:
-        """Whether pixels read the facet texture tensor, not the map."""
-        return self in (Sampler.TENSOR_TRAVERSAL, Sampler.UV_TRAVERSAL)
-
 
 def look_up(
     vehicle: Vehicle,

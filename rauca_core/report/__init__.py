@@ -3,7 +3,7 @@
 from .ablation_page import write_ablation
 from .assessment_page import write_assessment
 from .clips_page import write_clips
-from .comparison_page import comparison_markdown, write_comparison
+from .comparison_page import write_comparison
 from .hardening_page import write_hardening
 from .robustness import Robustness, assess
 from .study_page import ReportNotes, Study, evaluate, save_showcase, write_report
@@ -14,7 +14,6 @@ __all__ = [
     "Robustness",
     "Study",
     "assess",
-    "comparison_markdown",
     "evaluate",
     "save_showcase",
     "write_ablation",

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..study.ablations.findings import Findings, Outcome, Scores, Verdict
 from ..study.candidates import NORMAL, RANDOM
-from ..study.families import in_table_order
+from ..study.detectors import in_table_order
 from ..study.intervals import SEEDS_NEEDED
 from ..study.results import MEAN, Estimate
 from ..study.study import Entry

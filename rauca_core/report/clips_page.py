@@ -21,7 +21,7 @@ from ..study.scores import Recorded
 from ..study.study import Entry, Study
 from .frames import Grid, Picture
 from .page import write_study_page
-from .pictures import CORRECT, TRUTH, WRONG, label, thin
+from .pictures import CORRECT, TRUTH, WRONG, as_jpeg, label, thin
 from .table import Cell, Column, Row, Source, Table, listing
 
 COLUMNS = (
@@ -138,7 +138,7 @@ def _strip(clip: Clip, pictures: dict[str, list[Image.Image]], shown: Driven) ->
     chosen = np.unique(np.linspace(0, len(clip.frames) - 1, STRIP).round().astype(int)).tolist()
     titles = [f"{clip.frames[i].time_s:.2f} s\n{clip.frames[i].distance_m:.1f} m" for i in chosen]
     rows = {
-        paint: [Picture(_jpeg(some[i]), f"{paint}, {titles[n]}, {shown.detector}") for n, i in enumerate(chosen)]
+        paint: [Picture(as_jpeg(some[i]), f"{paint}, {titles[n]}, {shown.detector}") for n, i in enumerate(chosen)]
         for paint, some in pictures.items()
     }
     return Grid(titles, rows)
@@ -152,15 +152,9 @@ def _animation(clip: Clip, pictures: dict[str, list[Image.Image]]) -> bytes:
         for column, picture in enumerate(some):
             film.paste(picture, (SIDE * column, 0))
         films.append(film)
-    step_ms = round(1000 * SLOWED * float(np.median(np.diff(clip.drive.times_s))))
+    step_ms = round(1000 * SLOWED * clip.drive.frame_s)
     stream = io.BytesIO()
     films[0].save(
         stream, "WEBP", save_all=True, append_images=films[1:], duration=step_ms, loop=0, quality=70, method=4
     )
-    return stream.getvalue()
-
-
-def _jpeg(picture: Image.Image) -> bytes:
-    stream = io.BytesIO()
-    picture.save(stream, "JPEG", quality=80, optimize=True)
     return stream.getvalue()

@@ -13,7 +13,7 @@ from ..study.candidates import NORMAL
 from .assessment_tables import KINDS, score_cell, shown_range, worst_camouflage
 from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg
 from .page import Behind, write_page
-from .table import Cell, Column, Row, Source, Table, listing, printed
+from .table import Cell, Column, Row, Source, Table, listing
 
 STYLES = dict(
     zip(
@@ -30,15 +30,12 @@ _LIMITS = (
 )
 
 
-def write_comparison(
-    found: Sequence[Assessment], out: Path, pages: Sequence[Path] = (), latex: bool = True
-) -> list[Path]:
+def write_comparison(found: Sequence[Assessment], out: Path, pages: Sequence[Path] = ()) -> list[Path]:
     """Write the page to ``out`` (.html), and its numbers (.csv, .json, .tex) beside it; returns all, the page first.
 
     Args:
         found: at least one.
         pages: of each detector, to link to; none if left out.
-        latex: whether to write the .tex.
 
     Raises:
         RaucaError: there is none, or they are of different batteries, budgets or vehicles; nothing was written.
@@ -58,7 +55,7 @@ def write_comparison(
     }
     behind = Behind(settings={"deployed scores": _thresholds(found)}, limits=_LIMITS, fewest=first.clean.frames)
     about = {"battery": first.battery, "budget": first.budget, "detectors": [one.detector.to_json() for one in found]}
-    return write_page(out, "comparison.html", told, [table], about, behind, latex)
+    return write_page(out, "comparison.html", told, [table], about, behind)
 
 
 def comparison_table(found: Sequence[Assessment]) -> Table:
@@ -105,24 +102,6 @@ def _row(one: Assessment, first: Assessment) -> Row:
     tenth = Cell(one.worst_tenth[NORMAL].score, source=Source(file, ("worst_tenth", NORMAL, "score")))
     reach = (Cell(shown_range(one.range_m[paint])) for paint in (NORMAL, worst_camouflage(one)))
     return Row(name, (*scores, less, tenth, *reach, Cell(one.detector.ms_per_image)))
-
-
-def comparison_markdown(found: Sequence[Assessment]) -> str:
-    """The comparison as a Markdown table, for a README or a page of documentation."""
-    table = comparison_table(found)
-    names = [f"{one.group}, {one.name}" if one.group else one.name for one in table.columns]
-    lines = [f"| {table.corner} | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
-    for row in table.blocks[0].rows:
-        cells = [_told(cell, column) for cell, column in zip(row.cells, table.columns, strict=True)]
-        lines.append(f"| {row.name} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
-
-
-def _told(cell: Cell | None, column: Column) -> str:
-    if cell is None or isinstance(cell.value, str):
-        return "–" if cell is None else str(cell.value)
-    between = "" if cell.low is None or cell.high is None else f" ({cell.low:.2f} to {cell.high:.2f})"
-    return printed(cell.value, column.kind) + between
 
 
 def _thresholds(found: Sequence[Assessment]) -> str:

@@ -112,7 +112,7 @@ def curve_svg(curve: Table, styles: Mapping[str, Style], measure: str = "AP@0.5"
         return _svg(figure)
 
 
-def intervals_svg(table: Table, styles: Mapping[str, Style], measure: str = "AP@0.5") -> str:
+def intervals_svg(table: Table, styles: Mapping[str, Style]) -> str:
     """A line per row of the table from the top, its scores as marks with their intervals as whiskers.
 
     ``styles`` has those of the columns to draw; where it has none of them, all are drawn in those of the rows.
@@ -132,7 +132,7 @@ def intervals_svg(table: Table, styles: Mapping[str, Style], measure: str = "AP@
                 if cell.low is not None and cell.high is not None:
                     axes.hlines(at, cell.low, cell.high, color=style.light, lw=2.2, alpha=0.45)
                 axes.plot(cell.value, at, style.mark, color=style.light, ms=5.5)
-        axes.set(xlim=(-0.02, 1.02), xticks=np.linspace(0, 1, 6), xlabel=measure, ylim=(len(rows) - 0.1, -0.2))
+        axes.set(xlim=(-0.02, 1.02), xticks=np.linspace(0, 1, 6), xlabel="AP@0.5", ylim=(len(rows) - 0.1, -0.2))
         axes.set_yticks(np.arange(len(rows)) + 0.35, [row.name for row in rows])
         axes.grid(visible=False, axis="y")
         return _svg(figure)

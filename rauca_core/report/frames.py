@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..contract import RaucaError
 from ..contract.files import file_digest
-from ..study.average_precision import IOU_THRESHOLD, Sample, box_overlaps
+from ..study.average_precision import best_score
 from ..study.detection_cache import Found
 from ..study.results import MEAN, Results
 from ..study.scores import Recorded
@@ -30,16 +30,10 @@ def strongest_paint(results: Results) -> str:
     return min(rivals, key=lambda paint: results.table[paint][MEAN].ap)
 
 
-def found_score(sample: Sample) -> float:
-    """The highest score of a detection of the target's class that overlaps it by half; 0 when it is missed."""
-    right = box_overlaps(sample.boxes, sample.truth) >= IOU_THRESHOLD
-    return float(sample.scores[right].max(initial=0.0))
-
-
 def frame_scores(results: Results, recorded: Recorded, paint: str) -> NDArray[np.float64]:
-    """(F,) how surely each frame's target is found in ``paint``: the mean over detectors of :func:`found_score`."""
+    """(F,) how surely each frame's target is found in ``paint``: the mean over detectors of its best score."""
     scores = [
-        [found_score(recorded.sample(name, paint, index)) for name in results.detectors]
+        [best_score(recorded.sample(name, paint, index)) for name in results.detectors]
         for index in range(len(results.frames))
     ]
     return np.array(scores, np.float64).mean(1)

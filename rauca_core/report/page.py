@@ -14,7 +14,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from ..contract.files import file_digest, write_bytes
-from ..study.families import family_of, in_table_order, is_own
+from ..study.detectors import family_of, in_table_order, is_own
 from ..study.study import Study
 from ..version import __version__
 from .figures import Style, color_rules, curve_svg, is_ring, themed, themed_color

@@ -46,7 +46,7 @@ def frame_picture(path: Path, truth: tuple[float, ...], found: Found, category: 
             right = overlaps[i] >= IOU_THRESHOLD
             color = OTHER if found.names[i] != canonical(category) else CORRECT if right else WRONG
             label(pen, box, f"{found.names[i]} {found.scores[i]:.2f}", color)
-    return _jpeg(picture)
+    return as_jpeg(picture)
 
 
 def label(pen: ImageDraw.ImageDraw, box: NDArray[np.float64], text: str, color: str, side: int = TILE) -> None:
@@ -76,13 +76,13 @@ def map_picture(uv_map: Path, paint_mask: NDArray[np.uint8] | None) -> bytes:
     """A UV map as JPEG, dimmed outside the paintable charts and with their outline where the mask is known."""
     picture = Image.fromarray(read_image(uv_map)).convert("RGB").resize((MAP, MAP), Image.Resampling.LANCZOS)
     if paint_mask is None:
-        return _jpeg(picture)
+        return as_jpeg(picture)
     inside = np.asarray(Image.fromarray(paint_mask).resize((MAP, MAP), Image.Resampling.BILINEAR)) > 127
     pixels = np.asarray(picture).astype(np.float32)
     pixels[~inside] = 0.2 * pixels[~inside] + 0.8 * 245
     core = cv2.erode(inside.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
     pixels[inside & ~core] = (20, 24, 30)
-    return _jpeg(Image.fromarray(pixels.astype(np.uint8)))
+    return as_jpeg(Image.fromarray(pixels.astype(np.uint8)))
 
 
 def maps_of(entries: Sequence[Entry]) -> list[tuple[Camouflage, bytes]]:
@@ -122,7 +122,7 @@ def thin(pen: ImageDraw.ImageDraw, box: NDArray[np.float64]) -> None:
     pen.rectangle((left, top, right, bottom), outline=TRUTH, width=1)
 
 
-def _jpeg(picture: Image.Image) -> bytes:
+def as_jpeg(picture: Image.Image) -> bytes:
     stream = io.BytesIO()
     picture.save(stream, "JPEG", quality=80, optimize=True)
     return stream.getvalue()

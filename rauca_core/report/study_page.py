@@ -13,7 +13,7 @@ from ..contract.files import write_bytes
 from ..study import evaluate as evaluation
 from ..study import study as measured
 from ..study.defences import NO_DEFENCE
-from ..study.families import family_of, in_table_order
+from ..study.detectors import family_of, in_table_order
 from ..study.results import MEAN, Results
 from ..study.study import Entry
 from .figures import curve_svg, history_svg, paint_styles

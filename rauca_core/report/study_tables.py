@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from ..contract import load_camouflage
 from ..study.defences import NO_DEFENCE
-from ..study.families import family_of, in_table_order, is_own
+from ..study.detectors import family_of, in_table_order, is_own
 from ..study.results import AXES, MEAN, Estimate
 from ..study.scores import Recorded
 from ..study.study import Entry, Study

@@ -1,7 +1,7 @@
 """Commands as the tasks of a job array, on a Slurm cluster or as processes here, through submitit.
 
 Tasks write into folders that all machines must see. A task that ends early is no loss: the same command submits what
-is missing.
+is missing. A data set is rendered as one task per shard, each of which keeps a ledger of its own.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from ..contract import Progress, RaucaError
-from .blender import reason_of
+from ..contract import MakeDataset, Progress, RaucaError, Shard, frame_states, save_job
+from .blender import blender_command, reason_of
 
 POLL_S = 3.0
 SHARED_DISK_LAG_S = 30.0  # a network file system may show a task's result this long after its end
@@ -126,3 +126,51 @@ def failure(job: Any) -> str:
     if error := job.exception():
         return " ".join(str(error).split())
     return str(job.result())
+
+
+def render_on_cluster(
+    job: MakeDataset,
+    shards: int,
+    cluster: Cluster,
+    blender: Path | None,
+    report: Callable[[Progress], None] | None,
+) -> str:
+    """Submit the shards of a data set and wait for them.
+
+    Args:
+        job: is cut into shards; their jobs and logs go to ``<out>.slurm`` beside the data set.
+        report: called with the progress of all tasks together; None to return once they are submitted.
+
+    Returns:
+        The array's job id.
+
+    Raises:
+        RaucaError: there is no Slurm or submitit here, the cluster refuses the job, or tasks failed.
+    """
+    if job.shard.count > 1:
+        raise RaucaError("--shard: with --slurm every shard is submitted; give --shards N instead")
+    if shards < 1:
+        raise RaucaError(f"--shards {shards}: must be at least 1")
+    cluster.require()
+    logs = Path(f"{job.out.absolute()}.slurm")
+    parts = [Shard(index, shards) for index in range(1, shards + 1)]
+    commands = []
+    for part in parts:
+        path = logs / f"shard-{part.index}.json"
+        commands.append(blender_command(path, blender))
+        save_job(path, replace(job, shard=part))
+    tasks = cluster.submit(commands, logs)
+    if report is not None:
+        cluster.wait(tasks, lambda waiting: tell_frames(job, f"{waiting} of {shards} tasks left", report))
+        failed = [f"{part}: {reason}" for part, task in zip(parts, tasks, strict=True) if (reason := failure(task))]
+        if failed:
+            raise RaucaError(f"{job.out}: {len(failed)} of {shards} shards failed, {failed[0]} (logs in {logs})")
+    return str(tasks[0].job_id).partition("_")[0]
+
+
+def tell_frames(job: MakeDataset, last: str, report: Callable[[Progress], None]) -> None:
+    """The progress of all tasks together: frames of the job that are settled, whoever rendered them."""
+    if (job.out / "dataset.json").is_file():
+        asked = {frame.id for frame in job.wanted()}
+        settled = sum(state != "failed" for frame, state in frame_states(job.out).items() if frame in asked)
+        report(Progress(settled, len(asked), last))

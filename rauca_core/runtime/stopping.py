@@ -1,4 +1,4 @@
-"""Stopping between steps: Ctrl-C and SIGTERM end the step in progress, then the run."""
+"""Stopping: Ctrl-C and SIGTERM are one, and end the step in progress, then the run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from types import FrameType
+from typing import NoReturn
 
 from ..contract.system import stop_signals
 
@@ -43,3 +44,13 @@ def stop_request() -> Iterator[StopRequest]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def take_sigterm_for_ctrl_c() -> None:
+    """From now on SIGTERM raises KeyboardInterrupt: what a job has started is stopped, what is finished is kept."""
+
+    def interrupt(number: int, stack: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt
+
+    for number in set(stop_signals()) - {signal.SIGINT}:
+        signal.signal(number, interrupt)

@@ -140,8 +140,8 @@ def _shown(score: Score) -> str:
     return f"{score.ap:.2f}"
 
 
-_PAINTS, _MEASURES = ("clean", "random", "transfer", "white_box"), ("ap", "low", "recall")
-FIGURES = tuple(f"{paint}_{measure}" for paint in _PAINTS for measure in _MEASURES)
+PAINTS, _MEASURES = ("clean", "random", "transfer", "white_box"), ("ap", "low", "recall")
+FIGURES = tuple(f"{paint}_{measure}" for paint in PAINTS for measure in _MEASURES)
 """What conditions may be about."""
 
 

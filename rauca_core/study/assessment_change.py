@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..contract import RaucaError
-from .assessment import Assessment, Score
+from .assessment import PAINTS, Assessment, Score
 from .intervals import CONFIDENCE, chance_of, difference_interval, holm
 
-PAINTS = ("clean", "random", "transfer", "white_box")
 WHITE_BOX = "white_box"
 
 
@@ -24,7 +23,7 @@ class Change:
     """Of AP@0.5 in one kind of paint.
 
     Attributes:
-        paint: one of :data:`PAINTS`.
+        paint: one of :data:`assessment.PAINTS`.
         low, high: the 95 % interval of ``difference``, over places.
         chance: how likely so large a difference is where there is none, corrected for how many are looked at.
     """

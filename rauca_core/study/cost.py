@@ -25,7 +25,6 @@ class Work(Record):
         lit_views: rendered with light maps, to optimize on; 0 without an attack on the detector itself.
         steps: of all optimizations together.
         batch: images of a step.
-        size: of the frames, pixels.
     """
 
     views: int
@@ -33,7 +32,6 @@ class Work(Record):
     lit_views: int = 0
     steps: int = 0
     batch: int = 4
-    size: int = 320
 
 
 @dataclass(frozen=True)
@@ -68,12 +66,11 @@ def cost_of(work: Work, ms_forward: float, ms_step: float | None, cores: int | N
     attacked = ms_step is not None
     lit, steps = (work.lit_views, work.steps) if attacked else (0, 0)
     again = work.views * (work.paints - 1)
-    larger = (work.size / 320) ** 2
-    cpu_s = larger * (work.views * VIEW_S + again * REPAINTED_S + lit * (LIT_S + TAPS_S))
-    size = larger * (work.views * VIEW_BYTES + again * REPAINTED_BYTES + lit * (LIT_BYTES + TAPS_BYTES))
+    cpu_s = work.views * VIEW_S + again * REPAINTED_S + lit * (LIT_S + TAPS_S)
+    size = work.views * VIEW_BYTES + again * REPAINTED_BYTES + lit * (LIT_BYTES + TAPS_BYTES)
     return Cost(
         render_s=round(cpu_s / (cores or os.cpu_count() or 1), 1),
         look_s=round(work.views * work.paints * ms_forward / 1000, 1),
         attack_s=round(steps * work.batch * (ms_step or 0.0) / 1000 * BESIDE_THE_DETECTOR, 1),
-        disk_bytes=round(size),
+        disk_bytes=size,
     )

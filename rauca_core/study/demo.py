@@ -49,7 +49,6 @@ class DemoScale:
     Attributes:
         size, samples: frames are square, pixels; Cycles samples per pixel.
         train, held_out: cameras and locations; the held-out views are in another town, from other cameras.
-        method: one of `attack.methods`.
     """
 
     size: int = 320
@@ -57,7 +56,6 @@ class DemoScale:
     train: Ring = TRAIN
     train_locations: int = 4
     held_out: Ring = HELD_OUT
-    method: str = "ours"
     steps: int = 600
     batch: int = 4
 
@@ -90,7 +88,7 @@ def demo(
         choice = replace(choice, category=choice.target)
         detectors = detectors_for(names, [choice.category], engine.machine)
         wanted = {"steps": size.steps, "batch": size.batch, "seed": SEED, "checkpoint_every": 50}
-        settings = make_settings(**settings_of(size.method, **wanted, target=choice.target, name=OURS))
+        settings = make_settings(**settings_of("ours", **wanted, target=choice.target, name=OURS))
         train = _views(body, size, "train")
         held_out = _views(body, size, "held-out")
         folders = engine.make_named(

@@ -1,15 +1,15 @@
-"""The detectors of a study: loaded once, checked before anything is rendered."""
+"""The detectors of a study: loaded once, checked before anything is rendered, and grouped as the paper's tables are."""
 
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Sequence
 
 from ..contract import RaucaError
 from ..detect import Detector, class_index, find_class, load_detector
 from ..detect.weights import ready_names
 from ..runtime.devices import find_device
-from .families import is_own
 from .job import Machine
 from .results import MEAN
 
@@ -17,6 +17,16 @@ ALL = "all"
 LOG = logging.getLogger(__name__)
 Chosen = tuple[str, Detector]
 """A detector, and what it was named by."""
+
+SINGLE_STAGE, TWO_STAGE, TRANSFORMER, OTHER = "single-stage", "two-stage", "transformer", "other"
+FAMILIES = (SINGLE_STAGE, TWO_STAGE, TRANSFORMER, OTHER)
+
+# The first that matches counts: RT-DETR and YOLOS are transformers, and Faster R-CNN on MobileNet has two stages.
+_RULES = (
+    (TRANSFORMER, r"detr|ddtr|yolos|vitdet|dino"),
+    (TWO_STAGE, r"r-?_?cnn|rcn\b"),
+    (SINGLE_STAGE, r"yolo|ssd|retina|fcos|efficientdet|centernet|rtmdet|mobilenet"),
+)
 
 
 def detectors_for(
@@ -63,3 +73,23 @@ def check_detectors(detectors: Sequence[Detector], category: str) -> None:
         raise RaucaError(f"evaluate: detectors {', '.join(names)} must have names of their own, none called {MEAN!r}")
     for detector in detectors:
         class_index(detector, category)
+
+
+def family_of(detector: str) -> str:
+    """One of :data:`FAMILIES`.
+
+    >>> [family_of(name) for name in ("yolov3-tiny", "frcnn-synth", "deformable-detr", "mine")]
+    ['single-stage', 'two-stage', 'transformer', 'other']
+    """
+    name = detector.lower()
+    return next((family for family, pattern in _RULES if re.search(pattern, name)), OTHER)
+
+
+def is_own(detector: str) -> bool:
+    """Whether it is one of this project's detectors, trained on synthetic images; they are named so."""
+    return detector.endswith("-synth")
+
+
+def in_table_order(detectors: list[str]) -> list[str]:
+    """By family; within a family our own come last, the rest stay in the order given."""
+    return sorted(detectors, key=lambda name: (FAMILIES.index(family_of(name)), is_own(name)))

@@ -145,8 +145,7 @@ def tracked(recorded: Recorded, clip: Clip, detector: str, paint: str, category:
     for place in clip.places:
         cars = None if place is None else recorded.found(detector, paint, place).only(canonical(category))
         found.append(NOTHING if cars is None else Boxes(cars.boxes, cars.scores))
-    rate = 1 / float(np.median(np.diff(clip.drive.times_s)))
-    tracks = track(found, rate, tracker)
+    tracks = track(found, 1 / clip.drive.frame_s, tracker)
     return [_without_others(boxes, frame) for boxes, frame in zip(tracks, clip.frames, strict=True)]
 
 

@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn, Protocol
+from typing import Protocol
 
 from ..contract import Progress, RaucaError
 from ..contract.files import TEMPORARY_PREFIX, sweep_partials
-from ..contract.system import stop_signals
 from ..runtime.cluster import Cluster
 from ..runtime.folder_lock import alone_in
+from ..runtime.stopping import take_sigterm_for_ctrl_c
 from .artifact import Artifact, read_recipe, seconds_spent
 from .job import Job, Machine, OnProgress
 from .makers import KINDS
@@ -131,8 +129,7 @@ def sweep_finished(folder: Path) -> None:
 
 def main(machine: str, *folders: str) -> int:
     """Make the artifacts of folders whose inputs are finished; returns the exit code."""
-    for number in set(stop_signals()) - {signal.SIGINT}:
-        signal.signal(number, _interrupt)
+    take_sigterm_for_ctrl_c()
     try:
         artifacts = tuple(read_recipe(Path(folder))[0] for folder in folders)
         inputs = tuple(tuple(one.place for one in artifact.inputs if one.place) for artifact in artifacts)
@@ -145,10 +142,6 @@ def main(machine: str, *folders: str) -> int:
         print("interrupted: what was finished is kept", file=sys.stderr, flush=True)
         return 2
     return 0
-
-
-def _interrupt(number: int, stack: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

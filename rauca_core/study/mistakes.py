@@ -7,7 +7,6 @@ spirit of TIDE (Bolya et al., ECCV 2020), so that the causes sum exactly to what
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -78,8 +77,3 @@ def mistakes_in(found: Found, truth: NDArray[np.float64], category: str, thresho
     if (deployed & ~right & on_target).any():
         return Mistakes(1, wrong_class=1, badly_placed=near, invented=away)
     return Mistakes(1, missed=int(not near), badly_placed=near, invented=away)
-
-
-def summed(counted: Iterable[Mistakes]) -> Mistakes:
-    """The mistakes of several images together."""
-    return sum(counted, Mistakes())

@@ -13,7 +13,7 @@ from ..detect import canonical
 from .assessment import Score
 from .average_precision import Ranking, Sample, best_score
 from .intervals import Curve, Places, share_interval
-from .mistakes import Mistakes, mistakes_in, summed
+from .mistakes import Mistakes, mistakes_in
 from .scores import Recorded, ap_curve
 from .study import Entry
 
@@ -69,7 +69,7 @@ class Pool:
 
     def mistakes(self, paint: str, threshold: float) -> Mistakes:
         """What is wrong at a deployed score, over all frames."""
-        return summed(
+        every = (
             mistakes_in(
                 recorded.found(self._detector, paint, index),
                 np.array(row.box_xyxy, np.float64),
@@ -79,6 +79,7 @@ class Pool:
             for recorded, entry in zip(self._recorded, self._entries, strict=True)
             for index, row in enumerate(entry.results.frames)
         )
+        return sum(every, Mistakes())
 
     @cached_property
     def places(self) -> Places:

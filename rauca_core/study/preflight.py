@@ -19,8 +19,7 @@ from ..detect import Detector, find_class
 from ..detect.foreign import first_line
 from .average_precision import average_precision
 from .cost import Cost, Work, cost_of
-from .plain_cars import plain_cars
-from .plain_look import Look
+from .plain_cars import Look, plain_cars
 from .wiring import explanations, swapped_colors
 
 DEPLOYED = 0.25

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..detect import Detector
 from ..detect.nms import corners
-from .plain_look import Look, Reading
+from .plain_cars import Look, Reading
 
 FORMS: dict[str, Callable[[int], Reading]] = {
     "shares of the image": lambda size: lambda boxes: boxes * size,

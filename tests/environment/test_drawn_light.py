@@ -16,7 +16,7 @@ from rauca_core.contract.semantics import CLASS_IDS, mask_box
 from rauca_core.environment import load_exact
 from rauca_core.environment.place_light import PlaceLight, light_places
 from rauca_core.environment.views import Composed, Place, View, Views, compose, densify
-from rauca_core.environment.views.paint_light import PaintLight
+from rauca_core.environment.views.drawn import PaintLight
 from rauca_core.runtime.images import read_image
 from tests.environment.room import POSE, REFERENCE, look, make_room
 from tests.environment.test_views import BETWEEN, POLE, psnr, view_from

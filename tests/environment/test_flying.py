@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rauca_core.contract import Camera
-from rauca_core.environment.views.flying import flying
 from rauca_core.environment.views.lens import FAR_M, Lens
+from rauca_core.environment.views.sources import flying
 
 SIZE, WALL_M = 64, 10.0
 LEFT, RIGHT = -0.5, 0.5  # of two cameras side by side before a wall, metres

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from rauca_core.contract import Camera, Finish, RaucaError, Weather
-from rauca_core.environment.fog import transmittance
-from rauca_core.environment.irradiance import SEEN, FitSettings, Irradiance, Source, fit_place, optics_of, view_factor
+from rauca_core.environment.air import transmittance
+from rauca_core.environment.irradiance import SEEN, Irradiance, Source, fit_place, optics_of, view_factor
 from rauca_core.environment.paint_optics import PaintOptics
 from rauca_core.environment.paint_surface import PaintSurface
 from rauca_core.render import Pyramid, build_taps
@@ -67,12 +67,13 @@ def test_known_light_is_found_and_lights_a_camera_between_the_sources(box_vehicl
     assert min(r.display_db for r in found.residuals) > 30
 
 
-def test_more_views_average_noise_away(box_vehicle, surface):
+def test_more_views_average_noise_away(box_vehicle, surface, monkeypatch):
+    monkeypatch.setattr("rauca_core.environment.irradiance.SPOT", 1.0)
     camera, taps = view(box_vehicle, surface, 45)
     errors = []
     for azimuths in ((20,), (20, 30, 40, 50, 60, 70, 80)):
         truth, sources = place(box_vehicle, surface, CLEAR, azimuths, noise=0.2)
-        found = fit_place(sources, surface, truth.optics, CLEAR, FitSettings(spot=1.0))
+        found = fit_place(sources, surface, truth.optics, CLEAR)
         seen = (taps.alpha > 0.98) & (found.known(taps).numpy() > 0.9)
         error = display_error(found.gain(taps, camera).numpy(), truth.gain(taps, camera).numpy())
         errors.append(np.sqrt((error[seen] ** 2).mean()))

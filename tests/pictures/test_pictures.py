@@ -19,9 +19,8 @@ from rauca_core.dataset_tools import load_vehicle as load_vehicle_of
 from rauca_core.dataset_tools.check import check_dataset
 from rauca_core.environment.views.body import see_body
 from rauca_core.pictures.add import add_picture
+from rauca_core.pictures.fit import coverage, iou, moved, refine, reprojection_px, solve_camera
 from rauca_core.pictures.points import MarkedPoint, MarkedPoints
-from rauca_core.pictures.silhouette import coverage, iou, refine
-from rauca_core.pictures.solve import moved, reprojection_px, solve_camera
 from rauca_core.runtime.images import read_image
 from rauca_core.study.evaluate import RandomPaint, evaluate, open_views
 from rauca_core.study.study import load_study

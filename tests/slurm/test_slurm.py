@@ -21,7 +21,7 @@ from rauca_core.contract import (
     claim_folder,
     planned_frames,
 )
-from rauca_core.runtime.shards import tell_frames
+from rauca_core.runtime.cluster import tell_frames
 from tests.contract.samples import PLAN
 
 PROGRAMS = ("sbatch", "slurmctld", "slurmd", "munged")

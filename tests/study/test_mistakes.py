@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rauca_core.study.average_precision import box_overlaps
 from rauca_core.study.detection_cache import Found
-from rauca_core.study.mistakes import Mistakes, mistakes_in, summed
+from rauca_core.study.mistakes import Mistakes, mistakes_in
 
 TRUTH = np.array([100.0, 100.0, 200.0, 200.0])
 ON, ALSO_ON = (100, 100, 200, 200), (105, 100, 205, 200)
@@ -67,7 +67,7 @@ def test_causes_sum_to_what_is_wrong(detections: list[tuple[tuple[int, int, int,
 
 
 def test_images_add_up() -> None:
-    total = summed([Mistakes(1, found=1), Mistakes(1, missed=1), Mistakes(1, found=1, invented=2)])
+    total = sum([Mistakes(1, found=1), Mistakes(1, missed=1), Mistakes(1, found=1, invented=2)], Mistakes())
     assert total == Mistakes(3, found=2, missed=1, invented=2)
     assert (total.wrong, total.recall) == (3, 2 / 3)
     assert Mistakes().recall == 0

@@ -21,7 +21,7 @@ from rauca_core.report.study_tables import curves_of, tables_of
 from rauca_core.report.table import BEST, SECOND, Block, Cell, Column, Row, Table, printed
 from rauca_core.report.writers import escape_latex, tables_csv, tables_json, tables_latex
 from rauca_core.study.detection_cache import DetectionCache
-from rauca_core.study.families import family_of, in_table_order
+from rauca_core.study.detectors import family_of, in_table_order
 from rauca_core.study.results import MEAN, Estimate, save_results
 from rauca_core.study.study import Entry, Study, load_study, save_study
 from tests.study.measured import made_up

@@ -11,8 +11,7 @@ from ..batch_norm import freeze_batch_norms
 from ..classes import canonical, require_names
 from ..families import Resolved
 from ..interface import DensePredictions, Detections
-from ..nms import SinglePassDetector, corners
-from ..queries import of_queries
+from ..nms import SinglePassDetector, corners, of_queries
 from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model

@@ -39,9 +39,9 @@ class Body:
     center: NDArray[np.bool_]
 
 
-def see_body(vehicle: Vehicle, camera_in_vehicle: Camera, samples: int = SAMPLES) -> Body:
+def see_body(vehicle: Vehicle, camera_in_vehicle: Camera) -> Body:
     """Rasterize one view of a vehicle; ``camera_in_vehicle`` is in the vehicle's own frame."""
-    rule = pattern(samples)
+    rule = pattern(SAMPLES)
     table, reach = filter_table("blackman-harris", rule)
     raster = rasterize(vehicle.positions, vehicle.triangles, camera_in_vehicle, margin=reach, pattern=rule)
     height, width = camera_in_vehicle.height, camera_in_vehicle.width

@@ -1,7 +1,7 @@
 """A frame for a camera that nobody rendered, from the rendered views of its place.
 
 The vehicle is rasterized: its coverage, depth and boxes are exact. What surrounds it, and what mirrors in it, is warped
-from the nearest sources (`splat`, `gather`, `holes`). The gain of its paint comes from them too, or from who calls.
+from the nearest sources (`splat`, `gather`). The gain of its paint comes from them too, or from who calls.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from ...contract.color import to_bytes
 from ...contract.exposure import metered_stops
 from ...contract.semantics import CLASS_IDS, NO_INSTANCE, TARGET_INSTANCE, find_instances, mask_box
 from .body import Body, see_body
-from .gather import Gathered, gather, refine
-from .holes import fill_holes
+from .gather import Gathered, fill_holes, gather, refine
 from .lens import FAR_M, Lens
 from .place import Place
 from .sources import Sources

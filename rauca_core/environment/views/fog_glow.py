@@ -1,7 +1,7 @@
 """The fog between a camera and what it sees: how much it dims, and how much of its own glow it adds.
 
 A source's light is kept as it is without fog, and a new view gets the fog of its own distances. What dims is known
-(`environment.fog`). The glow is that of a layer that glows alike everywhere and is the brighter the nearer one looks
+(`environment.air`). The glow is that of a layer that glows alike everywhere and is the brighter the nearer one looks
 towards the sun: B = T L + (1 - T) S(direction). Two sources that see one point differ in T and direction alone, so
 that S follows by least squares from such pairs, L dropping out. No point is darker than the glow before it: L >= 0.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...contract import Weather
-from ..fog import transmittance
+from ..air import transmittance
 from .lens import FAR_M, Lens
 from .sources import SAME_POINT
 

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from ...contract import Dataset, Frame, Weather, load_passes
 from ...contract.semantics import Instance
 from ...runtime.images import read_image
+from ..air import drops_of, without_rain
 from ..exact import load_exact
-from ..without_rain import drops_of, without_rain
-from .flying import flying
 from .fog_glow import FogGlow
 from .lens import Lens, depth_of
-from .sources import Sources, mixed
+from .sources import Sources, flying, mixed
 
 SOLID = 252  # of 255: coverage from which a pixel is no edge
 

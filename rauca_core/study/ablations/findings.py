@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..candidates import NORMAL, RANDOM
-from ..families import is_own
+from ..detectors import is_own
 from ..intervals import CONFIDENCE, SEEDS_NEEDED, Curve, Places, chance_of, holm
 from ..results import Estimate
 from ..scores import Recorded, difference, estimate, places_of
