@@ -54,7 +54,8 @@ class OptimizerSettings(Settings):
             attacks all.
         precision: of the detectors' networks; losses are in float32.
         target: the class to hide.
-        detector_size: images are resized to this side first, pixels; None leaves them to the detector's adapter.
+        detector_size: images are resized to this side first, pixels, and so is the detector's input, where it is free;
+            None leaves them to the detector's adapter.
         checkpoint_every: steps.
         threads: of torch on the CPU; None leaves torch's own choice.
         memory_mb: frames and taps kept in memory, MiB.
@@ -122,14 +123,13 @@ class OptimizerSettings(Settings):
     natural: Naturalness | None = None
 
     def identity(self) -> dict[str, Any]:
-        """The settings that a resumed run must share to end as one that never stopped.
+        """The settings that a resumed run must share with the run that it goes on from.
 
+        Not the number of steps, which whoever goes on may change: the learning rate then falls toward the new last one.
         Of a reference picture only the file's name: its contents have a digest, and where it lies changes nothing. Of
         a camouflage to begin with, the digest of its UV map.
         """
-        free = {"checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
-        if self.decay == 1.0:  # else the learning rate of every step depends on how many there will be
-            free.add("steps")
+        free = {"steps", "checkpoint_every", "threads", "memory_mb", "tap_folder", "name"}
         shared = self.model_dump(mode="json", exclude=free)
         if self.natural is not None and self.natural.reference is not None:
             shared["natural"]["reference"] = Path(self.natural.reference).name
