@@ -1,4 +1,4 @@
-"""README and the site's pages can be read once: no sentence is longer than 30 words."""
+"""README, CONTRIBUTING and the site's pages can be read once: no sentence is longer than 30 words."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ ABBREVIATED = r"(?<!\bvs\.)(?<!\be\.g\.)"
 
 
 def pages() -> list[Path]:
-    """README, and all pages of the site but the reference of functions."""
+    """README, CONTRIBUTING, and all pages of the site but the reference of functions."""
     named = re.findall(r"(?<![\w/])[\w-]+\.md", NAVIGATION.partition("reference/")[0])
-    return [ROOT / "README.md", *(ROOT / "docs" / name for name in named if name not in NOT_PROSE)]
+    return [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *(ROOT / "docs" / name for name in named if name not in NOT_PROSE),
+    ]
 
 
 def blocks(text: str) -> Iterator[str]:
@@ -62,3 +66,15 @@ def test_sentences_are_told_apart() -> None:
 def test_no_sentence_is_longer_than_thirty_words(page: Path) -> None:
     long = [f"{words(each)}: {each}" for each in sentences(page.read_text()) if words(each) > LONGEST]
     assert not long, "\n".join(long)
+
+
+def test_pages_that_use_a_term_lead_to_its_meaning() -> None:
+    """What leads through a task has each of these words only with a link to the glossary, which has them all."""
+    terms = ("AP@0.5", "white box", "texel", "IoU", "HOTA", "PSNR", "quarantined", "albedo")
+    glossary = (ROOT / "docs" / "glossary.md").read_text().lower()
+    assert not [term for term in terms if f"**{term}".lower() not in glossary]
+    tasks = re.findall(r"[\w-]+\.md", NAVIGATION.partition("  - Results:")[0])
+    for name in set(tasks) - NOT_PROSE - {"glossary.md"}:
+        text = (ROOT / "docs" / name).read_text()
+        used = [term for term in terms if any(term in block for block in blocks(text))]
+        assert not used or "(glossary.md" in text, f"{name}: {used}"
