@@ -17,7 +17,7 @@ demo: $(READY)
 # A process a core; a file's tests stay together, as they share what they rendered.
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 PLAINER := $(VENV)/bin/python tests/plainer_processor.py
-# What compares with the results of another machine runs again as if on plainer processors (docs/determinism.md).
+# What compares with the results of another machine runs again as if on plainer processors (docs/reliability.md).
 test: $(READY) $(MMDETECTION)
 	$(VENV)/bin/python -m pytest $(PARALLEL)
 	$(PLAINER) avx2 $(VENV)/bin/python -m pytest $(PARALLEL) -m stored

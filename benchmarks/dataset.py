@@ -110,7 +110,7 @@ def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
     summarize(results)
     results.picture(partial(save_pareto, results), ".svg", "datasets/cost-error.svg")
     results.picture(partial(save_fog_curve, results), "-fog.svg", "datasets/composed-fog.svg")
-    results.publish(out, docs, "datasets.md", width=170)
+    results.publish(out, docs, "speed.md", width=170)
     return results
 
 

@@ -14,6 +14,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from pipelines.cli import EXTRAS, missing
+from rauca_core.version import __version__
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
@@ -104,3 +105,11 @@ def test_blenders_own_tool_accepts_the_manifest() -> None:
     command = [sys.executable, tool, "validate", ROOT / "blender_addon"]
     checked = subprocess.run(command, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+def test_there_is_one_version() -> None:
+    manifest = tomllib.loads((ROOT / "blender_addon" / "blender_manifest.toml").read_text(encoding="utf-8"))
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)
+    assert manifest["version"] == __version__
+    assert cited
+    assert cited[1] == __version__

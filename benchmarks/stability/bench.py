@@ -47,10 +47,10 @@ def bench(out: Path, settings: Settings, docs: Path | None = None) -> Results:
     results.table(f"{len(checks)} hard cases", columns, rows)
     columns = {name: f"{{{name}}}" for name in ("case", "expected", *map(name_of, DTYPES))}
     for part, cases in shown.items():
-        results.table(part.capitalize(), columns, cases)
+        results.table(part.capitalize(), columns, cases, on_page=False)
     failed = sum(holds.count(False) for holds in answers.values())
     results.target("cases that come out otherwise than they must", 0, failed, most=True)
-    results.publish(out, docs, "stability.md", width=200)
+    results.publish(out, docs, "reliability.md", width=200)
     return results
 
 

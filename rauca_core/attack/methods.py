@@ -153,7 +153,7 @@ METHODS: Mapping[str, Method] = {
             "natural": Naturalness(feature_cm=5.0, symmetric=True),
             "lr": 0.03,
             "decay": 0.03,
-            # Both ended lower than without, though by no more than chance (docs/ablations-measured.md).
+            # Both ended lower than without, though by no more than chance (docs/ablations.md).
             "augmentation": "ours",
             "rest": 3,
             "turns": True,

@@ -59,7 +59,7 @@ def test_every_axis_is_measured_in_every_weather_and_more_samples_lower_the_erro
 
 
 def test_the_page_and_the_plots_are_written(results: Results, folder: Path) -> None:
-    page = (folder / "docs" / "datasets.md").read_text()
+    page = (folder / "docs" / "speed.md").read_text()
     assert [target.what for target in results.targets if target.what in page] == [t.what for t in results.targets]
     assert any("density 50" in target.what for target in results.targets)
     for name in ("dataset.svg", "dataset-fog.svg", "docs/pictures/datasets/cost-error.svg"):

@@ -70,6 +70,7 @@ def lines_of(page: Path) -> Iterator[Line]:
 def _read(page: Path, text: str, whole: bool) -> Iterator[Line]:
     if text in OBJECTS_IN_BLENDER or not re.match(rf"({'|'.join(PROGRAMS)})( |$)", text):
         return
+    text = text.replace("$SLURM_ARRAY_TASK_ID", "1")  # a number, in a file for sbatch
     words = shlex.split(re.sub(r"\[(--[^\]]*)\]", r"\1", text), comments=True)
     whole = whole and "..." not in words
     words = [re.sub(r",?\.\.\.$", "", word) for word in words if word != "..."]

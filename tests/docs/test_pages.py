@@ -51,6 +51,18 @@ def test_every_public_room_is_in_the_reference() -> None:
         assert f"::: rauca_core.{room}" in (DOCS / "reference" / f"{room}.md").read_text()
 
 
+def test_the_reference_names_what_is_there() -> None:
+    """Each ``::: name`` is a module, or what a module defines; the site's builder stops at any other."""
+    for page in (DOCS / "reference").glob("*.md"):
+        for name in re.findall(r"^::: ([\w.]+)$", page.read_text(), re.MULTILINE):
+            path = ROOT / name.replace(".", "/")
+            if path.is_dir() or path.with_suffix(".py").is_file():
+                continue
+            module = path.parent.with_suffix(".py")
+            assert module.is_file(), f"{page.name}: {name}"
+            assert re.search(rf"^((def|class) )?{path.name}\b", module.read_text(), re.M), f"{page.name}: {name}"
+
+
 def _code_of_method_page() -> list[tuple[str, list[str]]]:
     """Paths in docs/method.md, each with the names that follow it."""
     text = (DOCS / "method.md").read_text()
