@@ -63,6 +63,7 @@ def evaluate(
         str | None,
         typer.Option(help="of the cameras, metres; the ring's by default, farther for large vehicles"),
     ] = None,
+    locations: Annotated[int, typer.Option(min=1, help="places in the held-out town")] = 8,
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
     views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
@@ -102,7 +103,7 @@ def evaluate(
         distances_m=numbers("--distances", distances or "") or RINGS[ring].distances_m,
     )
     town = TEST["held-out views"] if views_seed is None else views_seed
-    views = HeldOut(frames or SCALES[scale], chosen, size=size, samples=samples, seed=town, fit=distances is None)
+    views = HeldOut(frames or SCALES[scale], chosen, locations, size, samples, town, fit=distances is None)
     if clips:
         driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter)
         views = HeldOut.driven(driven, size, samples, views_seed)

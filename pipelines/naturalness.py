@@ -82,7 +82,7 @@ def natural_settings(context: typer.Context) -> dict[str, Any]:
         raise RaucaError(f"--reference-weight {weight:g}: give 0 or more, and a --reference")
     if weight and given["method"] in ("das", "active"):
         raise RaucaError(f"--reference-weight: {given['method']} has a prior of its own; use another --method")
-    own = method_named(given["method"]).settings.get("natural") if given["method"] else None
+    own = method_named(given["method"]).settings.get("natural")
     sides = given.get("symmetric")
     if own is not None and (wanted is not None or sides is not None):
         kept = {"feature_cm": own.feature_cm} if given["feature_size"] is None else {}

@@ -43,7 +43,7 @@ def optimize(
     detector: Annotated[
         list[str] | None,
         typer.Option(
-            help="a name or file, see `rauca detectors list`; repeat to attack several; yolov3-tiny by default"
+            help="a name or file, see `rauca detectors list`; repeat to attack several; the method's own by default"
         ),
     ] = None,
     weight: Annotated[
@@ -53,11 +53,12 @@ def optimize(
         str | None, typer.Option(help="the class to hide, as detectors call it; the vehicle's own if left out")
     ] = None,
     method: Annotated[
-        str | None,
+        str,
         typer.Option(
-            help="settings of das, fca, dta, active, rauca-base, rauca-final or ours; options given here win over them"
+            help="whose settings to begin with: ours, das, fca, dta, active, rauca-base or rauca-final (the paper); "
+            "options given here win over them"
         ),
-    ] = None,
+    ] = "ours",
     fidelity: Annotated[
         str | None,
         typer.Option(
@@ -65,59 +66,66 @@ def optimize(
         ),
     ] = None,
     steps: int = 1000,
-    batch: Annotated[int, typer.Option(help="frames per step")] = 4,
-    lr: Annotated[float, typer.Option(help="Adam's learning rate, on sRGB values")] = 0.01,
-    decay: Annotated[float, typer.Option(help="last learning rate as a share of the first; 1 as published")] = 1.0,
+    batch: Annotated[int | None, typer.Option(help="frames per step")] = None,
+    lr: Annotated[float | None, typer.Option(help="Adam's learning rate, on sRGB values")] = None,
+    decay: Annotated[
+        float | None, typer.Option(help="last learning rate as a share of the first; 1 as published")
+    ] = None,
     objective: Annotated[
-        str, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
-    ] = "eq6",
-    beta: Annotated[float, typer.Option(help="weight of the smoothness loss, Eq. 8")] = 0.01,
+        str | None, typer.Option(help="eq6 (the paper's), log-score (pushes small scores as hard), or a rival's")
+    ] = None,
+    beta: Annotated[float | None, typer.Option(help="weight of the smoothness loss, Eq. 8")] = None,
     smooth: Annotated[
-        str, typer.Option(help="smoothness on the UV map, the map unclamped, the rendered picture or the pattern")
-    ] = "map",
-    map_size: Annotated[int, typer.Option(help="side of the UV map, texels")] = 1024,
-    samples: Annotated[int, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = 12,
+        str | None,
+        typer.Option(help="where paint is smooth: map, unclamped, picture or pattern"),
+    ] = None,
+    map_size: Annotated[int | None, typer.Option(help="side of the UV map, texels")] = None,
+    samples: Annotated[int | None, typer.Option(help="subsamples per pixel and axis of the neural renderer")] = None,
     sampler: Annotated[
-        str, typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)")
-    ] = "area",
+        str | None,
+        typer.Option(help="area (ours), bilinear, trilinear, tensor-traversal (Algorithm 1) or uv-traversal (2)"),
+    ] = None,
     views: Annotated[
-        str, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
-    ] = "rendered",
+        str | None, typer.Option(help="rendered frames, or dense: new cameras in their places at every step")
+    ] = None,
     light: Annotated[
-        str,
+        str | None,
         typer.Option(help="exact, irradiance (see `dataset light`), ours (the extractor's), published, transfer, none"),
-    ] = "exact",
+    ] = None,
     extractor: Annotated[
         Path | None, typer.Option(help="weights of --light published, or of ours in place of the shipped ones")
     ] = None,
     paint: Annotated[
-        str, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
-    ] = "texels",
+        str | None, typer.Option(help="what is free: texels of the UV map, facets, or a pattern repeated all over")
+    ] = None,
     start: Annotated[
-        str, typer.Option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
-    ] = "random",
+        str | None, typer.Option(help="random or plain; of tanh: tanh-unit (FCA's) or tanh-wide (RAUCA-base's)")
+    ] = None,
     begin_with: Annotated[
         Path | None, typer.Option(help="camouflage .json to begin with, of this vehicle and map size")
     ] = None,
     limit: Annotated[
-        str, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
-    ] = "project",
-    roa: Annotated[bool, typer.Option(help="random output augmentation")] = True,
+        str | None, typer.Option(help="keep texels in range by project (ours), clamp (as published) or tanh")
+    ] = None,
+    roa: Annotated[bool | None, typer.Option("--roa/--no-roa", help="random output augmentation")] = None,
     augmentation: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="its ranges: rauca (the paper's), published (the code's), active, ours (mirrored, near and far)"
         ),
-    ] = "rauca",
-    rest: Annotated[int, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")] = 0,
+    ] = None,
+    rest: Annotated[
+        int | None, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")
+    ] = None,
     turns: Annotated[
-        bool, typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next")
-    ] = False,
+        bool | None,
+        typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next"),
+    ] = None,
     detector_size: Annotated[
         int | None,
         typer.Option(help="side of the detectors' input, pixels, such as the frames' own; theirs if left out"),
     ] = None,
-    precision: Annotated[str, typer.Option(help="of the detectors: float32 or bfloat16")] = "float32",
+    precision: Annotated[str | None, typer.Option(help="of the detectors: float32 or bfloat16")] = None,
     palette_of: PaletteOption = None,
     palette_colors: PaletteColors = 4,
     feature_size: FeatureSize = None,
@@ -129,7 +137,7 @@ def optimize(
     seed: int = 0,
     device: Annotated[str | None, typer.Option(help="to optimize on, such as cuda:1; a GPU if there is one")] = None,
     threads: Annotated[int | None, typer.Option(help="of torch; its own choice by default")] = None,
-    name: Annotated[str, typer.Option(help="of the camouflage, in tables")] = "rauca",
+    name: Annotated[str | None, typer.Option(help="of the camouflage, in tables; the method's if left out")] = None,
     resume: Annotated[bool, typer.Option(help="go on from the latest checkpoint in OUT")] = False,
     json_progress: Annotated[
         bool, typer.Option("--json-progress", help="each step as a line of JSON on standard output, for programs")
@@ -150,7 +158,7 @@ def optimize(
                 tell(report)
 
         made = rauca.optimize(
-            dataset, detector or ["yolov3-tiny"], settings.pop("method", None), out=out, device=device,
+            dataset, detector or (), settings.pop("method"), out=out, device=device,
             on_step=show, on_view=view, resume=resume, **settings,
         )  # fmt: skip
     console.print(f"camouflage: {made.path}")
@@ -180,15 +188,9 @@ def _lines(out: Path) -> Callable[[StepReport], None]:
 
 
 def chosen_settings(context: typer.Context) -> dict[str, Any]:
-    """What `rauca_core.optimize` takes: the command's options by name.
-
-    With ``--method``, that method's settings take the place of defaults; what the user typed stands.
-    """
+    """What `rauca_core.optimize` takes: the options that were given, by name; the method's settings are the rest."""
     from rauca_core.attack import OptimizerSettings
 
     params = context.params
-    given = {name: params[name] for name in OptimizerSettings.model_fields if name in params}
-    if params["method"] is not None:
-        typed = {name for name in params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
-        given = {name: given[name] for name in given if name in typed}
+    given = {name: params[name] for name in OptimizerSettings.model_fields if params.get(name) is not None}
     return {**given, "weights": tuple(params["weight"] or ()) or None}

@@ -27,6 +27,7 @@ class Method:
         settings: of `OptimizerSettings` in both forms, where they differ from its defaults.
         published, adapted: those of one form, over ``settings``.
         stand_ins: what of the published method this framework does otherwise in its published form, too.
+        panel: detectors of the registry that it attacks where none is named.
     """
 
     source: str
@@ -36,6 +37,7 @@ class Method:
     published: Mapping[str, Any] = field(default_factory=dict)
     adapted: Mapping[str, Any] = field(default_factory=dict)
     stand_ins: str = ""
+    panel: tuple[str, ...] = ("yolov3-tiny",)
 
 
 _NEURAL_RENDERER = {"samples": 2, "pixel_filter": "box"}
@@ -156,6 +158,8 @@ METHODS: Mapping[str, Method] = {
             "rest": 3,
             "turns": True,
         },
+        # By turns four cost what one does. Of different families, and with weights that anybody may use.
+        panel=("yolov3-tiny", "yolov4-tiny", "yolox-nano", "ssd-mobilenet-v2"),
     ),
 }
 

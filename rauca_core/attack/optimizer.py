@@ -24,7 +24,7 @@ from ..runtime.stopping import stop_request
 from ..runtime.tensor_files import CHECKPOINTS, load_checkpoint, require_same, require_state, started
 from .ensemble import DetectorEnsemble
 from .history import CURVES, HISTORY, Recorder, StepReport, read_history
-from .methods import settings_of
+from .methods import method_named, settings_of
 from .naturalness.texture import NaturalColors, finish
 from .paint import Paint, load_paint, map_png
 from .run import Run
@@ -39,7 +39,7 @@ OnView = Callable[[int, int], None]
 
 def optimize(
     data: Dataset | Path | str,
-    detectors: Sequence[Detector | str],
+    detectors: Sequence[Detector | str] = (),
     method: str | None = "ours",
     *,
     steps: int = 1000,
@@ -54,7 +54,8 @@ def optimize(
 
     Args:
         data: a data set with light maps, or its folder; frames that do not show the vehicle are skipped.
-        detectors: loaded ones, or names and files as `load_detector` takes them; they are moved to ``device``.
+        detectors: loaded ones, or names and files as `load_detector` takes them; they are moved to ``device``. The
+            method's own panel if there are none.
         method: whose settings to begin with, a key of `methods.METHODS`; None for those of `OptimizerSettings`.
         steps: gradient steps in all.
         device: of the texture, the pictures and the detectors; a GPU if there is one, as the log says, when None. Run
@@ -80,7 +81,8 @@ def optimize(
     place = contextlib.nullcontext(out) if out is not None else tempfile.TemporaryDirectory("rauca")
     with joined_processes(device) as processes, place as folder:
         loaded = [
-            load_detector(d, chosen.detector_size, processes.device) if isinstance(d, str) else d for d in detectors
+            load_detector(d, chosen.detector_size, processes.device) if isinstance(d, str) else d
+            for d in detectors or method_named(method or "rauca-final").panel
         ]
         path = run_optimization(dataset, loaded, chosen, Path(folder), on_step, resume, on_view, processes)
         processes.any(False)  # the first one writes what all read now
