@@ -194,7 +194,7 @@ def test_it_learns_by_its_own_losses_and_is_written_as_it_was_read(
         Truth(torch.tensor([[20.0, 25.0, 60.0, 45.0]]), torch.tensor([0])),
         Truth(torch.zeros(0, 4), torch.zeros(0).long()),
     ]
-    adam = torch.optim.Adam(student.train().parameters(), 1e-3)
+    adam = torch.optim.Adam(student.train().parameters(), 2e-5)  # all else is random: matches jump
     seen = []
     for _ in range(3):
         with torch.random.fork_rng():
