@@ -17,7 +17,7 @@ from rauca_core.attack.losses import attack_loss
 from rauca_core.contract import Dataset, RaucaError
 from rauca_core.detect import Detector, class_index, load_detector
 from rauca_core.study.average_precision import Sample, average_precision
-from rauca_core.study.defences import NO_DEFENCE, Defence, defence_names, make_defence
+from rauca_core.study.defences import NO_DEFENCE, Defence, make_defence, ready_defences
 from rauca_core.study.defences.informed import DefendedDetector
 from rauca_core.study.detecting import read_frame_image
 
@@ -67,7 +67,7 @@ def bench(
     if not 0 < patch <= 1:
         raise RaucaError(f"--patch {patch}: a share of the vehicle's box; give more than 0, 1 at most")
     loaded = [load_detector(d) if isinstance(d, str) else d for d in detectors]
-    defences = [make_defence(name) for name in defence_names()]
+    defences = [make_defence(name) for name in ready_defences()]
     views = read_views(run)
     held = views.part(slice(0, 2 * settings.views, 2))
     results = Results("defences", settings)

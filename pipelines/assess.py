@@ -41,7 +41,9 @@ def assess(
     white_box: Annotated[
         bool, typer.Option("--white-box/--no-white-box", help="make a camouflage against the detector itself, too")
     ] = True,
-    defences: Annotated[list[str] | None, typer.Option(help="to look through: lgs, pad, jpeg, bits, median")] = None,
+    defences: Annotated[
+        list[str] | None, typer.Option(help="to look through: lgs, pad, jpeg, bits, median, nutnet")
+    ] = None,
     pictures: Annotated[
         list[Path] | None,
         typer.Option(help="data set of pictures to look at too, apart, in OUT/pictures; repeat for more"),

@@ -222,3 +222,24 @@ def weights_fetch(names: Names = None, everything: Every = False, folder: From =
         for error in errors.values():
             console.print(str(error), style="red", soft_wrap=True)
         raise RaucaError(f"{len(errors)} of {len(wanted)} could not be fetched: {', '.join(errors)}; see above")
+
+
+@weights_app.command("nutnet")
+def weights_nutnet(
+    data: Annotated[list[Path], typer.Argument(help="data sets, or folders of PNG pictures, of plain vehicles")],
+    seed: int = 0,
+) -> None:
+    """Teach the defence nutnet what plain frames look like; half a minute."""
+    import torch
+
+    from rauca_core.runtime.images import read_image
+    from rauca_core.study.defences.nutnet import train
+
+    found = [sorted(folder.glob("frames/*/image.png")) or sorted(folder.glob("*.png")) for folder in data]
+    for folder, paths in zip(data, found, strict=True):
+        if not paths:
+            raise RaucaError(f"{folder}: holds neither a data set's frames nor PNG pictures")
+    with console.status("learning"):
+        pictures = [torch.tensor(read_image(path)).permute(2, 0, 1) / 255 for paths in found for path in paths]
+        weights = train(pictures, seed)
+    console.print(f"nutnet: learnt from {len(pictures)} pictures: {weights}", soft_wrap=True)

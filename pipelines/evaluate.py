@@ -36,7 +36,7 @@ Detectors = Annotated[
 Weathers = Annotated[list[str] | None, typer.Option(help="seen, unseen, both, or a preset's name or .json file")]
 Defences = Annotated[
     list[str] | None,
-    typer.Option("--defences", "--defence", help="none, lgs, pad, jpeg, bits, median; comma separated"),
+    typer.Option("--defences", "--defence", help="none, lgs, pad, jpeg, bits, median, nutnet; comma separated"),
 ]
 Vehicles = Annotated[
     list[str] | None, typer.Option(help="vehicle folder or shipped name; found by the camouflage's UV atlas if shipped")

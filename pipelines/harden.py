@@ -30,7 +30,10 @@ Views = Annotated[
 
 def harden(
     detector: Annotated[
-        str, typer.Argument(help="frcnn-synth, yolov3-tiny ..., an .onnx of YOLO or YOLOX, or hardened weights")
+        str,
+        typer.Argument(
+            help="frcnn-synth, yolov3-tiny ..., an .onnx of YOLO or YOLOX, a framework's model, or hardened weights"
+        ),
     ],
     held_out: Held,
     data: Data,

@@ -2,7 +2,8 @@
 
 Folder, run again to go on; every step only makes what is missing::
 
-    hardened-<name>.safetensors, .json      the result, loaded by its path (.onnx, if that was given): links into
+    hardened-<name>.safetensors, .json      the result, loaded by its path (.onnx, .pth or a folder, if that was given):
+                                            links into
     store/hardened/...                      round-<k>/ with the camouflages made against the detector of that round, and
                                             the detector after it
     attacks/<vehicle>/                      links to camouflages that it is measured by, see `harden_measures`
@@ -217,8 +218,8 @@ def recipe_of(
 def link_weights(folder: Path, out: Path) -> Path:
     """Let a hardened detector be found in ``out``; returns its weights in the store."""
     card = next(folder.glob("hardened-*.json"))
-    made = [card.with_suffix(suffix) for suffix in (".onnx", ".safetensors", ".names", ".json")]
-    there = [path for path in made if path.is_file()]
+    made = [card.with_suffix(suffix) for suffix in (".onnx", ".safetensors", ".pth", "", ".names", ".json")]
+    there = [path for path in made if path.exists()]
     for path in there:
         link(out / path.name, path)
     return there[0]

@@ -22,7 +22,7 @@ from ..contract import RaucaError, load_camouflage
 from ..contract.files import file_digest, write_json
 from ..contract.schema import read_json
 from ..detect.interface import Detector
-from ..detect.synth.card import HARDENED, DetectorCard, as_detector, read_any_card
+from ..detect.synth.card import HARDENED, DetectorCard, read_any_card
 from ..environment.frames import LightFrames, SplitBy
 from ..render import TapSettings
 from ..runtime.devices import find_device
@@ -106,8 +106,8 @@ def harden(
     on_test: OnTest = lambda report: None,
     on_step: OnStep = lambda number, done, steps, loss: None,
 ) -> Path:
-    """Harden a detector, or go on; returns its weights, ``out/hardened-NAME.safetensors`` or ``.onnx``, their card
-    beside them.
+    """Harden a detector, or go on; returns its weights, ``out/hardened-NAME`` with the suffix of its kind, their
+    card beside them.
 
     A run resumed on the same machine ends in the same bits as one that never stopped.
 
@@ -225,7 +225,7 @@ class _Rounds:
         worn_by = [i for i in self.tested if self.wears(i, watched)]
 
         def test(average: nn.Module) -> Findings:
-            detector = as_detector(self.origin.card, average)
+            detector = self.origin.detecting(average)
             found = measure(detector, plain, self.tested, self.wanted.score, self.settings.seed, self.device)
             if not worn_by:
                 return found

@@ -12,6 +12,7 @@ from ..detect.families import FAMILIES
 from ..detect.load import load_detector, resolve
 from ..detect.synth.card import DetectorCard, read_card
 from ..detect.synth.networks import RECIPES, is_darknet
+from .framework_origin import FRAMEWORKS, framework_origin
 from .onnx_origin import onnx_origin
 from .origin import ELSEWHERE, Origin
 
@@ -19,17 +20,20 @@ DARKNET_SIZE, DARKNET_LR = 416, 4e-4
 
 
 def origin_of(detector: str) -> Origin:
-    """What can be hardened: our own detectors, darknet networks, ONNX files, and what was hardened before.
+    """What can be hardened: our own detectors, darknet networks, ONNX files, models of the frameworks, and what was
+    hardened before.
 
     Raises:
         RaucaError: another kind of detector, or missing or damaged files.
     """
     source = SOURCES.get(detector.partition("=")[0])
-    if source is not None and source.family not in ("synth", "darknet", "onnx"):
+    if source is not None and source.family not in ("synth", "darknet", "onnx", *FRAMEWORKS):
         raise _refusal(detector)  # before its weights are asked for
     found = resolve(detector)
     if found.family == "onnx":
         return onnx_origin(detector, found)
+    if found.family in FRAMEWORKS:
+        return framework_origin(detector, found)
     weights, fingerprint = found.files[0], load_detector(detector).fingerprint
     if found.family == "synth":
         card, digest = read_card(weights.with_suffix(".json"))
@@ -46,14 +50,15 @@ def origin_of(detector: str) -> Origin:
 def named_as(detector: str, weights: Path) -> str:
     """Hardened weights as :func:`rauca_core.detect.load_detector` takes them.
 
-    An ONNX file may not tell which network it holds: it is told as it was for ``detector``, which was hardened.
+    A file may not tell which network it holds: it is told as it was for ``detector``, which was hardened.
     """
-    network = resolve(detector).network
-    return f"{network}={weights}" if network in FAMILIES["onnx"].networks else str(weights)
+    found = resolve(detector)
+    return f"{found.network}={weights}" if found.network in FAMILIES[found.family].networks else str(weights)
 
 
 def _refusal(detector: str) -> RaucaError:
     return RaucaError(
         f"{detector}: rauca hardens its own detectors ({', '.join(RECIPES)}), darknet networks with a name, such as "
-        f"yolov3-tiny, ONNX files of YOLO and YOLOX, and what it hardened before; any other: {ELSEWHERE}"
+        "yolov3-tiny, ONNX files of YOLO and YOLOX, models of torchvision, transformers and MMDetection, and what it "
+        f"hardened before; any other: {ELSEWHERE}"
     )

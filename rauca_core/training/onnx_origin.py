@@ -36,7 +36,9 @@ ONNX_LR = 4e-4
 class OnnxOrigin(Origin):
     """An ONNX file to harden; ``weights`` is the file, which a ``.names`` file may lie beside."""
 
-    suffix = ".onnx"
+    @property
+    def suffix(self) -> str:
+        return ".onnx"
 
     def network(self, weights: Path | None = None) -> tuple[nn.Module, DetectorCard]:
         """The graph ready to learn on: as it began, or with the weights of ``weights``, a file of the same graph."""

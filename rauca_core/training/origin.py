@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from torch import nn
 
@@ -12,7 +11,7 @@ from ..detect.catalogue import find_source
 from ..detect.darknet import read_weights
 from ..detect.interface import Detector
 from ..detect.load import load_detector
-from ..detect.synth.card import DetectorCard, load_network, load_weights, save_weights
+from ..detect.synth.card import DetectorCard, as_detector, load_network, load_weights, save_weights
 from ..detect.synth.darknet_student import DarknetStudent
 
 ELSEWHERE = (
@@ -32,10 +31,7 @@ class Origin:
         card: that of detectors of our own; for a darknet network one that only says what it is.
         lr: the learning rate that suits its first training.
         fingerprint: the detector's, see ``interface.Detector``.
-        suffix: of the files that hold its hardened weights.
     """
-
-    suffix: ClassVar[str] = ".safetensors"
 
     given: str
     weights: Path
@@ -43,6 +39,11 @@ class Origin:
     card: DetectorCard
     lr: float
     fingerprint: str
+
+    @property
+    def suffix(self) -> str:
+        """Of the files that hold its hardened weights; none where that is a folder."""
+        return ".safetensors"
 
     def detector(self) -> Detector:
         """The detector before it is hardened."""
@@ -56,6 +57,10 @@ class Origin:
             assert isinstance(before, DarknetStudent)
             network.remember(before.network)
         return network, card
+
+    def detecting(self, network: nn.Module) -> Detector:
+        """The detector that a network of :meth:`network`'s is, in evaluation mode."""
+        return as_detector(self.card, network)
 
     def opened(self, weights: Path) -> Detector:
         """The detector of weights that :meth:`save` wrote."""

@@ -25,6 +25,9 @@ from rauca_core.contract import RaucaError
 from rauca_core.detect import DensePredictions, load_detector
 from rauca_core.detect.frameworks.mmdet_config import read_config
 from rauca_core.detect.frameworks.mmdet_detector import PLAIN, MmdetDetector, import_registry
+from rauca_core.detect.synth.framework_student import FrameworkStudent
+from rauca_core.detect.synth.network import Truth
+from rauca_core.training.hardenable import named_as, origin_of
 from tests.detect.gradients import checked_gradient
 
 # MMDetection's releases and torch's tell each other what is deprecated, ninety times.
@@ -55,7 +58,7 @@ CHANGES: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 KINDS = tuple(CHANGES)
-RETINANET, FASTER, _, SPARSE, DEFORMABLE, YOLOX = KINDS
+RETINANET, FASTER, DYNAMIC, SPARSE, DEFORMABLE, YOLOX = KINDS
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -173,6 +176,67 @@ def test_a_folder_of_mmdetections_detects_what_its_own_test_step_does(
         torch.testing.assert_close(ours.scores, theirs.scores[order], rtol=1e-4, atol=1e-5)
         torch.testing.assert_close(ours.boxes, theirs.bboxes[order].clamp(min=0).minimum(limit), rtol=1e-4, atol=1e-2)
         assert torch.equal(ours.labels, theirs.labels[order])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_learns_by_its_own_losses_and_is_written_as_it_was_read(
+    kind: str, folder_of: Callable[[str], Path], images: Tensor, tmp_path: Path
+) -> None:
+    given = shutil.copytree(folder_of(kind), tmp_path / "given")
+    (given / "mine.names").write_text("car\nbus\n")
+    held = torch.load(given / "epoch_12.pth", weights_only=True)
+    held["meta"]["dataset_meta"] = {"classes": ("car", "bus")}  # before what the configuration says
+    torch.save(held, given / "epoch_12.pth")
+    origin = origin_of(str(given))
+    student, card = origin.network()
+    assert isinstance(student, FrameworkStudent)
+    truths = [
+        Truth(torch.tensor([[20.0, 25.0, 60.0, 45.0]]), torch.tensor([0])),
+        Truth(torch.zeros(0, 4), torch.zeros(0).long()),
+    ]
+    adam = torch.optim.Adam(student.train().parameters(), 2e-5)  # all else is random: matches jump
+    seen = []
+    for _ in range(3):
+        with torch.random.fork_rng():
+            torch.manual_seed(0)
+            loss = torch.stack(list(student.losses(images, truths).values())).sum()
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        seen.append(float(loss.detach()))
+    assert seen[-1] < seen[0] or kind == DYNAMIC  # whose losses grow with what it learns
+    target = tmp_path / f"hardened-{card.name}"
+    origin.save(target, student.eval(), card)
+    written = load_detector(named_as(str(given), target))
+    assert (written.name, written.class_names) == ("hardened-given", ("car", "bus"))
+    assert {path.name for path in target.iterdir()} == {path.name for path in given.iterdir()}
+    found, meant = written.dense(images), student.dense(images)
+    torch.testing.assert_close(found.classes.amax(-1), meant.classes.amax(-1))
+    before, after = held["state_dict"], torch.load(target / "epoch_12.pth", weights_only=True)["state_dict"]
+    assert before.keys() == after.keys()
+    assert all(torch.equal(before[name], after[name]) for name in before if "running_" in name)
+    model = registered(target / "config.py")  # what MMDetection itself makes of the folder
+    unmatched = model.load_state_dict(after)
+    assert not unmatched.missing_keys + unmatched.unexpected_keys
+
+
+def registered(config: Path) -> Any:
+    return import_registry().build(importlib.import_module("mmengine").Config.fromfile(config).model)
+
+
+def test_a_model_without_settings_of_training_is_refused_with_the_way_out(
+    folder_of: Callable[[str], Path], tmp_path: Path
+) -> None:
+    folder = shutil.copytree(folder_of(FASTER), tmp_path / "bare")
+    config = described(FASTER)
+    config.test_dataloader.dataset.metainfo = {"classes": ("car", "bus")}
+    config.model.train_cfg = None
+    config.dump(folder / "config.py")
+    with pytest.raises(
+        RaucaError, match=r"bare: cannot be trained; its own losses fail .*rauca dataset export"
+    ) as told:
+        origin_of(str(folder))
+    assert "\n" not in str(told.value)
 
 
 def slope_of(detector: Any, images: Tensor, of: Callable[[DensePredictions], Tensor]) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -172,3 +173,17 @@ def draw_car(
     rows, columns = np.nonzero(coverage.max(1) > 0.5)[0], np.nonzero(coverage.max(0) > 0.5)[0]
     box = (float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1))
     return small, coverage, box
+
+
+@pytest.fixture(scope="session")
+def nutnet_learnt(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The defence NutNet has learnt smooth pictures, for a tenth of its usual steps."""
+    from rauca_core.study.defences import nutnet
+    from tests.study.test_defences_informed import picture
+
+    folder = tmp_path_factory.mktemp("nutnet")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(nutnet, "weights_folder", lambda: folder)
+        patch.setattr(nutnet, "STEPS", 150)
+        nutnet.train([picture(seed)[0, :, :28] for seed in range(4)])  # above the square of texture
+        yield folder

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from rauca_core.contract import RaucaError
-from rauca_core.study.defences import defence_names, make_defence
+from rauca_core.study.defences import KINDS, defence_names, make_defence
 from rauca_core.study.defences.reference import BitDepth, Jpeg, Median
 
+pytestmark = pytest.mark.usefixtures("nutnet_learnt")
 NAMES = [
     *defence_names(),
     "jpeg:quality=30",
@@ -77,7 +78,7 @@ def test_fingerprints_tell_every_parameter_apart() -> None:
     assert len(set(fingerprints)) == len(names)
 
 
-@pytest.mark.parametrize("kind", [type(make_defence(name)) for name in defence_names()])
+@pytest.mark.parametrize("kind", KINDS.values())
 def test_the_fingerprint_changes_with_the_implementation(kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
     before = kind().fingerprint
     monkeypatch.setattr(kind, "version", kind.version + 1)

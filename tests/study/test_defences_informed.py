@@ -18,6 +18,8 @@ from rauca_core.study.defences.informed import DefendedDetector
 from rauca_core.study.defences.pad import Pad
 from rauca_core.study.defences.smooth_jpeg import smooth_jpeg
 
+pytestmark = pytest.mark.usefixtures("nutnet_learnt")
+
 
 def picture(seed: int = 0, size: int = 96) -> Tensor:
     """(1, 3, S, S): smooth colors with a sharp square of texture, as a car in camouflage is."""
@@ -80,7 +82,7 @@ def test_the_detector_sees_the_defence_itself_and_the_gradient_is_finite(name: s
     assert float(images.grad.abs().sum()) > 0
 
 
-@pytest.mark.parametrize("name", ["lgs", "median", "jpeg:quality=40", "pad", "bits:depth=2"])
+@pytest.mark.parametrize("name", ["lgs", "median", "jpeg:quality=40", "pad", "bits:depth=2", "nutnet"])
 def test_who_knows_of_a_defence_gets_farther_behind_it(name: str) -> None:
     """Sixteen signed steps against the detector behind the defence, on the texture alone, and against the bare one."""
     defence = make_defence(name)

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import importlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..families import MMDET_INSTALL, Resolved
 from ..foreign import changed, first_line
 from ..interface import DensePredictions, Detections
 from ..nms import SinglePassDetector
+from ..synth.network import Truth
 from .checkpoint import fill, fingerprint, read_checkpoint, tensors_of
 from .mmdet_config import names_of, read_config
 from .torchvision_ops import import_torchvision
@@ -96,18 +97,46 @@ class MmdetDetector(SinglePassDetector):
     def _final(
         self, images: Tensor, score_threshold: float, iou_threshold: float, most: int | None = None
     ) -> list[Detections]:
+        batch, samples, scale = self._prepared(images)
+        holder, maskless = self._holder()
+        limits = {"test_cfg": _limited(holder, score_threshold, iou_threshold, most)}
+        with changed(holder, **limits, **maskless):
+            predicted = self.network.predict(batch, samples, rescale=False)
+        return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
+
+    @property
+    def side(self) -> int:
+        """The shorter side that images are scaled to, pixels."""
+        return min(self._preparation.scale)
+
+    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+        """MMDetection's own losses, to be summed, of a network in training mode; boxes in the images' pixels.
+
+        Masks are not learnt.
+        """
+        batch, samples, scale = self._prepared(images)
+        instances = importlib.import_module("mmengine.structures").InstanceData
+        for sample, truth in zip(samples, truths, strict=True):
+            sample.gt_instances = instances(bboxes=truth.boxes / scale, labels=truth.labels)
+        holder, maskless = self._holder()
+        with changed(holder, **maskless):
+            found = self.network.loss(batch, samples)
+        parts = {name: one if isinstance(one, list) else [one] for name, one in found.items() if "loss" in name}
+        return {name: torch.stack([one.mean() for one in some]).sum() for name, some in parts.items()}
+
+    def _prepared(self, images: Tensor) -> tuple[Tensor, list[Any], Tensor]:
+        """The network's batch, MMDetection's sample of each image, and what (4,) scales boxes there to the images'."""
         prepared = self._preparation.fit(self.name, images)
         batch, size, padded = prepared.batch, prepared.size, tuple(prepared.batch.shape[2:])
         known = {"img_shape": prepared.framed, "ori_shape": size, "pad_shape": padded, "batch_input_shape": padded}
         sample = importlib.import_module("mmdet.structures").DetDataSample
         samples = [sample(metainfo=known | {"scale_factor": (1.0, 1.0)}) for _ in images]
+        return batch, samples, batch.new_tensor([images.shape[3] / size[1], images.shape[2] / size[0]] * 2)
+
+    def _holder(self) -> tuple[Any, dict[str, None]]:
+        """The head that holds the limits of a test, and what of it must be changed to leave masks out."""
         holder = self.network.roi_head if hasattr(self.network, "roi_head") else self.network.bbox_head
-        limits = {"test_cfg": _limited(holder, score_threshold, iou_threshold, most)}
-        maskless = {"mask_head": None} if hasattr(holder, "mask_head") else {}
-        with changed(holder, **limits, **maskless):
-            predicted = self.network.predict(batch, samples, rescale=False)
-        scale = batch.new_tensor([images.shape[3] / size[1], images.shape[2] / size[0]] * 2)
-        return [_sorted(sample.pred_instances, scale, score_threshold) for sample in predicted]
+        return holder, {"mask_head": None} if hasattr(holder, "mask_head") else {}
 
 
 def load(found: Resolved, size: int | None) -> MmdetDetector:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -15,6 +15,7 @@ from ..families import Resolved
 from ..foreign import changed
 from ..interface import DensePredictions, Detections
 from ..nms import SinglePassDetector
+from ..synth.network import Truth
 from .checkpoint import fill, fingerprint, read_state
 from .torchvision_ops import import_torchvision
 
@@ -121,6 +122,18 @@ class TorchvisionDetector(SinglePassDetector):
         height, width = batch.image_sizes[0]
         scale = found.boxes.new_tensor([images.shape[3] / width, images.shape[2] / height] * 2)
         return DensePredictions(found.boxes * scale, found.objectness, found.classes[..., self._skipped :])
+
+    @property
+    def side(self) -> int:
+        """The shorter side that images are scaled to, pixels."""
+        transform = self.network.transform
+        return int((transform.fixed_size or transform.min_size)[0])
+
+    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+        """torchvision's own losses, to be summed, of a network in training mode; boxes in the images' pixels."""
+        targets = [{"boxes": one.boxes, "labels": one.labels + self._skipped} for one in truths]
+        found: dict[str, Tensor] = self.network(list(images), targets)
+        return found
 
     @torch.inference_mode()
     def detect(self, images: Tensor, score_threshold: float = 0.005, iou_threshold: float = 0.45) -> list[Detections]:

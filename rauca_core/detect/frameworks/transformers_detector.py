@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -11,7 +12,8 @@ from ..batch_norm import freeze_batch_norms
 from ..classes import canonical, require_names
 from ..families import Resolved
 from ..interface import DensePredictions, Detections
-from ..nms import SinglePassDetector, corners, of_queries
+from ..nms import SinglePassDetector, centered, corners, of_queries
+from ..synth.network import Truth
 from .checkpoint import fingerprint
 from .scaling import Scaling, read_scaling
 from .transformers_loading import Family, family_of, load_model
@@ -62,6 +64,18 @@ class TransformersDetector(SinglePassDetector):
         self.network = model.eval().requires_grad_(False)
         self.fingerprint = fingerprint(model, self.class_names, self.scaling, _settings(model.config.to_dict()))
         freeze_batch_norms(model)  # RT-DETR flattens what they make: see there
+
+    @property
+    def side(self) -> int:
+        """The shorter side that images are scaled to, pixels."""
+        return self.scaling.shortest or min(self.scaling.height, self.scaling.width)
+
+    def losses(self, images: Tensor, truths: Sequence[Truth]) -> dict[str, Tensor]:
+        """transformers' own loss, which matches a query to each object, of a network in training mode; boxes in the
+        images' pixels."""
+        size = images.new_tensor([images.shape[3], images.shape[2]] * 2)
+        labels = [{"class_labels": one.labels, "boxes": centered(one.boxes) / size} for one in truths]
+        return {"loss": self.network(pixel_values=self.scaling.fit(self.name, images), labels=labels).loss}
 
     def _final(self, images: Tensor, score_threshold: float, iou_threshold: float) -> list[Detections]:
         return of_queries(self._predict(images), score_threshold, self._family.softmax, self._family.limit)

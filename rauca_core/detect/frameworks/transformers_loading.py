@@ -188,7 +188,7 @@ def _refuse_giants(path: Path, value: Any, key: str = "") -> None:
 def _filled(kind: Any, config: Any, state: Mapping[str, Tensor], path: Path) -> Any:
     """Through transformers' loader, which knows the names that tensors had in its earlier versions."""
     held = sum(value.numel() for value in state.values())
-    with _quiet():
+    with quiet():
         with torch.device("meta"):
             wanted = sum(parameter.numel() for parameter in kind(config).parameters())
         if wanted > 2 * held:  # a file that lacks a tensor or two is told which
@@ -208,7 +208,7 @@ def _filled(kind: Any, config: Any, state: Mapping[str, Tensor], path: Path) -> 
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """transformers' tables of wrong tensors and progress bars go to the terminal; errors here say what is wrong."""
     log = import_transformers().utils.logging
     level, bars = log.get_verbosity(), log.is_progress_bar_enabled()

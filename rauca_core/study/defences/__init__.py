@@ -5,13 +5,14 @@ from __future__ import annotations
 from ...contract import RaucaError
 from .interface import NO_DEFENCE, Defence
 from .lgs import LocalGradientsSmoothing
+from .nutnet import NutNet, trained
 from .pad import Pad
 from .reference import BitDepth, Jpeg, Median, Nothing
 
-__all__ = ["NO_DEFENCE", "Defence", "defence_names", "make_defence"]
+__all__ = ["NO_DEFENCE", "Defence", "defence_names", "make_defence", "ready_defences"]
 
 KINDS: dict[str, type[Defence]] = {
-    kind.kind: kind for kind in (Nothing, LocalGradientsSmoothing, Pad, Jpeg, BitDepth, Median)
+    kind.kind: kind for kind in (Nothing, LocalGradientsSmoothing, Pad, Jpeg, BitDepth, Median, NutNet)
 }
 
 
@@ -20,11 +21,16 @@ def defence_names() -> tuple[str, ...]:
     return tuple(KINDS)
 
 
+def ready_defences() -> tuple[str, ...]:
+    """Those that can be used: ``nutnet`` must have learnt from plain frames first."""
+    return tuple(name for name in KINDS if name != NutNet.kind or trained())
+
+
 def make_defence(name: str) -> Defence:
     """A defence by name, such as ``lgs``, or with parameters, ``jpeg:quality=50`` or ``lgs:block=9,overlap=3``.
 
     Raises:
-        RaucaError: unknown name or parameter, a value that is no number or out of range.
+        RaucaError: unknown name or parameter, a value that is no number or out of range, one that has learnt nothing.
     """
     kind_name, _, settings = name.partition(":")
     if kind_name not in KINDS:
@@ -34,7 +40,9 @@ def make_defence(name: str) -> Defence:
     if len(dict(given)) < len(given):
         raise RaucaError(f"defence {name!r}: a parameter is given twice; give each once")
     try:
-        return kind.make(**dict(given))
+        made = kind.make(**dict(given))
     except RaucaError as error:
         have = ", ".join(f"{key}={value}" for key, value in kind.parameters().items()) or "no parameters"
         raise RaucaError(f"defence {name!r}: {error}; {kind_name} has {have}") from None
+    assert made.fingerprint  # one that must learn says here that it did not
+    return made
