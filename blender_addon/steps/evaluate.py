@@ -24,7 +24,7 @@ from .camouflage.painted_vehicle import vehicle_for
 from .job_panel import draw_buttons, draw_told, job_state, shown_job
 from .on_disk import ask, camouflage_at, chosen_path, forget
 from .operator import BackgroundOperator
-from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
+from .panel import SidebarPanel, State, StepPanel, choice, folder_setting, paragraph
 
 JOB = "evaluate"
 MARK = "evaluated.json"  # in a folder that this step writes to: whether what it began there is finished
@@ -170,7 +170,7 @@ class RAUCA_PT_evaluate(StepPanel, bpy.types.Panel):
         else:
             every = layout.column()
             every.enabled = not watch.busy(JOB)
-            every.row().prop(settings, "judged", expand=True)
+            choice(every, settings, "judged")
             for name in ("folder", "effort"):
                 every.prop(settings, name)
             draw_detectors(context, every)

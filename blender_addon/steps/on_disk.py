@@ -12,7 +12,6 @@ import bpy
 
 from ..core import contract, schema
 from ..jobs import pictures
-from ..jobs.thumbnails import thumbnail
 
 ASK_EVERY_S = 0.5
 UNFINISHED = "unfinished.json"  # the camouflage of a stopped run, as `rauca optimize` names it
@@ -83,19 +82,22 @@ def camouflage_at(setting: str) -> contract.Camouflage | None:
 
 def picture_of(setting: str) -> int:
     """The icon of the chosen camouflage, a small picture of its texture; 0 where there is none."""
-    return pictures.icon(_picture(chosen_path(setting).with_suffix(".json"))) if camouflage_at(setting) else 0
+    path = chosen_path(setting).with_suffix(".json")
+    found = ask(f"picture {path.name}", str(path.parent), (path.name, f"{path.stem}.png"), lambda _: _picture(path))
+    return pictures.load(*found) if found is not None else 0
 
 
 def _camouflage(path: Path) -> contract.Camouflage:
-    found, image = contract.load_camouflage(path)
-    if (small := thumbnail(image)) is not None:
-        pictures.show(_picture(path), small)
-    told: contract.Camouflage = found
+    told: contract.Camouflage = contract.load_camouflage(path)[0]
     return told
 
 
-def _picture(path: Path) -> str:
-    return f"camouflage.{path}"
+def _picture(path: Path) -> tuple[str, Path]:
+    """The name that a camouflage's picture is kept under, and its file; an older one is dropped."""
+    name = f"camouflage.{path}"
+    image = contract.load_camouflage(path)[1]
+    pictures.forget(name)
+    return name, image
 
 
 def _frames(folder: Path) -> Frames:

@@ -37,6 +37,13 @@ NOT_PICKED = Obstacle(
 )
 
 
+def see_through_camera(context: bpy.types.Context, wanted: bool) -> None:
+    """Look through the scene's camera as Numpad 0 does, or back from where the user looked before."""
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D" and (space.region_3d.view_perspective == "CAMERA") != wanted:
+        bpy.ops.view3d.view_camera()
+
+
 class RaucaOperator:
     """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``.
 
