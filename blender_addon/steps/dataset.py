@@ -76,6 +76,7 @@ class RaucaDataset(bpy.types.PropertyGroup):
     retry: bpy.props.BoolProperty(
         name="Retry Failed", description="Try frames again that failed twice in an earlier run"
     )
+    shown: bpy.props.IntProperty(name="Frame", default=1, min=1, description="The frame that is looked at")
 
 
 def state(context: bpy.types.Context) -> State:

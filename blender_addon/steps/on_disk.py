@@ -65,6 +65,16 @@ def frames_in(setting: str) -> Frames | None:
     return ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)
 
 
+def finished_frames(setting: str) -> list[contract.PlannedFrame]:
+    """Of the dataset in the chosen folder, in the plan's order; empty where there is none that can be read."""
+    return ask("finished", setting, ("dataset.json", "frames", "ledger.jsonl"), _finished) or []
+
+
+def _finished(folder: Path) -> list[contract.PlannedFrame]:
+    states = contract.frame_states(folder)
+    return [frame for frame in contract.read_plan(folder).frames() if states.get(frame.id) == "done"]
+
+
 def paint_in(setting: str) -> Paint | None:
     """The camouflage, or the stopped run, in the chosen folder; None where there is none that can be read."""
     return ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)

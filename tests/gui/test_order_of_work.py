@@ -419,7 +419,7 @@ def state(blender: Blender, number: int) -> list[str]:
 def blue(picture: Path) -> int:
     """Pixels of the viewport in the color of the rings' cameras; the manipulator at its top is left out."""
     seen = cv2.imread(str(picture))[250:850, 60:700].astype(int)
-    return int(((seen[..., 0] - seen[..., 2] > 60) & (seen[..., 1] - seen[..., 2] > 30)).sum())
+    return int(((seen[..., 0] - seen[..., 2] > 40) & (seen[..., 1] - seen[..., 2] > 15)).sum())
 
 
 def dark(picture: Path) -> float:

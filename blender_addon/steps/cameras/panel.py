@@ -31,6 +31,7 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.cameras
+        layout.operator_menu_enum("rauca.camera_preset", "preset", icon="PRESET")
         layout.prop(settings, "overlay")
         layout.prop(settings, "azimuths")
         # A count and its two ends; of one ring only the middle counts.
