@@ -27,6 +27,7 @@ from .sidebar import Sidebar
 from .way import Way
 
 FRAMES, STEPS = 12, 50  # of the demo scene
+SAMPLES = 16
 PATIENCE_S = 1500.0  # software rendering beside whatever else the machine does
 
 
@@ -111,9 +112,8 @@ def test_one_click_adds_the_demo_scene(desk: Sidebar, way: Way) -> None:
     way.begin()
     desk.press("rauca.demo_scene(", lambda: blender.ask("value = bpy.context.scene.name") == "Rauca Demo")
     way.note("demo scene")
-    time.sleep(20)  # shaders are compiled
-    blender.shoot("d1-vehicle")
-    assert chosen(blender) == "sedan"
+    time.sleep(60)  # shaders are compiled
+    assert chosen(blender).startswith("sedan")  # another one is in the file's first scene
     assert blender.ask("value = bpy.context.scene.rauca.weather.shown.on")
     assert blender.ask("value = bpy.context.scene.camera is not None")
     assert "done" not in {kind for kind, _ in states(blender)[3:]}
@@ -123,11 +123,14 @@ def test_one_click_adds_the_demo_scene(desk: Sidebar, way: Way) -> None:
     desk.press("overlay", lambda: blender.settings("cameras.overlay"))
     blender.shoot("d3-cameras")
     desk.press("overlay", lambda: not blender.settings("cameras.overlay"))
+    desk.open(1)
+    blender.shoot("d1-vehicle")
 
 
 def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way: Way) -> None:
     blender = desk.blender
     desk.open(4)
+    desk.enter("samples", SAMPLES)  # without a denoiser the demo scene asks for more than a test has time for
     folder = outside(blender, blender.settings("dataset.folder"))
     figures["idle"] = str(idle(blender))
     way.begin()
@@ -217,7 +220,7 @@ def test_step_7_evaluates_and_leads_to_the_worst_view(desk: Sidebar, figures: di
     desk.press("rauca.evaluate(", lambda: begun(blender, "evaluate"))
     way.note("evaluate: press")
     figures["evaluating"] = measured(desk, "evaluate", "7-evaluating")
-    way.note("evaluate: 8 views in two paints")
+    way.note("evaluate: 4 views in two paints")
     blender.shoot("7-evaluated")
     assert blender.settings("camouflage.study") == blender.settings("evaluate.folder")
     desk.press("rauca.evaluated_view(step='WORST'", lambda: blender.settings("camouflage.frame"))
