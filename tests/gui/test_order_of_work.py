@@ -125,6 +125,7 @@ def test_one_click_adds_the_demo_scene(desk: Sidebar, way: Way) -> None:
     desk.press("overlay", lambda: not blender.settings("cameras.overlay"))
     desk.open(1)
     blender.shoot("d1-vehicle")
+    look(desk, "SOLID")
 
 
 def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way: Way) -> None:
@@ -139,7 +140,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way:
     way.note("dataset: press")
     figures["generating"] = measured(desk, "dataset", "4-generating")
     way.note(f"dataset: {FRAMES} frames rendered")
-    blender.shoot("4-dataset")
+    shoot_preview(desk, "4-dataset")
     places.append(desk.find("rauca.generate_dataset("))
     assert abs(places[0][1] - places[1][1]) < 5  # no button moves under the mouse; the middle is found to some pixels
     desk.unfold("rauca.generate_dataset(", "workers", skip=4 * ROW)
@@ -177,7 +178,7 @@ def test_step_5_optimizes(desk: Sidebar, figures: dict[str, str], way: Way) -> N
     load_camouflage(outside(blender, unfinished))
     figures["optimizing"] = measured(desk, "optimize", "5-optimizing")
     way.note(f"optimize: {STEPS} steps, one use of Use Now")
-    blender.shoot("5-optimized")
+    shoot_preview(desk, "5-optimized")
     made, _ = load_camouflage(outside(blender, folder) / "camouflage.json")
     assert made.atlas_id == read_plan(outside(blender, blender.settings("dataset.folder"))).atlas_id
     assert blender.settings("camouflage.file") == f"{folder}/camouflage.json"
@@ -199,9 +200,9 @@ def test_step_6_applies_the_camouflage(desk: Sidebar, way: Way) -> None:
     desk.enter("file", str(blender.scratch / a_camouflage(blender).name))  # one that differs to the eye
     desk.press("rauca.apply_camouflage(", lambda: coat(blender).get("name") == "patches")
     assert coat(blender)["shown"] == "CAMOUFLAGE"
-    camouflaged = blender.shoot("6-camouflage")
+    camouflaged = shoot_preview(desk, "6-camouflage")
     desk.press("rauca.show_paint(which='ORIGINAL'", lambda: coat(blender)["shown"] == "ORIGINAL")
-    assert unlike(camouflaged, blender.shoot("6-original"))
+    assert unlike(camouflaged, shoot_preview(desk, "6-original"))
     desk.press("rauca.show_paint(which='CAMOUFLAGE'", lambda: coat(blender)["shown"] == "CAMOUFLAGE")
     desk.screen.move(*blender.away())
     desk.screen.key("ctrl+z")
@@ -246,7 +247,7 @@ def test_step_8_bakes_and_exports(desk: Sidebar, figures: dict[str, str], way: W
     gaps = Gaps.of(blender.ask("value = heart.take()"))
     figures["baking"] = str(gaps)
     MEASURED["bake"] = gaps
-    blender.shoot("8-baked")
+    shoot_preview(desk, "8-baked")
     (png,) = outside(blender, blender.settings("bake.folder")).glob("*.png")
     texture = cv2.imread(str(png))
     assert texture.shape == (1024, 1024, 3)
@@ -335,7 +336,7 @@ def shoot_rendered(desk: Sidebar, name: str) -> Path:
     desk.screen.move(*desk.blender.away())
     time.sleep(25)  # samples come in
     desk.screen.shoot(desk.blender.scratch / f"{name}.png")
-    back_to_solid(desk)
+    look(desk, "SOLID")
     return desk.blender.outside / f"{name}.png"
 
 
@@ -346,12 +347,21 @@ def unlike(one: Path, other: Path) -> bool:
     return float(np.abs(middles[0] - middles[1]).mean()) > 8.0
 
 
-def back_to_solid(desk: Sidebar) -> None:
+def look(desk: Sidebar, wanted: str) -> None:
+    """Another shading of the viewport, by Blender's own pie menu."""
     desk.screen.move(*desk.blender.away())
     desk.screen.key("z")
     time.sleep(1)
-    desk.screen.key("6")
-    desk.blender.wait(lambda: shading(desk.blender) == "SOLID", "the solid view")
+    desk.screen.key({"SOLID": "6", "MATERIAL": "2"}[wanted])
+    desk.blender.wait(lambda: shading(desk.blender) == wanted, f"the view {wanted}")
+
+
+def shoot_preview(desk: Sidebar, name: str) -> Path:
+    """A screenshot of the material preview; leaves the solid view, which software draws many times faster."""
+    look(desk, "MATERIAL")
+    picture = desk.blender.shoot(name)
+    look(desk, "SOLID")
+    return picture
 
 
 def begun(blender: Blender, job: str) -> bool:
