@@ -10,18 +10,18 @@ from typing import Any, cast
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface
-from bpy.app.translations import pgettext_rpt as rpt
 
 from .core import contract
 from .folders import size_words
 from .jobs import watch
 from .jobs.background import Job
 from .steps.job_panel import draw_button
-from .steps.operator import BackgroundOperator
+from .steps.operator import BackgroundOperator, Obstacle
 from .steps.panel import paragraph
 from .steps.python_check import CheckTask, verdict
 
 CHECK, SETUP = "check", "setup"
+NO_PYTHON = Obstacle("Choose the Python in which rauca is installed", lambda context: not named_python(context))
 # Of a Python with torch and all that rauca wants, on the disk (measured); on Linux torch brings CUDA's libraries.
 PYTHON_BYTES, WITH_CUDA_BYTES = 2_000_000_000, 8_000_000_000
 
@@ -87,16 +87,28 @@ def preferences(context: bpy.types.Context) -> RaucaPreferences | None:
     return cast("RaucaPreferences", found.preferences) if found is not None else None
 
 
+def named_python(context: bpy.types.Context) -> str:
+    """The external Python as it was typed; empty where none is chosen."""
+    settings = preferences(context)
+    return settings.python.strip() if settings is not None else ""
+
+
 def lacks_python(context: bpy.types.Context) -> str:
     """What to do before anything can run in the external Python; empty when all is there."""
     settings = preferences(context)
-    if settings is None or not settings.python.strip():
+    if settings is None or not named_python(context):
         return iface("Choose the Python in which rauca is installed")
     if watch.busy(CHECK):
         return iface("Checking the chosen Python")
     if not settings.ready:
         return iface("Press Check: the chosen Python is not known to have what it needs")
     return "" if settings.chosen_detectors() else iface("Choose a detector")
+
+
+def asks_for_python(context: bpy.types.Context, job: str) -> bool:
+    """Whether a step that needs the external Python shows nothing else, as none is known to be good enough."""
+    settings = preferences(context)
+    return not watch.busy(job) and (settings is None or not settings.ready)
 
 
 def draw_detectors(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
@@ -154,13 +166,7 @@ class RAUCA_OT_check_python(BackgroundOperator, bpy.types.Operator):
     bl_label = "Check"
     job = CHECK
     running = "The check is running"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        settings = preferences(context)
-        if settings is None or not settings.python.strip():
-            return rpt("Choose the Python in which rauca is installed")
-        return super().obstacle(context)
+    obstacles = (NO_PYTHON,)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)

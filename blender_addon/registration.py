@@ -22,8 +22,8 @@ NAMES = """
     translations preferences steps.operator steps.on_disk steps.job_panel
     steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
-    steps.cameras.properties steps.cameras.panel steps.cameras.overlay
-    steps.python_setup steps.dataset steps.optimize steps.demo
+    steps.cameras.properties steps.cameras.presets steps.cameras.panel steps.cameras.overlay
+    steps.python_setup steps.dataset steps.frames_panel steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.evaluate steps.camouflage.views_panel
     steps.bake steps.cost jobs.watch

@@ -7,6 +7,7 @@ frame, and would hang for good if Blender died; this one loses nothing when Blen
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -54,20 +55,26 @@ class Task:
     Attributes:
         folder: where its results go.
         start: the command.
+        scratch: a folder that only the job needs, if any; removed at its end.
     """
 
     folder: Path
     start: Sequence[str]
+    scratch: Path | None = None
 
     def command(self) -> list[str]:
         """Starts a child, or starts it again where an earlier one stopped."""
         return list(self.start)
 
     def hear(self, line: str) -> JobUpdate | None:
-        """What a line of the child tells; called in a thread, no Blender in here."""
+        """What a line of the child tells, here as rauca's commands do; called in a thread, no Blender in here."""
+        told = contract.parse_progress(line)
+        return None if told is None else JobUpdate(told.done, told.total, told.left_s, doing=told.last)
 
     def clean(self) -> None:
         """Remove what only the job needed."""
+        if self.scratch is not None:
+            shutil.rmtree(self.scratch, ignore_errors=True)
 
 
 class Job:

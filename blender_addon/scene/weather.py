@@ -119,7 +119,8 @@ BEAM_OFFSET_M = 0.08  # before the lens, so that the lamp's own housing does not
 def shine(lamps: list[bpy.types.Object], level: float) -> None:
     """Turn light objects to ``level``, 0 (off) to 1; the energy they come with is full brightness."""
     for lamp in lamps:
-        lamp.hide_render = level == 0.0
+        # In the viewport too: by day the outlines of their cones would lie over everything.
+        lamp.hide_render = lamp.hide_viewport = level == 0.0
         if FULL_ENERGY not in lamp.data:  # kept on the light itself, which lamps may share
             lamp.data[FULL_ENERGY] = lamp.data.energy
         lamp.data.energy = lamp.data[FULL_ENERGY] * level

@@ -12,6 +12,7 @@ from .cameras.timing import frame_seconds
 
 FILE = "step-pace.json"
 IMAGE_S = 0.1  # of an image in a small detector there and back, on two cores (docs/speed.md)
+START_S = 15.0  # of the other program, until its first step or frame: torch is loaded, a town is built
 FEWEST = 5  # steps that make a measurement; the first ones build what later ones reuse
 SEEN_S = 0.05  # of an image in a small detector, there alone
 AGAIN = 0.47  # of a frame's time: the same view in another paint (docs/speed.md)
@@ -66,7 +67,7 @@ def of_optimization(steps: int, batch: int, detectors: Sequence[str], views: int
         texels: side of the camouflage.
     """
     larger = (size / 320) ** 2
-    seconds = steps * batch * image_seconds(detectors) + views * TAPS_S * larger
+    seconds = START_S + steps * batch * image_seconds(detectors) + views * TAPS_S * larger
     return Cost(seconds, views * TAPS_BYTES * larger + texels**2 * TEXEL_BYTES)
 
 
@@ -80,7 +81,7 @@ def of_evaluation(
         steps: of four images, of an attack on each detector, on ``lit_views`` views.
     """
     larger, frame, again, attacked = (size / 320) ** 2, frame_seconds(size), views * (paints - 1), len(detectors)
-    seconds = frame * (views + AGAIN * again) + views * paints * SEEN_S * attacked
+    seconds = START_S + frame * (views + AGAIN * again) + views * paints * SEEN_S * attacked
     size_bytes = views * VIEW_BYTES + again * AGAIN_BYTES
     if steps:
         seconds += sum(steps * 4 * image_seconds([name]) for name in detectors) + lit_views * (1.3 * frame + TAPS_S)

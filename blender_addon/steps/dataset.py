@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -77,12 +76,13 @@ class RaucaDataset(bpy.types.PropertyGroup):
     retry: bpy.props.BoolProperty(
         name="Retry Failed", description="Try frames again that failed twice in an earlier run"
     )
+    shown: bpy.props.IntProperty(name="Frame", default=1, min=1, description="The frame that is looked at")
 
 
 def state(context: bpy.types.Context) -> State:
     settings = context.scene.rauca.dataset
-    job = shown_job(JOB, settings.folder)
-    if found := job_state(job, iface("{done} of {total} frames"), iface("Building the scene in the background")):
+    items, starting = iface("{done} of {total} frames"), iface("Building the scene in the background")
+    if found := job_state(JOB, settings.folder, items, starting):
         return found
     if not settings.folder:
         return State("missing", iface("Choose a folder for the dataset"))
@@ -146,31 +146,17 @@ class RAUCA_OT_without_denoiser(RaucaOperator, bpy.types.Operator):
         settings.denoise, settings.samples = False, samples_without_denoiser(settings.samples)
 
 
-@dataclass
 class DatasetTask(Task):
-    """Renders what ``folder`` lacks.
-
-    Attributes:
-        scratch: a folder that only the job needs; removed at its end.
-    """
-
-    scratch: Path
+    """Renders what ``folder`` lacks."""
 
     def hear(self, line: str) -> JobUpdate | None:
         if line.startswith("note: "):
             return JobUpdate(note=line.removeprefix("note: "))
-        try:
-            progress = contract.parse_progress(line)
-        except (ValueError, TypeError):  # a line that the child's end cut off
-            return None
-        if progress is None:
-            return None
-        picture = thumbnail(self.folder / "frames" / progress.last / "image.png") if progress.last else None
-        pictures = {} if picture is None else {"frame": picture}
-        return JobUpdate(progress.done, progress.total, progress.left_s, pictures=pictures)
-
-    def clean(self) -> None:
-        shutil.rmtree(self.scratch, ignore_errors=True)
+        told = super().hear(line)
+        if told is None or not told.doing:  # the newest frame's name
+            return told
+        picture = thumbnail(self.folder / "frames" / told.doing / "image.png")
+        return told if picture is None else replace(told, pictures={"frame": picture})
 
 
 class RAUCA_OT_generate_dataset(BackgroundOperator, bpy.types.Operator):

@@ -17,6 +17,7 @@ from .operator import NOT_OBJECT_MODE, RaucaOperator
 
 VEHICLE = "sedan"
 AROUND, STEPS, SIZE, MAP_SIZE = 4, 50, 256, 512  # 12 frames: 4 views in 3 weathers
+EVALUATED = 2  # views in each of two sets of weathers
 
 
 class RAUCA_OT_demo_scene(RaucaOperator, bpy.types.Operator):
@@ -42,6 +43,8 @@ class RAUCA_OT_demo_scene(RaucaOperator, bpy.types.Operator):
             steps.dataset.samples = samples_without_denoiser(steps.dataset.samples)
         steps.optimize.folder, steps.optimize.title = str(folder / "camouflage"), "demo"
         steps.optimize.steps, steps.optimize.map_size = STEPS, MAP_SIZE
+        steps.evaluate.folder, steps.evaluate.size = str(folder / "evaluated"), SIZE
+        steps.evaluate.frames = EVALUATED
         steps.bake.folder = str(folder / "baked")
         bpy.ops.rauca.set_up_street()
         steps.weather.show()
@@ -62,6 +65,6 @@ def _show(context: bpy.types.Context) -> None:
         space.shading.type = "MATERIAL"
         space.shading.use_scene_world = space.shading.use_scene_lights = True
         view = space.region_3d
-        view.view_perspective, view.view_location, view.view_distance = "PERSP", (0.0, 0.0, 0.7), 11.0
+        view.view_perspective, view.view_location, view.view_distance = "PERSP", (0.0, 0.0, 0.7), 10.0
         view.view_location += context.scene.cursor.location
-        view.view_rotation = Euler((math.radians(78.0), 0.0, math.radians(50.0))).to_quaternion()
+        view.view_rotation = Euler((math.radians(78.0), 0.0, math.radians(68.0))).to_quaternion()

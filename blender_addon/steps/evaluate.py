@@ -14,8 +14,8 @@ from .. import compat
 from ..core import contract, files, schema
 from ..folders import chosen_folder, job_folder, refuse_foreign
 from ..jobs import watch
-from ..jobs.background import Job, JobUpdate, Task
-from ..preferences import draw_detectors, draw_python, lacks_python, preferences
+from ..jobs.background import Job, Task
+from ..preferences import asks_for_python, draw_detectors, draw_python, lacks_python, preferences
 from ..scene.vehicle import NAME_KEY
 from . import cost
 from .camouflage.evaluation import NORMAL, STUDY
@@ -24,7 +24,7 @@ from .camouflage.painted_vehicle import vehicle_for
 from .job_panel import draw_buttons, draw_told, job_state, shown_job
 from .on_disk import ask, camouflage_at, chosen_path, forget
 from .operator import BackgroundOperator
-from .panel import SidebarPanel, State, StepPanel, folder_setting, paragraph
+from .panel import SidebarPanel, State, StepPanel, choice, folder_setting, paragraph
 
 JOB = "evaluate"
 MARK = "evaluated.json"  # in a folder that this step writes to: whether what it began there is finished
@@ -89,9 +89,9 @@ class RaucaEvaluate(bpy.types.PropertyGroup):
 
 def state(context: bpy.types.Context) -> State:
     settings = context.scene.rauca.evaluate
-    job = shown_job(JOB, settings.folder)
-    doing = doing_words(job.doing) if job is not None else ""
-    if found := job_state(job, f"{doing}: {{done}} / {{total}}", iface("Looking at the detectors and the vehicle")):
+    job = watch.job(JOB)
+    items = f"{doing_words(job.doing) if job is not None else ''}: {{done}} / {{total}}"
+    if found := job_state(JOB, settings.folder, items, iface("Looking at the detectors and the vehicle")):
         return found
     if told := found_in(settings.folder):
         return State("done", _headline(told))
@@ -164,13 +164,13 @@ class RAUCA_PT_evaluate(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings, settled = context.scene.rauca.evaluate, preferences(context)
-        if not watch.busy(JOB) and (settled is None or not settled.ready):
+        settings = context.scene.rauca.evaluate
+        if asks_for_python(context, JOB):
             draw_python(context, layout)
         else:
             every = layout.column()
             every.enabled = not watch.busy(JOB)
-            every.row().prop(settings, "judged", expand=True)
+            choice(every, settings, "judged")
             for name in ("folder", "effort"):
                 every.prop(settings, name)
             draw_detectors(context, every)
@@ -204,8 +204,7 @@ class RAUCA_PT_evaluate_more(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settled = preferences(context)
-        return watch.busy(JOB) or (settled is not None and settled.ready)
+        return not asks_for_python(context, JOB)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         layout.enabled = not watch.busy(JOB)
@@ -214,36 +213,13 @@ class RAUCA_PT_evaluate_more(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, name)
 
 
-@dataclass
-class EvaluateTask(Task):
-    """Judges into ``folder``, going on where an earlier run stopped.
-
-    Attributes:
-        scratch: a folder that only the job needs; removed at its end.
-    """
-
-    scratch: Path
-
-    def hear(self, line: str) -> JobUpdate | None:
-        progress = contract.parse_progress(line)
-        if progress is None:
-            return None
-        return JobUpdate(progress.done, progress.total, progress.left_s, doing=progress.last)
-
-    def clean(self) -> None:
-        shutil.rmtree(self.scratch, ignore_errors=True)
-
-
 class RAUCA_OT_evaluate(BackgroundOperator, bpy.types.Operator):
     """Render held-out views and show them to the chosen detectors; goes on where an earlier run stopped"""
 
     bl_label = "Evaluate"
     job = JOB
     running = "An evaluation is running; stop it first"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return missing(context) or super().obstacle(context)
+    missing = staticmethod(missing)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings, found = context.scene.rauca.evaluate, preferences(context)
@@ -258,7 +234,7 @@ class RAUCA_OT_evaluate(BackgroundOperator, bpy.types.Operator):
             if bpy.app.binary_path and compat.has_denoiser():  # else the Python's own Blender, the bpy wheel
                 command += ["--blender", bpy.app.binary_path]
             device = context.scene.rauca.dataset.device.lower()
-            task = EvaluateTask(folder, [*command, "--render-device", device, "--json-progress"], scratch)
+            task = Task(folder, [*command, "--render-device", device, "--json-progress"], scratch)
             watch.begin(JOB, task, _show)
         except BaseException:
             shutil.rmtree(scratch, ignore_errors=True)

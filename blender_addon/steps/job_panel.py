@@ -31,13 +31,15 @@ def _is_here(found: Job, folder: str) -> bool:
     return bool(folder) and found.task.folder == chosen_path(folder)
 
 
-def job_state(found: Job | None, items: str, starting: str) -> State | None:
+def job_state(name: str, folder: str, items: str, starting: str) -> State | None:
     """The state of a step whose job is at work or done; None when the step's settings and the disk decide.
 
     Args:
+        folder: the setting of this file.
         items: with ``{done}`` and ``{total}``, such as "{done} of {total} frames"; translated already, as is
         starting: what is going on before the first item.
     """
+    found = shown_job(name, folder)
     if found is None or found.phase in ("stopped", "failed"):
         return None
     how_far = items.format(done=found.done, total=found.total) if found.total else starting

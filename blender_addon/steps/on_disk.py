@@ -12,7 +12,6 @@ import bpy
 
 from ..core import contract, schema
 from ..jobs import pictures
-from ..jobs.thumbnails import thumbnail
 
 ASK_EVERY_S = 0.5
 UNFINISHED = "unfinished.json"  # the camouflage of a stopped run, as `rauca optimize` names it
@@ -66,6 +65,16 @@ def frames_in(setting: str) -> Frames | None:
     return ask("frames", setting, ("dataset.json", "frames", "ledger.jsonl"), _frames)
 
 
+def finished_frames(setting: str) -> list[contract.PlannedFrame]:
+    """Of the dataset in the chosen folder, in the plan's order; empty where there is none that can be read."""
+    return ask("finished", setting, ("dataset.json", "frames", "ledger.jsonl"), _finished) or []
+
+
+def _finished(folder: Path) -> list[contract.PlannedFrame]:
+    states = contract.frame_states(folder)
+    return [frame for frame in contract.read_plan(folder).frames() if states.get(frame.id) == "done"]
+
+
 def paint_in(setting: str) -> Paint | None:
     """The camouflage, or the stopped run, in the chosen folder; None where there is none that can be read."""
     return ask("paint", setting, ("camouflage.json", str(CHECKPOINT)), _paint)
@@ -83,19 +92,22 @@ def camouflage_at(setting: str) -> contract.Camouflage | None:
 
 def picture_of(setting: str) -> int:
     """The icon of the chosen camouflage, a small picture of its texture; 0 where there is none."""
-    return pictures.icon(_picture(chosen_path(setting).with_suffix(".json"))) if camouflage_at(setting) else 0
+    path = chosen_path(setting).with_suffix(".json")
+    found = ask(f"picture {path.name}", str(path.parent), (path.name, f"{path.stem}.png"), lambda _: _picture(path))
+    return pictures.load(*found) if found is not None else 0
 
 
 def _camouflage(path: Path) -> contract.Camouflage:
-    found, image = contract.load_camouflage(path)
-    if (small := thumbnail(image)) is not None:
-        pictures.show(_picture(path), small)
-    told: contract.Camouflage = found
+    told: contract.Camouflage = contract.load_camouflage(path)[0]
     return told
 
 
-def _picture(path: Path) -> str:
-    return f"camouflage.{path}"
+def _picture(path: Path) -> tuple[str, Path]:
+    """The name that a camouflage's picture is kept under, and its file; an older one is dropped."""
+    name = f"camouflage.{path}"
+    image = contract.load_camouflage(path)[1]
+    pictures.forget(name)
+    return name, image
 
 
 def _frames(folder: Path) -> Frames:

@@ -37,6 +37,13 @@ NOT_PICKED = Obstacle(
 )
 
 
+def see_through_camera(context: bpy.types.Context, wanted: bool) -> None:
+    """Look through the scene's camera as Numpad 0 does, or back from where the user looked before."""
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D" and (space.region_3d.view_perspective == "CAMERA") != wanted:
+        bpy.ops.view3d.view_camera()
+
+
 class RaucaOperator:
     """Base of an operator that does its work at once; the subclass also derives from ``bpy.types.Operator``.
 
@@ -98,7 +105,8 @@ class BackgroundOperator(RaucaOperator):
     In a window it returns at once and the panel shows the job. A script without a window has no timer: there it returns
     when the job has ended, unless ``wait`` is given as False.
 
-    A subclass gives ``job``, its name, and ``running``, why it cannot be started twice.
+    A subclass gives ``job``, its name, and ``running``, why it cannot be started twice; ``missing = staticmethod(...)``
+    where what is to be done before depends on more than one obstacle.
     """
 
     bl_options = NO_UNDO
@@ -109,9 +117,15 @@ class BackgroundOperator(RaucaOperator):
         name="Wait", description="Return only when the job has ended", options={"SKIP_SAVE", "HIDDEN"}
     )
 
+    @staticmethod
+    def missing(context: bpy.types.Context) -> str:
+        """What to do before it can be pressed, translated; empty when all is there."""
+        return ""
+
     @classmethod
     def obstacle(cls, context: bpy.types.Context) -> str:
-        return super().obstacle(context) or (rpt(cls.running) if watch.busy(cls.job) else "")
+        reason = cls.missing(context) or super().obstacle(context)
+        return reason or (rpt(cls.running) if watch.busy(cls.job) else "")
 
     def begin(self, context: bpy.types.Context) -> None:
         """Start the job with :func:`watch.begin`; raises :class:`RaucaError`."""

@@ -18,7 +18,7 @@ from ..folders import chosen_folder, refuse_foreign
 from ..jobs import pictures, watch
 from ..jobs.background import Job, JobUpdate, Task
 from ..jobs.thumbnails import thumbnail
-from ..preferences import draw_detectors, draw_python, lacks_python, preferences
+from ..preferences import asks_for_python, draw_detectors, draw_python, lacks_python, preferences
 from . import cost
 from .dataset import JOB as DATASET_JOB
 from .job_panel import draw_buttons, draw_told, job_state, shown_job
@@ -57,8 +57,8 @@ class RaucaOptimize(bpy.types.PropertyGroup):
 
 def state(context: bpy.types.Context) -> State:
     settings = context.scene.rauca.optimize
-    job = shown_job(JOB, settings.folder)
-    if found := job_state(job, iface("{done} of {total} steps"), iface("Reading the dataset and the detectors")):
+    items, starting = iface("{done} of {total} steps"), iface("Reading the dataset and the detectors")
+    if found := job_state(JOB, settings.folder, items, starting):
         return found
     there = paint_in(settings.folder)
     if there is not None and there.name and there.steps >= settings.steps:
@@ -101,8 +101,8 @@ class RAUCA_PT_optimize(StepPanel, bpy.types.Panel):
     step_state = staticmethod(state)
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settled, folder = preferences(context), context.scene.rauca.optimize.folder
-        if not watch.busy(JOB) and (settled is None or not settled.ready):
+        folder = context.scene.rauca.optimize.folder
+        if asks_for_python(context, JOB):
             draw_python(context, layout)
         else:
             self._draw_settings(context, layout)
@@ -145,8 +145,7 @@ class RAUCA_PT_optimize_more(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settled = preferences(context)
-        return watch.busy(JOB) or (settled is not None and settled.ready)
+        return not asks_for_python(context, JOB)
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         layout.enabled = not watch.busy(JOB)
@@ -161,10 +160,7 @@ class RAUCA_OT_optimize(BackgroundOperator, bpy.types.Operator):
     bl_label = "Optimize"
     job = JOB
     running = "A camouflage is being optimized; stop it first"
-
-    @classmethod
-    def obstacle(cls, context: bpy.types.Context) -> str:
-        return missing(context) or super().obstacle(context)
+    missing = staticmethod(missing)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings, found = context.scene.rauca.optimize, preferences(context)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,6 +38,7 @@ class State:
 ICONS = {"missing": "RADIOBUT_OFF", "ready": "RADIOBUT_ON", "running": "TIME", "done": "CHECKMARK"}
 LETTER_PX = 6.4  # mean width of a letter of the interface's font, at scale 1
 FEWEST_LINES = 2  # that a state's sentence has room for
+UNIT = re.compile(r"(?<=\d) (?=(?:s|min|h|kB|MB|GB|px)\b)")
 MARGINS_PX = 64.0  # of the sidebar beside a line of text: borders, icon, tabs
 
 
@@ -82,7 +84,7 @@ class StepPanel(SidebarPanel):
         # Last: a sentence of one to four lines before the buttons would move them under the mouse.
         self.draw_step(context, layout)
         words, key = self.step_state(context).words, (self.number, letters(context))
-        lines = len(textwrap.wrap(words, key[1]))
+        lines = len(wrapped(context, words))
         self.reserved[key] = max(FEWEST_LINES, lines, self.reserved.get(key, 0))
         paragraph(context, layout, words, empty=self.reserved[key] - lines)
 
@@ -97,6 +99,11 @@ def letters(context: bpy.types.Context) -> int:
     return max(24, int((width / context.preferences.system.ui_scale - MARGINS_PX) / LETTER_PX))
 
 
+def wrapped(context: bpy.types.Context, text: str) -> list[str]:
+    """Lines that fit the sidebar; a number stays with its unit."""
+    return textwrap.wrap(UNIT.sub("\u00a0", text), letters(context))
+
+
 def paragraph(
     context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE", empty: int = 0
 ) -> None:
@@ -106,8 +113,15 @@ def paragraph(
         empty: lines that follow it.
     """
     column = layout.column(align=True)
-    for number, line in enumerate([*textwrap.wrap(text, letters(context)), *[""] * empty]):
+    for number, line in enumerate([*wrapped(context, text), *[""] * empty]):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
+
+
+def choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> None:
+    """Buttons side by side over the whole width; beside a label their words would be cut off."""
+    row = layout.row()
+    row.use_property_split = False
+    row.prop(settings, name, expand=True)
 
 
 def folder_setting(name: str, tip: str) -> bpy.props._PropertyDeferred:

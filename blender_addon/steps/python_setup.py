@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import ClassVar
 
 import bpy
 from bpy.app.translations import pgettext_rpt as rpt
 
-from ..core import contract, files, system
+from ..core import files, system
 from ..folders import own_folder
 from ..jobs import make_python, watch
-from ..jobs.background import Job, JobUpdate, Task
-from ..preferences import SETUP, begin_check, preferences, python_bytes
+from ..jobs.background import Job, Task
+from ..preferences import NO_PYTHON, SETUP, begin_check, preferences, python_bytes
 from .operator import NO_UNDO, BackgroundOperator, Obstacle, RaucaOperator
 
 EXTRAS = "optimize,report,detectors"
@@ -22,21 +23,35 @@ OFFLINE = Obstacle(
 )
 
 
-class SetupTask(Task):
-    """Tells how far it is as the programs of rauca do."""
+class SetupOperator(BackgroundOperator):
+    """Base of what brings something that is lacking; one at a time."""
 
-    def hear(self, line: str) -> JobUpdate | None:
-        told = contract.parse_progress(line)
-        return None if told is None else JobUpdate(told.done, told.total, doing=told.last)
+    job = SETUP
+    running = "It is being set up; stop that first"
+    obstacles: ClassVar[tuple[Obstacle, ...]] = (OFFLINE,)
+
+    def set_up(self, task: Task, made: Path | None = None) -> None:
+        """Begin; afterwards choose the Python that was ``made``, if any, and see what the chosen one has."""
+        watch.begin(SETUP, task, lambda job: _end(job, made))
 
 
-class RAUCA_OT_make_python(BackgroundOperator, bpy.types.Operator):
+def _end(job: Job, made: Path | None) -> None:
+    watch.forget(SETUP)
+    settings = preferences(bpy.context)
+    if settings is None:
+        return
+    if job.phase == "failed":
+        settings.verdict = job.ending
+    elif job.phase == "done":
+        if made is not None:
+            settings.python = str(made)
+        begin_check(settings)
+
+
+class RAUCA_OT_make_python(SetupOperator, bpy.types.Operator):
     """Make a Python with torch and rauca in the extension's own folder, by Blender's; it goes with the extension"""
 
     bl_label = "Make a Python"
-    job = SETUP
-    running = "It is being set up; stop that first"
-    obstacles = (OFFLINE,)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)
@@ -46,47 +61,21 @@ class RAUCA_OT_make_python(BackgroundOperator, bpy.types.Operator):
         package = settings.package.strip() or "rauca"
         there = Path(bpy.path.abspath(package)).expanduser()
         wanted = f"{there.absolute() if there.exists() else package}[{EXTRAS}]"
-        task = SetupTask(folder, [sys.executable, str(Path(make_python.__file__)), str(folder), "torch", wanted])
-        watch.begin(SETUP, task, _take)
+        command = [sys.executable, str(Path(make_python.__file__)), str(folder), "torch", wanted]
+        self.set_up(Task(folder, command), made=system.python_in(folder))
 
 
-def _take(job: Job) -> None:
-    """Choose the Python that was made, and see what it has."""
-    settings = preferences(bpy.context)
-    if settings is None or job.phase == "stopped":
-        watch.forget(SETUP)
-    elif job.phase == "done":
-        watch.forget(SETUP)
-        settings.python = str(system.python_in(job.task.folder))
-        begin_check(settings)
-    else:
-        settings.verdict = job.ending
-
-
-class RAUCA_OT_fetch_detectors(BackgroundOperator, bpy.types.Operator):
+class RAUCA_OT_fetch_detectors(SetupOperator, bpy.types.Operator):
     """Download the seven detectors of the standard evaluation, 210 MB, into the user's cache"""
 
     bl_label = "Fetch Detectors"
-    job = SETUP
-    running = "It is being set up; stop that first"
-    obstacles = (OFFLINE,)
+    obstacles = (OFFLINE, NO_PYTHON)
 
     def begin(self, context: bpy.types.Context) -> None:
         settings = preferences(context)
-        if settings is None or not settings.python.strip():
-            raise contract.RaucaError(rpt("Choose the Python in which rauca is installed"))
+        assert settings is not None  # poll
         python = settings.program()
-        command = [str(python), "-P", "-m", "pipelines", "weights", "fetch", "--all"]
-        watch.begin(SETUP, SetupTask(python.parent, command), _fetched)
-
-
-def _fetched(job: Job) -> None:
-    settings = preferences(bpy.context)
-    if settings is not None and job.phase == "failed":
-        settings.verdict = job.ending
-    watch.forget(SETUP)
-    if settings is not None and job.phase == "done":
-        begin_check(settings)
+        self.set_up(Task(python.parent, [str(python), "-P", "-m", "pipelines", "weights", "fetch", "--all"]))
 
 
 class RAUCA_OT_copy_command(RaucaOperator, bpy.types.Operator):

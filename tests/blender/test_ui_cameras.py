@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -277,3 +278,20 @@ def test_a_damaged_pace_is_a_guess(tmp_path):
         assert recall(tmp_path) == Pace()
     with pytest.raises(RaucaError):
         learn(tmp_path, 1)
+
+
+def test_a_preset_sets_the_rings_and_says_how_many_views(addon, cameras):
+    cameras.jitter_roll = 0.1
+    choices = addon.ops.rauca.camera_preset.get_rna_type().properties["preset"].enum_items
+    for choice in choices:
+        addon.ops.rauca.camera_preset(preset=choice.identifier)
+        assert choice.description.startswith(f"{len(cameras.ring())} views")
+        assert cameras.jitter_roll == pytest.approx(0.1)
+    addon.ops.rauca.camera_preset(preset="STANDARD")
+    assert cameras.ring() == replace(contract_ring(), jitter_roll_deg=cameras.ring().jitter_roll_deg)
+
+
+def contract_ring() -> Ring:
+    """What the settings are to begin with."""
+    around = tuple(45.0 * i for i in range(8))
+    return Ring(azimuths_deg=around, elevations_deg=(10.0, 25.0), distances_m=(6.0, 10.0), fov_deg=60.0)

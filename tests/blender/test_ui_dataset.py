@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+from types import SimpleNamespace
 
 import pytest
 
 import blender_addon
 from blender_addon import compat
 from blender_addon.jobs import pictures, watch
+from blender_addon.steps import frames_panel, on_disk
 from blender_addon.steps.cameras import timing
 from blender_addon.steps.dataset import PICTURE, dataset_job, state
 from tests.blender.conftest import refusal
@@ -87,6 +89,28 @@ def test_a_script_without_a_window_waits_for_the_end(addon, steps, headless, tmp
     assert content(tmp_path / "set") == headless
     settings.size = 96
     assert "holds a dataset made with another size" in refusal(addon.ops.rauca.generate_dataset)
+
+
+def test_finished_frames_can_be_leafed_through(addon, steps, headless, tmp_path):
+    settings = steps().dataset
+    settings.folder = str(tmp_path / "none")
+    assert not frames_panel.RAUCA_PT_frames.poll(addon.context)
+    for file, data in headless.items():
+        (tmp_path / "set" / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "set" / file).write_bytes(data)
+    settings.folder, settings.shown = str(tmp_path / "set"), 99  # more than there are: the last
+    assert frames_panel.RAUCA_PT_frames.poll(addon.context)
+    last = on_disk.finished_frames(settings.folder)[-1]
+    drawn = []
+    said = {"template_icon": lambda *_, **__: None, "prop": lambda *_: None}
+    layout = SimpleNamespace(**said, label=lambda **words: drawn.append(words))
+    frames_panel.RAUCA_PT_frames.draw_inside(None, addon.context, layout)
+    assert drawn[0]["text"] == f"3 of 3: {last.weather.name}, view {last.view + 1}"
+    name = f"browsed.{tmp_path / 'set' / 'frames' / last.id / 'image.png'}"
+    assert pictures.shown(name) is not None
+    settings.shown = 1
+    frames_panel.RAUCA_PT_frames.draw_inside(None, addon.context, layout)
+    assert pictures.shown(name) is None  # one at a time is kept
 
 
 def test_a_part_of_the_frames_is_asked_for(addon, steps, tmp_path):

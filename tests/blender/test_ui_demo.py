@@ -34,7 +34,7 @@ def test_the_demo_scene_is_ready_for_every_step_and_leaves_the_artists_own(addon
     assert len(job.plan.frames()) == 12
     assert job.plan.light
     assert "Choose" not in dataset.state(bpy.context).words
-    assert all(getattr(steps, name).folder for name in ("dataset", "optimize", "bake"))
+    assert all(getattr(steps, name).folder for name in ("dataset", "optimize", "evaluate", "bake"))
     assert bpy.ops.rauca.demo_scene() == {"FINISHED"}  # once more beside it
     assert bpy.context.scene not in (scene, own)
 

@@ -25,7 +25,7 @@ from .sidebar import Sidebar
 collect_ignore_glob = [] if os.environ.get("RAUCA_BLENDER") else ["*"]
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-SIZE = (1280, 1000)
+SIZE = (1440, 1000)
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +34,8 @@ def desk() -> Iterator[Sidebar]:
     program, root = os.environ["RAUCA_BLENDER"], Path(os.environ.get("RAUCA_BLENDER_ROOT", "/"))
     if missing := lacking(root, [*NEEDED, program]):
         pytest.fail(f"{root}: has no {', '.join(missing)}; install them there")
-    outside = Path(tempfile.mkdtemp(prefix="rauca-gui-", dir=root / "tmp"))
+    # Screenshots show the beginning of paths.
+    outside = Path(tempfile.mkdtemp(prefix="artist-", dir=root / ("tmp" if root == Path("/") else "home")))
     scratch = Path("/") / outside.relative_to(root)
     screen = Screen(root, SIZE, outside / "screen.log")
     try:

@@ -22,7 +22,7 @@ class Screen:
     """
 
     def __init__(self, root: Path, size: tuple[int, int], log: Path) -> None:
-        self.root, self.size = root, size
+        self.root, self.size, self.clicks = root, size, 0
         self.number = next(n for n in range(90, 200) if not _taken(n))
         self._environment = {
             **os.environ,
@@ -64,6 +64,7 @@ class Screen:
 
     def click(self, x: float, y: float, times: int = 1) -> None:
         self.move(x, y)
+        self.clicks += times
         time.sleep(0.4)  # the button under the mouse wakes up first
         self._do("click", "--repeat", str(times), "--delay", "60", "1")
 

@@ -54,7 +54,10 @@ class Sidebar:
         raise TimeoutError(f"step {number} does not open")
 
     def _let_go(self, number: int) -> None:
-        """Click on the panel's words, which do nothing: a header's quick click can pass for a drag over headers."""
+        """Click beside the panel's first setting, or on its first choice, which is made: that changes nothing.
+
+        A header's quick click can pass for a drag over headers.
+        """
         x, y = self._header(number)
         self.screen.click(x, y + HEADER_PITCH)
         time.sleep(0.5)

@@ -9,7 +9,7 @@ from bpy.app.translations import pgettext_tip as tip
 from ...core import contract
 from ...scene.camera import leave, look
 from ...translations import OWN_SENSE
-from ..operator import LINKED, Obstacle, RaucaOperator
+from ..operator import LINKED, Obstacle, RaucaOperator, see_through_camera
 from ..panel import SidebarPanel, State, StepPanel, paragraph
 from .properties import RaucaCameras, anchor
 from .timing import estimated_seconds, frame_count, pace
@@ -31,6 +31,7 @@ class RAUCA_PT_cameras(StepPanel, bpy.types.Panel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.cameras
+        layout.operator_menu_enum("rauca.camera_preset", "preset", icon="PRESET")
         layout.prop(settings, "overlay")
         layout.prop(settings, "azimuths")
         # A count and its two ends; of one ring only the middle counts.
@@ -109,12 +110,11 @@ class RAUCA_OT_look_through(RaucaOperator, bpy.types.Operator):
         settings = context.scene.rauca.cameras
         settings.view = (settings.chosen() + self.step) % len(settings.ring()) + 1
         look(context.scene, settings, settings.viewpoint(context).camera)
-        if context.space_data is not None and context.space_data.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        see_through_camera(context, True)
 
 
 class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):
-    """Bring back your own camera and picture size; the view's camera goes"""
+    """Bring back your own view, camera and picture size; the view's camera goes"""
 
     bl_label = "Leave View"
     obstacles = (
@@ -122,7 +122,5 @@ class RAUCA_OT_leave_view(RaucaOperator, bpy.types.Operator):
     )
 
     def work(self, context: bpy.types.Context) -> None:
+        see_through_camera(context, False)  # while there is a camera to look through
         leave(context.scene, context.scene.rauca.cameras)
-        space = context.space_data
-        if space is not None and space.type == "VIEW_3D" and space.region_3d.view_perspective == "CAMERA":
-            space.region_3d.view_perspective = "PERSP"

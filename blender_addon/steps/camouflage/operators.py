@@ -14,7 +14,7 @@ from ...scene import camera
 from ...scene.camouflages import read_paintwork
 from ...scene.coating import Coat, paint_surface, painted_objects, uncoat
 from ...scene.mesh_edits import Surface, object_mode
-from ..operator import NO_COAT, Obstacle, RaucaOperator
+from ..operator import NO_COAT, Obstacle, RaucaOperator, see_through_camera
 from .evaluation import EvaluatedFrame, Views, find_evaluation
 from .painted_vehicle import objects_of, place, vehicle_for
 from .shown_evaluation import load_now, nearest, paint_of, same_view, show_picture, take_pictures, vehicle_to_world
@@ -119,8 +119,7 @@ class RAUCA_OT_evaluated_view(RaucaOperator, bpy.types.Operator):
         settings.frame = evaluated.frame
         context.view_layer.update()  # the picture is found by where the camera stands
         show_picture(scene)
-        if context.space_data is not None and context.space_data.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        see_through_camera(context, True)
 
 
 def _chosen(scene: bpy.types.Scene, views: Views, step: str) -> EvaluatedFrame | None:
@@ -155,7 +154,7 @@ def _place(evaluated: EvaluatedFrame) -> tuple[float, ...]:
 
 
 class RAUCA_OT_leave_evaluated_view(RaucaOperator, bpy.types.Operator):
-    """Bring back your own camera and picture size; the evaluated view's camera and picture go"""
+    """Bring back your own view, camera and picture size; the evaluated view's camera and picture go"""
 
     bl_label = "Leave View"
     obstacles = (
@@ -164,9 +163,7 @@ class RAUCA_OT_leave_evaluated_view(RaucaOperator, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.camouflage
+        see_through_camera(context, False)  # while there is a camera to look through
         pictures = take_pictures(settings.camera.data)
         camera.leave(context.scene, settings)
         bpy.data.batch_remove([image for image in pictures if image.users == 0])
-        space = context.space_data
-        if space is not None and space.type == "VIEW_3D" and space.region_3d.view_perspective == "CAMERA":
-            space.region_3d.view_perspective = "PERSP"

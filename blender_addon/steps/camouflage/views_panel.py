@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 from bpy.app.translations import pgettext_iface as iface
 
@@ -15,6 +17,7 @@ class RAUCA_PT_detections(SidebarPanel, bpy.types.Panel):
 
     bl_label = "What Detectors See"
     bl_parent_id = "RAUCA_PT_evaluate"
+    bl_options: ClassVar[set[str]] = set()  # what was evaluated for is at hand as soon as the evaluation has ended
 
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.camouflage

@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface
 
 from ...translations import OWN_SENSE
-from ..panel import Kind, SidebarPanel, State, StepPanel, paragraph
+from ..panel import Kind, SidebarPanel, State, StepPanel, choice, paragraph
 from .unwrap import RAUCA_OT_unwrap_paint
 
 
@@ -55,19 +55,12 @@ class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.vehicle
-        _choice(layout, settings, "origin")
+        choice(layout, settings, "origin")
         layout.prop(settings, settings.origin.lower())
         if settings.origin != "FILE":
             layout.prop(settings, "front")
         layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
         layout.operator("rauca.demo_scene", icon="SCENE_DATA")
-
-
-def _choice(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> None:
-    """Buttons side by side over the whole width; beside a label their words would be cut off."""
-    row = layout.row()
-    row.use_property_split = False
-    row.prop(settings, name, expand=True)
 
 
 class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):
@@ -83,7 +76,7 @@ class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, "file_material")
             layout.prop(settings, "file_mask")
             return
-        _choice(layout, settings, "paint")
+        choice(layout, settings, "paint")
         if settings.paint == "MATERIAL":
             layout.prop(settings, "material")
             return
