@@ -154,7 +154,7 @@ def _is_open(value: str) -> bool:
 
 def _check_detectors(names: str) -> None:
     for name in names.split(","):
-        known = name == "all" or name.partition("=")[0] in SOURCES
+        known = name == "all" or name.endswith("/") or name.partition("=")[0] in SOURCES  # a folder is the reader's own
         assert known or _is_open(name), f"no detector {name!r}"
 
 
@@ -180,6 +180,11 @@ def _each(check: Callable[[str], Any]) -> Callable[[Any], None]:
     return every
 
 
+def _check_defence(name: str) -> None:
+    if name != "nutnet":  # it is made once it has learnt
+        make_defence(name)
+
+
 CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("dataset make", "weathers"): _check_preset,
     ("dataset make", "finish"): lambda name: FINISHES.index(name),
@@ -192,11 +197,11 @@ CHECKS: Mapping[tuple[str, str], Callable[[Any], Any]] = {
     ("assess", "detectors"): _each(_check_detectors),
     ("assess", "fail_below"): lambda given: [Condition.parse(one) for one in given],
     ("assess", "vehicle"): _each(_check_vehicle),
-    ("assess", "defences"): lambda given: [make_defence(name) for name in split_defences(given)],
+    ("assess", "defences"): lambda given: [_check_defence(name) for name in split_defences(given)],
     ("optimize", "detector"): _each(_check_detectors),
     ("evaluate", "detectors"): _each(_check_detectors),
     ("evaluate", "weathers"): _check_sets,
-    ("evaluate", "defences"): lambda given: [make_defence(name) for name in split_defences(given)],
+    ("evaluate", "defences"): lambda given: [_check_defence(name) for name in split_defences(given)],
     ("evaluate", "vehicle"): _each(_check_vehicle),
     ("ablate", "name"): lambda name: experiment_named("beta" if name == "yolov3-tiny" else name),
     ("harden", "detector"): _check_detectors,
