@@ -24,14 +24,14 @@ def test_a_mistake_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     refused = rauca("bench", "render", "--vehicle", tmp_path / "no.glb", "--quick", "--json", out)
     assert refused.returncode == 2
     assert refused.stderr.strip().startswith("error: ")
-    assert "no.glb: no such vehicle" in refused.stderr
+    assert "no.glb: neither a vehicle folder, nor an .obj" in refused.stderr
     assert len(refused.stderr.strip().splitlines()) == 1
     assert not out.exists()
 
 
 @pytest.mark.parametrize("name", [None, "sedan", "cube", "assets/vehicles/cube"])
 def test_a_vehicle_with_its_own_paint_takes_no_other(tmp_path: Path, name: str | None) -> None:
-    with pytest.raises(RaucaError, match="brings its own paint; drop the paint option"):
+    with pytest.raises(RaucaError, match="are of an .obj, .glb or .blend file; drop them"):
         render.bench(tmp_path / "render.json", render.QUICK, vehicle=name, paint_material="Paint")
 
 

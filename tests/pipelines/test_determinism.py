@@ -36,7 +36,7 @@ def first(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def optimized(data: Path, where: Path, threads: int, hash_seed: int, seed: int = 5, sampler: str = "area") -> Path:
     """The folder of ``rauca optimize``, run in ``where`` by a process of its own."""
     arguments = ["--out", "out", "--steps", STEPS, "--batch", 2, "--map-size", 64, "--samples", 2, "--seed", seed]
-    arguments += ["--threads", threads, "--sampler", sampler]
+    arguments += ["--threads", threads, "--sampler", sampler, "--method", "rauca-final", "--detector", "yolov3-tiny"]
     command = [sys.executable, "-m", "pipelines", "optimize", data, *arguments]
     environment = {
         **os.environ, "PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": str(Path(__file__).parents[2]),

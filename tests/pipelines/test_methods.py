@@ -37,8 +37,8 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, box_vehicle: Vehicle
     return settings
 
 
-def test_without_a_method_options_are_the_settings(chosen: Any) -> None:
-    assert chosen("--weight", "2", "--no-roa") == make_settings(weights=(2.0,), roa=False)
+def test_without_a_method_it_is_ours(chosen: Any) -> None:
+    assert chosen("--weight", "2", "--no-roa") == make_settings(**settings_of("ours", weights=(2.0,), roa=False))
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -64,8 +64,7 @@ def test_published_or_adapted(chosen: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (("--as", "published"), "--as published: is a form of a method; name the method with --method"),
-        (("--method", "ours", "--as", "published"), "--as published: ours was never published"),
+        (("--as", "published"), "--as published: ours was never published"),
         (("--method", "fca", "--as", "printed"), "--as: no 'printed'; choose published or adapted"),
     ],
 )

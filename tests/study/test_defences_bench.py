@@ -14,7 +14,7 @@ from PIL import Image
 from benchmarks.defences import FULL, SIDE, bench, paste, patch_area
 from rauca_core.contract import RaucaError
 from rauca_core.detect import Detector
-from rauca_core.study.defences import defence_names
+from rauca_core.study.defences import ready_defences
 
 
 def test_a_patch_covers_a_quarter_of_the_box_and_nothing_else() -> None:
@@ -52,7 +52,7 @@ def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path)
     settings = FULL.but(steps=1, views=2)
     results = bench(tmp_path / "out.json", settings, tmp_path / "docs", run, detectors[:1])
     found = {(row["defence"], row["paint"]): row for row in results.rows["outcomes"]}
-    assert list(found) == [(d, p) for d in defence_names() for p in ("normal", "camouflage", "patch", "informed")]
+    assert list(found) == [(d, p) for d in ready_defences() for p in ("normal", "camouflage", "patch", "informed")]
     for (defence, _), row in found.items():
         shares = [row["altered"], row["altered_on_vehicle"], *row["ap"].values(), *row["score"].values()]
         assert all(0 <= share <= 1 for share in shares)
@@ -66,7 +66,7 @@ def test_figures_and_sheet(run: Path, detectors: list[Detector], tmp_path: Path)
     assert len(written["outcomes"]) == len(found)
     assert Image.open(tmp_path / "docs" / "pictures" / "defences.jpg").size[0] > 1000
     page = (tmp_path / "docs" / "defences.md").read_text()
-    assert all(f"| {name} |" in page for name in defence_names())
+    assert all(f"| {name} |" in page for name in ready_defences())
 
 
 def test_a_folder_without_views_is_refused(tmp_path: Path, detectors: list[Detector]) -> None:

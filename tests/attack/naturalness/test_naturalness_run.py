@@ -148,7 +148,18 @@ def test_the_bound_that_a_refusal_names_is_taken(box_vehicle: Vehicle) -> None:
     ],
 )
 def test_mistakes_are_told(dataset: Dataset, tmp_path: Path, options: list[str], words: str) -> None:
-    arguments = ["optimize", str(dataset.folder), "--out", str(tmp_path / "out"), "--steps", "1", "--map-size", "64"]
+    arguments = [
+        "optimize",
+        str(dataset.folder),
+        "--detector",
+        "yolov3-tiny",
+        "--out",
+        str(tmp_path / "out"),
+        "--steps",
+        "1",
+        "--map-size",
+        "64",
+    ]
     done = CliRunner().invoke(app, [*arguments, *options])
     assert isinstance(done.exception, RaucaError)
     assert words in str(done.exception)
