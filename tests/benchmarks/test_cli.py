@@ -31,7 +31,7 @@ def test_a_mistake_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [None, "sedan", "cube", "assets/vehicles/cube"])
 def test_a_vehicle_with_its_own_paint_takes_no_other(tmp_path: Path, name: str | None) -> None:
-    with pytest.raises(RaucaError, match="are of an .obj, .glb or .blend file; drop them"):
+    with pytest.raises(RaucaError, match=r"are of an \.obj, \.glb or \.blend file; drop them"):
         render.bench(tmp_path / "render.json", render.QUICK, vehicle=name, paint_material="Paint")
 
 
