@@ -26,11 +26,11 @@ class RAUCA_PT_frames(SidebarPanel, bpy.types.Panel):
     def draw_inside(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.rauca.dataset
         frames = finished_frames(settings.folder)
-        shown = frames[min(settings.shown, len(frames)) - 1]
+        at = min(settings.shown, len(frames))
+        shown = frames[at - 1]
         layout.template_icon(_picture(settings.folder, shown.id), scale=10)
         layout.prop(settings, "shown")
         words = iface("{at} of {count}: {weather}, view {view}")
-        at = min(settings.shown, len(frames))
         text = words.format(at=at, count=len(frames), weather=shown.weather.name, view=shown.view + 1)
         layout.label(text=text, translate=False)
 

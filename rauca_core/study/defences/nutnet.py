@@ -7,6 +7,7 @@ are painted black. What differs from the authors' is told in ``docs/defences.md`
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -57,14 +58,13 @@ class NutNet(Defence):
 
     def _excess(self, images: Tensor) -> Tensor:
         """(B, 1, rows, columns): logarithm of each block's error over the limit."""
-        held = {name: value.to(images) for name, value in read_state(_learnt()).items()}
-        limit = held.pop("errors").quantile(self.spared / 100).clamp(min=LEAST)
-        network = autoencoder().to(images)
-        network.load_state_dict(held)
+        path = _learnt()
+        network, errors = _read(path, path.stat().st_mtime_ns, images.device, images.dtype)
+        limit = errors.quantile(self.spared / 100).clamp(min=LEAST)
         height, width = images.shape[2:]
         whole = functional.pad(images, (0, -width % SIDE, 0, -height % SIDE), mode="replicate")
-        errors = _errors(network.requires_grad_(False), _blocks(whole))
-        return (errors.clamp(min=LEAST) / limit).log().view(len(images), 1, -(-height // SIDE), -(-width // SIDE))
+        found = _errors(network, _blocks(whole))
+        return (found.clamp(min=LEAST) / limit).log().view(len(images), 1, -(-height // SIDE), -(-width // SIDE))
 
 
 def train(pictures: Sequence[Tensor], seed: int = 0) -> Path:
@@ -131,6 +131,17 @@ def _path() -> Path:
 def _save(tensors: dict[str, Tensor]) -> Path:
     write_bytes(_path(), save(tensors))
     return _path()
+
+
+@lru_cache(maxsize=2)
+def _read(path: Path, changed_ns: int, device: torch.device, dtype: torch.dtype) -> tuple[nn.Module, Tensor]:
+    """The autoencoder that was learnt and the errors that it makes of plain blocks; read once, as every batch asks."""
+    held = dict(read_state(path))
+    errors = held.pop("errors").to(device, dtype)
+    with torch.random.fork_rng(devices=[]):  # the numbers that it begins with are drawn, and then replaced
+        network = autoencoder()
+    network.load_state_dict(held)
+    return network.to(device, dtype).requires_grad_(False), errors
 
 
 def _learnt() -> Path:
