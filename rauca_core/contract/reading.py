@@ -9,11 +9,16 @@ from __future__ import annotations
 import json
 import os
 import struct
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 from .errors import RaucaError
 
+# The last two: a flipped bit makes it seem encrypted, or packed in another way. ValueError: a name that is no UTF-8.
+DAMAGED_ARCHIVE = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
+"""What ``zipfile`` raises of an archive with flipped or missing bytes."""
 MAX_JSON_DEPTH = 64
 """The deepest file of ours nests ten levels; recursive code (``json.dumps``, ``==``) fails at some hundreds."""
 MAX_PIXELS = 8192 * 8192

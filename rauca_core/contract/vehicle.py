@@ -15,8 +15,6 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,14 +24,11 @@ from numpy.typing import NDArray
 
 from .errors import RaucaError
 from .files import atomic_folder, png_bytes, write_bytes, write_json
-from .reading import require_file
+from .reading import DAMAGED_ARCHIVE, require_file
 from .schema import Record, read_json
 
-# What a flipped byte makes of an archive; the last two: it seems encrypted, or packed in another way.
-_DAMAGED = (
-    *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError),
-    *(KeyError, TypeError, MemoryError, OverflowError),  # a lone array instead of an archive; a shape beyond memory
-)
+# And a lone array instead of an archive; a shape beyond memory.
+_DAMAGED = (*DAMAGED_ARCHIVE, KeyError, TypeError, MemoryError, OverflowError)
 MAX_UNPACKED_BYTES = 2**30
 """Of the arrays in one archive: light maps and distances of the largest frame, 8192 pixels a side, take 0.9 GiB."""
 MAX_EXTENT_M = 1e5

@@ -213,6 +213,14 @@ def test_archives_that_do_more_than_compute(tmp_path: Path, archive: Path, monke
     torch.save({"weight": torch.zeros(2)}, "pickle.torchscript")
     with pytest.raises(RaucaError, match=r"pickle.torchscript: is no TorchScript archive"):
         load_detector("pickle.torchscript", names=NAMES)
+    # A flipped bit says that a part's name is UTF-8, and another one that it is not.
+    whole = bytearray(archive.read_bytes())
+    local = whole.rindex(b"PK\x03\x04", 0, whole.index(b".py"))
+    whole[local + 7] |= 8
+    whole[local + 30] = 0x9D
+    Path("name.torchscript").write_bytes(whole)
+    with pytest.raises(RaucaError, match=r"name.torchscript: cannot be read as TorchScript"):
+        load_detector("name.torchscript", names=NAMES)
     Path("cut.torchscript").write_bytes(archive.read_bytes()[:5000])
     with pytest.raises(RaucaError, match=r"cut.torchscript: is no TorchScript archive"):
         load_detector("cut.torchscript", names=NAMES)

@@ -23,6 +23,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ...contract import RaucaError
 from ...contract.files import file_digest
+from ...contract.reading import DAMAGED_ARCHIVE
 from ..answers import above, read_answers
 from ..batch_norm import freeze_batch_norms
 from ..classes import canonical
@@ -133,7 +134,7 @@ def is_torchscript(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             parts = [name.partition("/")[2] for name in archive.namelist()]
-    except (OSError, zipfile.BadZipFile):
+    except DAMAGED_ARCHIVE:
         return False
     return "constants.pkl" in parts and any(part.startswith("code/") for part in parts)
 
@@ -147,7 +148,7 @@ def _refuse_more_than_computing(path: Path) -> None:
             raise RaucaError(f"{path}: holds programs of more than {MAX_CODE_BYTES} bytes; none of that size is read")
         try:
             found = next(filter(None, (_FORBIDDEN.search(archive.read(one)) for one in programs)), None)
-        except (zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+        except DAMAGED_ARCHIVE as error:
             raise RaucaError(f"{path}: cannot be read as TorchScript ({first_line(error)})") from error
     if found:
         raise RaucaError(f"{path}: its program says {found[0].decode()!r}, which may reach files; export it without")
