@@ -143,7 +143,7 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way:
     shoot_preview(desk, "4-dataset")
     places.append(desk.find("rauca.generate_dataset("))
     assert abs(places[0][1] - places[1][1]) < 5  # no button moves under the mouse; the middle is found to some pixels
-    desk.unfold("rauca.generate_dataset(", "workers", skip=4 * ROW)
+    desk.unfold("rauca.generate_dataset(", "workers", skip=10 * ROW)  # buttons, the picture, the state
     blender.shoot("4-more")
     planned = read_plan(folder).frames()
     assert len(planned) == FRAMES
