@@ -13,6 +13,7 @@ from .steps.camouflage.panel import RaucaCamouflage
 from .steps.dataset import RaucaDataset
 from .steps.evaluate import RaucaEvaluate
 from .steps.optimize import RaucaOptimize
+from .steps.photograph.properties import RaucaPhotograph
 from .steps.vehicle.properties import RaucaVehicle
 from .steps.weather.properties import RaucaWeather
 
@@ -26,6 +27,8 @@ NAMES = """
     steps.python_setup steps.dataset steps.frames_panel steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.evaluate steps.camouflage.views_panel
+    steps.photograph.properties steps.photograph.operators steps.photograph.marking steps.photograph.overlay
+    steps.photograph.panel
     steps.bake steps.cost jobs.watch
 """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
@@ -45,6 +48,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     optimize: bpy.props.PointerProperty(type=RaucaOptimize)
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)
     evaluate: bpy.props.PointerProperty(type=RaucaEvaluate)
+    photograph: bpy.props.PointerProperty(type=RaucaPhotograph)
     bake: bpy.props.PointerProperty(type=RaucaBake)
 
 
