@@ -112,11 +112,12 @@ class RAUCA_OT_mark_points(RaucaOperator, bpy.types.Operator):
                 raise contract.RaucaError("No part of the vehicle is there; click on the vehicle")
             return
         frame, size = frame_on_screen(context.scene, region, view), context.scene.render
-        through = view.view_perspective == "CAMERA" and frame is not None
-        at = pixel_at(frame, (size.resolution_x, size.resolution_y), x, y) if through else None
+        at = None
+        if view.view_perspective == "CAMERA" and frame is not None:
+            at = pixel_at(frame.tolist(), (size.resolution_x, size.resolution_y), x, y)
         if at is None:
             raise contract.RaucaError("The photograph is not there; click into it")
-        add_mark(settings, self._point, at)
+        add_mark(settings, self._point.tolist(), at)
         self._point = None
         bpy.ops.ed.undo_push(message="Rauca: Mark Point")
 
