@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from blender_addon.preferences import preferences
 from blender_addon.scene.camera import aim, new_holder, seen_by
@@ -18,6 +18,7 @@ from blender_addon.scene.vehicle import load_shipped
 from blender_addon.steps.cameras.properties import anchor
 from blender_addon.steps.photograph import marking, operators
 from blender_addon.steps.photograph.panel import state
+from blender_addon.steps.photograph.properties import standing
 from rauca_core.contract import Camera
 from rauca_core.contract.files import png_bytes
 from rauca_core.environment.views.body import see_body
@@ -157,6 +158,24 @@ def test_what_keeps_a_photograph_from_being_fitted(addon, photograph, tmp_path):
     assert "holds other files" in refusal(addon.ops.rauca.fit_photograph)
     photograph.folder = ""
     assert state(addon.context).words == "Choose a folder for the photograph"
+
+
+def test_a_vehicle_that_is_a_file_stands_where_step_6_placed_it(addon, photograph, tmp_path):
+    vehicle = addon.context.scene.rauca.vehicle
+    here = anchor(addon.context).vehicle_to_world
+    addon.data.objects.remove(vehicle.object)
+    vehicle.origin, vehicle.file = "FILE", "sedan"
+    assert "The vehicle is not in this scene" in refusal(addon.ops.rauca.look_at_photograph)
+    a_camouflage(tmp_path, noise(), load_shipped("sedan").atlas_id, "sedan")
+    addon.ops.rauca.apply_camouflage()
+    (sedan,) = addon.context.scene.objects
+    sedan.matrix_world = Matrix(here.tolist())
+    addon.context.view_layer.update()
+    found = standing(addon.context)
+    assert found is not None
+    assert found.objects == [sedan]
+    np.testing.assert_allclose(found.to_world, here, atol=1e-6)
+    assert addon.ops.rauca.look_at_photograph() == {"FINISHED"}
 
 
 def test_marks_of_one_plane_are_refused_by_the_command_in_one_line(addon, photograph):

@@ -12,10 +12,9 @@ from mathutils import Vector
 from numpy.typing import NDArray
 
 from ...core import contract
-from ..cameras.properties import anchor
 from ..camouflage.detection_overlay import frame_on_screen
-from ..operator import NO_UNDO, NOT_OBJECT_MODE, NOT_PICKED, Obstacle, RaucaOperator, see_through_camera
-from .properties import SEE_BOTH, RaucaPhotograph
+from ..operator import NO_UNDO, NOT_OBJECT_MODE, Obstacle, RaucaOperator, see_through_camera
+from .properties import NOT_STANDING, SEE_BOTH, RaucaPhotograph, standing
 
 PAST_M = 1e-4  # behind a surface that is not the vehicle's the ray goes on
 NO_WINDOW = Obstacle("Marking needs the mouse, in a 3D view", lambda context: bpy.app.background)
@@ -24,7 +23,10 @@ MOST_SURFACES = 64  # before the vehicle: fog, the street's trees
 
 def vehicle_point(context: bpy.types.Context, origin: Vector, way: Vector) -> NDArray[np.float64] | None:
     """Where a ray of the world meets the vehicle of step 1 first, (3,) metres in the vehicle's own frame; or None."""
-    parts = set(context.scene.rauca.vehicle.objects(context))
+    found = standing(context)
+    if found is None:
+        return None
+    parts = set(found.objects)
     parts |= {part for thing in parts if thing.instance_collection for part in thing.instance_collection.all_objects}
     graph = context.evaluated_depsgraph_get()
     for _ in range(MOST_SURFACES):
@@ -32,7 +34,7 @@ def vehicle_point(context: bpy.types.Context, origin: Vector, way: Vector) -> ND
         if not met:
             return None
         if thing.original in parts:
-            local = np.linalg.inv(anchor(context).vehicle_to_world) @ np.array([*place, 1.0])
+            local = np.linalg.inv(found.to_world) @ np.array([*place, 1.0])
             return local[:3]
         origin = place + way * PAST_M
     return None
@@ -71,13 +73,13 @@ class RAUCA_OT_mark_points(RaucaOperator, bpy.types.Operator):
 
     bl_label = "Mark Points"
     bl_options = NO_UNDO  # every pair is a step of undo by itself
-    obstacles = (NOT_PICKED, NOT_OBJECT_MODE, NO_WINDOW)
+    obstacles = (NOT_STANDING, NOT_OBJECT_MODE, NO_WINDOW)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         settings = context.scene.rauca.photograph
         try:
             if settings.camera is None:
-                settings.look(context, settings.first_look(context))
+                settings.look(context, settings.first_look())
                 settings.lay(settings.path(), SEE_BOTH)
                 see_through_camera(context, True)
         except contract.RaucaError as error:

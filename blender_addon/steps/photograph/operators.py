@@ -21,11 +21,12 @@ from ...jobs import watch
 from ...jobs.background import Job, Task
 from ...preferences import lacks_python, preferences
 from ...scene import camera
+from ..camouflage.painted_vehicle import objects_of
 from ..camouflage.shown_evaluation import take_pictures
 from ..job_panel import shown_job
 from ..on_disk import camouflage_at, chosen_path
-from ..operator import LINKED, NOT_PICKED, BackgroundOperator, Obstacle, RaucaOperator, see_through_camera
-from .properties import SEE_BOTH
+from ..operator import LINKED, BackgroundOperator, Obstacle, RaucaOperator, see_through_camera
+from .properties import NOT_STANDING, SEE_BOTH
 
 JOB = "photograph"
 MARK = "photograph.json"  # in a folder that this panel writes to
@@ -40,11 +41,11 @@ class RAUCA_OT_look_at_photograph(RaucaOperator, bpy.types.Operator):
     """See the photograph before the vehicle, through a camera of its own; your own camera is kept"""
 
     bl_label = "Look at Photograph"
-    obstacles = (LINKED, NOT_PICKED, NO_PHOTOGRAPH)
+    obstacles = (LINKED, NOT_STANDING, NO_PHOTOGRAPH)
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.photograph
-        seen = settings.first_look(context) if settings.camera is None else settings.present(context)
+        seen = settings.first_look() if settings.camera is None else settings.present(context)
         settings.look(context, seen)
         settings.lay(settings.path(), SEE_BOTH)
         see_through_camera(context, True)
@@ -69,7 +70,7 @@ def missing(context: bpy.types.Context) -> str:
     settings = context.scene.rauca.photograph
     if lack := lacks_python(context):
         return lack
-    for obstacle in (NO_PHOTOGRAPH, NOT_PICKED, NOT_LOOKING):
+    for obstacle in (NO_PHOTOGRAPH, NOT_STANDING, NOT_LOOKING):
         if obstacle.stands(context):
             return iface(obstacle.words)
     if 0 < len(settings.marks) < FEWEST:
@@ -92,6 +93,8 @@ class RAUCA_OT_fit_photograph(BackgroundOperator, bpy.types.Operator):
         refuse_foreign(folder, MARK, rpt("fitted photograph"))
         width, height = settings.size()
         vehicle = context.scene.rauca.vehicle.chosen(context)
+        if not objects_of(context, vehicle):  # another file was chosen since
+            raise contract.RaucaError(NOT_STANDING.words)
         files.write_json(folder / MARK, {"width": width, "height": height, "atlas": vehicle.atlas_id})
         for begun in (FITTED, WORN):  # of an earlier fit
             shutil.rmtree(folder / begun, ignore_errors=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import bpy
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-from ..cameras.properties import anchor
 from ..camouflage.detection_overlay import COLORS, LINE_PX, draw_label, draw_lines, frame_on_screen, place_in_frame
 from ..panel import ViewportOverlay
+from .properties import standing
 
 ARM_PX = 6.0  # of a mark's cross
 
@@ -15,12 +15,13 @@ ARM_PX = 6.0  # of a mark's cross
 def _draw(context: bpy.types.Context) -> None:
     settings, render = context.scene.rauca.photograph, context.scene.render
     looking = settings.camera is not None and context.scene.camera == settings.camera
-    if not looking or not settings.marks:
+    found = standing(context) if looking and settings.marks else None
+    if found is None:
         return
     through = context.region_data.view_perspective == "CAMERA"
     frame = frame_on_screen(context.scene, context.region, context.region_data) if through else None
     points, pixels = settings.marked()
-    to_world, scale = anchor(context).vehicle_to_world, context.preferences.system.ui_scale
+    to_world, scale = found.to_world, context.preferences.system.ui_scale
     for number, (point, pixel) in enumerate(zip(points, pixels, strict=True)):
         color = COLORS[number % len(COLORS)]
         seen = location_3d_to_region_2d(context.region, context.region_data, (to_world @ [*point, 1.0])[:3])

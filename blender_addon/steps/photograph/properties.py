@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from ...core import contract
 from ...scene import camera
 from ..cameras.properties import anchor
+from ..camouflage.painted_vehicle import ATLAS_KEY
 from ..camouflage.shown_evaluation import take_pictures
+from ..operator import Obstacle
 from ..panel import angle, folder_setting
 
-FIRST_AWAY_M = np.array([5.0, 4.0, 1.2])  # from the vehicle's middle, in its own frame: before its front left
+FIRST_EYE_M, FIRST_MIDDLE_M = np.array([5.0, 4.0, 1.8]), np.array([0.0, 0.0, 0.7])  # before a car's front left
 SEE_BOTH = 0.5  # opacity of the photograph before a vehicle that is to be pulled onto it
 
 
@@ -28,6 +31,37 @@ def _widened(self: RaucaPhotograph, context: bpy.types.Context) -> None:
 
 def _file_setting(name: str, tip: str) -> bpy.props._PropertyDeferred:
     return bpy.props.StringProperty(name=name, description=tip, subtype="FILE_PATH")
+
+
+class Standing(NamedTuple):
+    """Where the vehicle of step 1 stands: its objects, and the rigid (4, 4) transform of its own frame to the world."""
+
+    objects: list[bpy.types.Object]
+    to_world: NDArray[np.float64]
+
+
+def standing(context: bpy.types.Context) -> Standing | None:
+    """The vehicle in this scene; None where it is not. One that is a file is the object that step 6 placed for it."""
+    chosen = context.scene.rauca.vehicle
+    if chosen.origin == "FILE":
+        placed = [thing for thing in context.scene.objects if ATLAS_KEY in thing][:1]
+        return Standing(placed, np.array(placed[0].matrix_world)) if placed else None
+    found = anchor(context)
+    return Standing(list(chosen.objects(context)), found.vehicle_to_world) if found.found else None
+
+
+NOT_STANDING = Obstacle(
+    "The vehicle is not in this scene: pick it in step 1, or apply a camouflage to it in step 6",
+    lambda context: standing(context) is None,
+)
+
+
+def vehicle_to_world(context: bpy.types.Context) -> NDArray[np.float64]:
+    """(4, 4); raises :class:`RaucaError` where the vehicle is not in this scene."""
+    found = standing(context)
+    if found is None:
+        raise contract.RaucaError(NOT_STANDING.words)
+    return found.to_world
 
 
 class RaucaMark(bpy.types.PropertyGroup):
@@ -70,8 +104,7 @@ class RaucaPhotograph(bpy.types.PropertyGroup):
 
     def look(self, context: bpy.types.Context, seen: contract.Camera) -> None:
         """Look through a camera of the vehicle's own frame, whose size is the photograph's."""
-        to_world = anchor(context).vehicle_to_world
-        camera.look(context.scene, self, seen.relative_to(np.linalg.inv(to_world)))
+        camera.look(context.scene, self, seen.relative_to(np.linalg.inv(vehicle_to_world(context))))
         self.camera.hide_select = False  # it may be pulled
         self["fov"] = self.camera.data.angle  # as it is, not set anew
         context.view_layer.update()
@@ -79,14 +112,13 @@ class RaucaPhotograph(bpy.types.PropertyGroup):
     def present(self, context: bpy.types.Context) -> contract.Camera:
         """The camera as it stands now, in the vehicle's own frame."""
         seen = camera.seen_by(self.camera, *self.size())
-        return seen.relative_to(anchor(context).vehicle_to_world)
+        return seen.relative_to(vehicle_to_world(context))
 
-    def first_look(self, context: bpy.types.Context) -> contract.Camera:
+    def first_look(self) -> contract.Camera:
         """A camera before the vehicle, to the left of its front, to begin with."""
         width, height = self.size()
         across = 2 * math.atan(math.tan(self.fov / 2) * width / max(width, height))
-        middle = anchor(context).center
-        return contract.Camera.look_at(middle + FIRST_AWAY_M, middle, math.degrees(across), width, height)
+        return contract.Camera.look_at(FIRST_EYE_M, FIRST_MIDDLE_M, math.degrees(across), width, height)
 
     def lay(self, path: Path, opacity: float) -> None:
         """Lay a picture before the vehicle in the camera's view, in place of the one that lies there."""
