@@ -109,6 +109,11 @@ def test_marks_fit_the_camera_and_the_camouflage_is_composed_on_the_paint_alone(
     assert laid_pictures() == []
     assert (addon.context.scene.camera, len(addon.data.objects)) == (own, objects)
     assert "No view is being looked through" in refusal(addon.ops.rauca.leave_photograph)
+    addon.ops.rauca.look_at_photograph()  # another day: through the camera that was found
+    assert_is_truth(in_vehicle_frame())
+    (tmp_path / "other.png").write_bytes((tmp_path / "car.png").read_bytes())
+    photograph.file = str(tmp_path / "other.png")
+    assert "Fit the photograph first" in refusal(addon.ops.rauca.wear_photograph)
 
 
 def laid_pictures() -> list[str]:

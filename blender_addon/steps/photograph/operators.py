@@ -24,9 +24,9 @@ from ...scene import camera
 from ..camouflage.painted_vehicle import objects_of
 from ..camouflage.shown_evaluation import take_pictures
 from ..job_panel import shown_job
-from ..on_disk import camouflage_at, chosen_path
+from ..on_disk import ask, camouflage_at, chosen_path, forget
 from ..operator import LINKED, BackgroundOperator, Obstacle, RaucaOperator, see_through_camera
-from .properties import NOT_STANDING, SEE_BOTH
+from .properties import NOT_STANDING, SEE_BOTH, standing
 
 JOB = "photograph"
 MARK = "photograph.json"  # in a folder that this panel writes to
@@ -45,7 +45,12 @@ class RAUCA_OT_look_at_photograph(RaucaOperator, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.photograph
-        seen = settings.first_look() if settings.camera is None else settings.present(context)
+        if settings.camera is not None:
+            seen = settings.present(context)
+        elif is_fitted(context):
+            seen = fitted_camera(chosen_path(settings.folder))
+        else:
+            seen = settings.first_look()
         settings.look(context, seen)
         settings.lay(settings.path(), SEE_BOTH)
         see_through_camera(context, True)
@@ -60,6 +65,8 @@ class RAUCA_OT_leave_photograph(RaucaOperator, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> None:
         settings = context.scene.rauca.photograph
         see_through_camera(context, False)  # while there is a camera to look through
+        if context.space_data is not None and context.space_data.type == "VIEW_3D":
+            context.space_data.lock_camera = False  # what pulled this camera would pull the user's own next
         pictures = take_pictures(settings.camera.data)
         camera.leave(context.scene, settings)
         bpy.data.batch_remove([image for image in pictures if image.users == 0])
@@ -95,9 +102,12 @@ class RAUCA_OT_fit_photograph(BackgroundOperator, bpy.types.Operator):
         vehicle = context.scene.rauca.vehicle.chosen(context)
         if not objects_of(context, vehicle):  # another file was chosen since
             raise contract.RaucaError(NOT_STANDING.words)
-        files.write_json(folder / MARK, {"width": width, "height": height, "atlas": vehicle.atlas_id})
+        told = {"picture": image.name, "width": width, "height": height, "atlas": vehicle.atlas_id}
+        files.write_json(folder / MARK, told)
         for begun in (FITTED, WORN):  # of an earlier fit
             shutil.rmtree(folder / begun, ignore_errors=True)
+        for given_before in ("points.json", "camera.json"):
+            (folder / given_before).unlink(missing_ok=True)
         if settings.marks:
             given = ["--points", str(_write_points(context, folder))]
         else:
@@ -162,11 +172,13 @@ def _here(job: Job) -> bpy.types.Scene | None:
     scene = bpy.context.scene
     if job.phase != "done" or scene is None or shown_job(JOB, scene.rauca.photograph.folder) is None:
         return None
-    return scene if scene.rauca.photograph.camera is not None else None
+    looked_at = scene.rauca.photograph.camera is not None and standing(bpy.context) is not None
+    return scene if looked_at else None
 
 
 def _show_fit(job: Job) -> None:
     """Look through the camera that was found, as a step of undo."""
+    forget()
     if (scene := _here(job)) is None:
         return
     settings, found = scene.rauca.photograph, fitted_camera(job.task.folder)
@@ -183,9 +195,16 @@ def _push(message: str) -> None:
 
 
 def is_fitted(context: bpy.types.Context) -> bool:
-    """Whether the chosen folder holds a fitted photograph."""
-    folder = context.scene.rauca.photograph.folder
-    return bool(folder) and (chosen_path(folder) / FITTED / "dataset.json").is_file()
+    """Whether the chosen folder holds the chosen photograph, fitted."""
+    settings = context.scene.rauca.photograph
+    files_asked = (MARK, f"{FITTED}/dataset.json")
+    return (
+        bool(settings.file) and ask("photograph", settings.folder, files_asked, _picture_name) == settings.path().name
+    )
+
+
+def _picture_name(folder: Path) -> str | None:
+    return schema.read_json(folder / MARK).text("picture") if (folder / FITTED / "dataset.json").is_file() else None
 
 
 def missing_to_wear(context: bpy.types.Context) -> str:

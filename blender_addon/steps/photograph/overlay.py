@@ -29,7 +29,8 @@ def _draw(context: bpy.types.Context) -> None:
         if frame is not None:
             at = place_in_frame(frame, pixel[0] / render.resolution_x, pixel[1] / render.resolution_y)
             ends += _cross(at, scale) + ([tuple(seen), at] if seen is not None else [])
-            draw_label(str(number + 1), at, color, scale, [])
+            beside = (at[0] + ARM_PX * scale, at[1] + ARM_PX * scale)  # the marked place itself stays to be seen
+            draw_label(str(number + 1), beside, color, scale, [])
         if ends:
             draw_lines(ends, color, LINE_PX * scale)
 
