@@ -71,6 +71,13 @@ def test_step_1_adds_the_sedan(desk: Sidebar) -> None:
     assert blender.ask("value = 'sedan' in bpy.context.scene.objects")
     assert blender.ask("value = 'sedan' in bpy.context.collection.objects")  # the active one, as Blender's own meshes
     assert state(blender, 1)[0] == "done"
+    # The panel Paint follows the last button and the state's two lines.
+    desk.unfold("rauca.demo_scene(", "tint", skip=2 * ROW)
+    assert tinted(blender.shoot("1-untinted")) < 50  # off by default
+    desk.press("tint", lambda: blender.settings("vehicle.tint"))
+    assert tinted(blender.shoot("1-tinted")) > 2000
+    desk.press("tint", lambda: not blender.settings("vehicle.tint"))
+    assert tinted(blender.shoot("1-untinted")) < 50
 
 
 def test_step_2_shows_a_weather(desk: Sidebar) -> None:
@@ -433,6 +440,12 @@ def blue(picture: Path) -> int:
     """Pixels of the viewport in the color of the rings' cameras; the manipulator at its top is left out."""
     seen = cv2.imread(str(picture))[250:850, 60:700].astype(int)
     return int(((seen[..., 0] - seen[..., 2] > 40) & (seen[..., 1] - seen[..., 2] > 15)).sum())
+
+
+def tinted(picture: Path) -> int:
+    """Pixels of the viewport in the color that step 1 tints paint with."""
+    seen = cv2.imread(str(picture))[250:850, 60:700].astype(int)
+    return int(((seen[..., 2] - seen[..., 1] > 40) & (seen[..., 0] - seen[..., 1] > 40)).sum())
 
 
 def dark(picture: Path) -> float:
