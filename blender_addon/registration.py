@@ -26,6 +26,7 @@ NAMES = """
     steps.cameras.properties steps.cameras.presets steps.cameras.panel steps.cameras.overlay
     steps.python_setup steps.dataset steps.frames_panel steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
+    steps.camouflage.assets
     steps.evaluate steps.camouflage.views_panel
     steps.bake steps.cost jobs.watch
 """
