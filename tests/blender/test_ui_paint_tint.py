@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from blender_addon.scene.mesh_edits import mark_faces
 from blender_addon.scene.vehicle import load_shipped, shipped_names
@@ -21,34 +23,47 @@ def vehicle(addon):
     return addon.context.scene.rauca.vehicle
 
 
-@pytest.fixture
-def redraws(monkeypatch):
-    """What lies on the graphics card after a redraw; without a window nothing is drawn."""
+class Card:
+    """Stands for the graphics card, which a Blender without a window has not: notes what is drawn, and where."""
 
-    class DrawnError(Exception):
-        pass
+    def __init__(self) -> None:
+        self.laid: list[dict] = []  # the faces of each object, at every reading
+        self.drawn: list[tuple[str, tuple[float, ...]]] = []  # object and place, of the last redraw
+        self.place = None
 
-    laid = []
+    def lay(self, faces):
+        self.laid.append(faces)
+        return {name: SimpleNamespace(draw=lambda shader, name=name: self.note(name[0])) for name in faces}
 
-    def lay_on_card(faces):
-        laid.append(faces)
-        return faces
+    def note(self, name: str) -> None:
+        self.drawn.append((name, tuple(self.place.translation)))
 
-    def shader(name):
-        raise DrawnError
-
-    monkeypatch.setattr(paint_overlay, "_on_card", lay_on_card)
-    monkeypatch.setattr(paint_overlay.gpu, "shader", SimpleNamespace(from_builtin=shader))
-
-    def redraw() -> int:
-        """How often faces were read so far; drawing itself needs a window."""
+    def redraw(self) -> int:
+        """How often faces were read so far."""
         bpy.context.view_layer.update()
-        with pytest.raises(DrawnError):
-            paint_overlay._draw(bpy.context)
-        return len(laid)
+        self.drawn.clear()
+        area = SimpleNamespace(scene=bpy.context.scene, mode=bpy.context.mode, view_layer=bpy.context.view_layer)
+        paint_overlay._draw(SimpleNamespace(**vars(area), space_data=None))
+        return len(self.laid)
 
-    redraw.laid = laid
-    yield redraw
+
+@pytest.fixture
+def card(monkeypatch):
+    found = Card()
+    shader = SimpleNamespace(bind=lambda: None, uniform_float=lambda *given: None)
+    settings = dict.fromkeys(("blend_set", "depth_test_set", "depth_mask_set"), lambda value: None)
+    matrix = SimpleNamespace(
+        get_projection_matrix=lambda: Matrix.Identity(4),
+        load_projection_matrix=lambda matrix: None,
+        push_pop_projection=nullcontext,
+        push_pop=nullcontext,
+        multiply_matrix=lambda matrix: setattr(found, "place", matrix.copy()),
+    )
+    shaders = SimpleNamespace(from_builtin=lambda name: shader)
+    fake = SimpleNamespace(shader=shaders, state=SimpleNamespace(**settings), matrix=matrix)
+    monkeypatch.setattr(paint_overlay, "gpu", fake)
+    monkeypatch.setattr(paint_overlay, "_on_card", found.lay)
+    yield found
     paint_overlay._tint.unregister()
 
 
@@ -91,28 +106,43 @@ def test_every_part_is_tinted_and_a_file_tints_nothing(vehicle):
     assert tinted() == {}
 
 
-def test_it_is_off_until_asked_for_and_in_object_mode_only(vehicle, redraws):
+def test_it_is_off_until_asked_for_and_in_object_mode_only(vehicle, card):
     a_box()
-    paint_overlay._draw(bpy.context)
+    assert (card.redraw(), card.drawn) == (0, [])
     vehicle.tint = True
-    assert redraws() == 1
+    assert card.redraw() == 1
+    assert [name for name, _ in card.drawn] == ["Box"]
     bpy.ops.object.mode_set(mode="EDIT")
-    paint_overlay._draw(bpy.context)
+    card.redraw()
+    assert card.drawn == []
     bpy.ops.object.mode_set(mode="OBJECT")
     vehicle.tint = False
-    paint_overlay._draw(bpy.context)
+    card.redraw()
+    assert card.drawn == []
 
 
-def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(vehicle, redraws):
+def test_it_follows_the_vehicle_and_hides_with_it(vehicle, card):
     box = a_box()
     vehicle.tint = True
-    times = redraws()
+    card.redraw()
+    box.location = (2.0, -1.0, 0.5)
+    card.redraw()
+    assert card.drawn == [("Box", (2.0, -1.0, 0.5))]
+    box.hide_set(True)
+    card.redraw()
+    assert card.drawn == []
+
+
+def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(vehicle, card):
+    box = a_box()
+    vehicle.tint = True
+    times = card.redraw()
     for move in (
         lambda: setattr(box.location, "x", 2.0), lambda: setattr(box.rotation_euler, "z", 1.0),
         lambda: box.select_set(False), lambda: setattr(vehicle, "front", "-Y"),
     ):  # fmt: skip
         move()
-        assert redraws() == times
+        assert card.redraw() == times
     for change in (
         lambda: box.modifiers.new("more", "SUBSURF"),
         lambda: mark_faces(box.data, np.arange(6) < 3),
@@ -123,20 +153,19 @@ def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(v
         lambda: bpy.context.scene.frame_set(5),
     ):
         change()
-        times += 1
-        assert redraws() >= times
-        times = redraws()
+        before, times = times, card.redraw()
+        assert times == before + 1
     bpy.data.objects.remove(box)
-    assert redraws() > times
-    assert redraws.laid[-1] == {}
+    assert card.redraw() > times
+    assert card.laid[-1] == {}
 
 
-def test_nothing_enters_the_file_and_no_handler_is_left(vehicle, redraws):
+def test_nothing_enters_the_file_and_no_handler_is_left(vehicle, card):
     a_box()
     before = {(kind, len(getattr(bpy.data, kind))) for kind in ("objects", "meshes", "materials", "node_groups")}
     attributes = [a.name for a in bpy.data.meshes["Box"].attributes]
     vehicle.tint = True
-    redraws()
+    card.redraw()
     assert {(kind, len(getattr(bpy.data, kind))) for kind, _ in before} == before
     assert [a.name for a in bpy.data.meshes["Box"].attributes] == attributes
     for name, handler in paint_overlay.HANDLERS.items():
