@@ -104,6 +104,9 @@ def test_the_asset_stays_when_the_camouflage_is_taken_off_and_looks_never_touch_
     assert the_asset().nodes["camouflage"].image.packed_file is not None
     assert bpy.ops.rauca.apply_asset(group=the_asset().name) == {"FINISHED"}
     assert panel.state(bpy.context).words == "The vehicle wears spots"
+    assert "asset of this file already" in refusal(bpy.ops.rauca.mark_asset)
+    the_asset().asset_clear()
+    assert bpy.ops.rauca.mark_asset() == {"FINISHED"}
 
 
 def test_undo_takes_the_asset_back(rauca, tmp_path):

@@ -64,7 +64,8 @@ def test_step_1_adds_the_sedan(desk: Sidebar) -> None:
     # A button that opens a menu does not say what it is: it lies below the field "Front".
     x, y = desk.find("front")
     screen.click(x, y + 26)
-    time.sleep(1)
+    time.sleep(2)  # its pictures are read
+    screen.shoot(blender.scratch / "1-menu.png")
     screen.key("s")  # the underlined letter of "Sedan"
     blender.wait(lambda: chosen(blender) == "sedan", "the sedan")
     blender.shoot("1-vehicle")
@@ -216,6 +217,10 @@ def test_step_6_applies_the_camouflage(desk: Sidebar, way: Way) -> None:
     blender.wait(lambda: coat(blender)["shown"] == "ORIGINAL", "undo")
     desk.screen.key("ctrl+shift+z")
     blender.wait(lambda: coat(blender)["shown"] == "CAMOUFLAGE", "redo")
+    assets = "value = [t.name for t in bpy.data.node_groups if t.asset_data]"
+    desk.press("rauca.mark_asset(", lambda: blender.ask(assets))
+    assert blender.ask(assets) == ["patches (sedan)"]
+    assert state(blender, 6)[0] == "done"
 
 
 def test_step_7_evaluates_and_leads_to_the_worst_view(desk: Sidebar, figures: dict[str, str], way: Way) -> None:

@@ -25,7 +25,7 @@ from ...core import color, contract, files
 from ...folders import own_folder
 from ...jobs import pictures
 from ...scene.blocks import Since
-from ...scene.coating import ATLAS_KEY, NAME_KEY, Coat
+from ...scene.coating import ATLAS_KEY, DIGEST_KEY, NAME_KEY, Coat
 from ...scene.images import image_linear
 from ..operator import NO_COAT, Obstacle, RaucaOperator
 from .operators import wear
@@ -36,26 +36,19 @@ MADE_FOR_KEY = "rauca_made_for"  # custom property of the asset: the vehicle's n
 PREVIEW_TEXELS = 256
 
 
-def _asset_of(tree: bpy.types.NodeTree | None) -> bpy.types.NodeTree | None:
-    """The asset of this file that was made of a coat; asked for at every redraw."""
-    image = Coat(tree).image("camouflage") if tree is not None else None
-    for other in bpy.data.node_groups:
-        if other.asset_data is not None and MADE_FOR_KEY in other and Coat(other).image("camouflage") == image:
-            return other
-    return None
+def _is_asset(context: bpy.types.Context) -> bool:
+    """Whether this file has an asset of the camouflage that is worn; asked for at every redraw."""
+    coat = context.scene.rauca.camouflage.coat
+    assets = [tree for tree in bpy.data.node_groups if tree.asset_data is not None and MADE_FOR_KEY in tree]
+    keys = (NAME_KEY, ATLAS_KEY, DIGEST_KEY)
+    return coat is not None and any(all(tree.get(key) == coat.get(key) for key in keys) for tree in assets)
 
 
 class RAUCA_OT_mark_asset(RaucaOperator, bpy.types.Operator):
     """Keep the camouflage as an asset of this file: the asset browser shows it, and its menu puts it on a vehicle"""
 
     bl_label = "Mark as Asset"
-    obstacles = (
-        NO_COAT,
-        Obstacle(
-            "It is an asset of this file already",
-            lambda context: _asset_of(context.scene.rauca.camouflage.coat) is not None,
-        ),
-    )
+    obstacles = (NO_COAT, Obstacle("It is an asset of this file already", _is_asset))
 
     def work(self, context: bpy.types.Context) -> str:
         vehicle, coat = painted_vehicle(context)
