@@ -134,12 +134,13 @@ def test_it_follows_the_vehicle_and_hides_with_it(vehicle, card):
 
 
 def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(vehicle, card):
-    box = a_box()
-    vehicle.tint = True
+    box, other = a_box(), a_box("Other")
+    vehicle.object, vehicle.tint = box, True
     times = card.redraw()
     for move in (
         lambda: setattr(box.location, "x", 2.0), lambda: setattr(box.rotation_euler, "z", 1.0),
         lambda: box.select_set(False), lambda: setattr(vehicle, "front", "-Y"),
+        lambda: other.modifiers.new("more", "SUBSURF"),
     ):  # fmt: skip
         move()
         assert card.redraw() == times
@@ -149,6 +150,7 @@ def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(v
         lambda: setattr(box.material_slots[1], "material", None),
         lambda: setattr(box.data.polygons[0], "material_index", 1),
         lambda: setattr(box.data.materials[0], "name", "body paint 2"),
+        lambda: setattr(other, "parent", box),
         lambda: setattr(vehicle, "paint", "FACES"),
         lambda: bpy.context.scene.frame_set(5),
     ):
@@ -158,6 +160,35 @@ def test_faces_are_read_again_when_they_changed_and_not_when_the_vehicle_moved(v
     bpy.data.objects.remove(box)
     assert card.redraw() > times
     assert card.laid[-1] == {}
+
+
+def test_a_redraw_without_a_change_looks_for_nothing(vehicle, card, monkeypatch):
+    a_box()
+    vehicle.tint = True
+    card.redraw()
+
+    def look(self, context):
+        raise AssertionError("among thousands of objects this takes milliseconds")
+
+    monkeypatch.setattr(type(vehicle), "objects", look)
+    card.redraw()
+    assert [name for name, _ in card.drawn] == ["Box"]
+
+
+def test_a_change_between_two_redraws_is_seen_behind_another(vehicle, card):
+    box = a_box()
+    vehicle.tint = True
+    times = card.redraw()
+    box.modifiers.new("more", "SUBSURF").subdivision_type = "SIMPLE"
+    bpy.context.view_layer.update()
+    box.location.x = 1.0
+    bpy.context.view_layer.update()
+    assert card.redraw() == times + 1
+    box.location.x = 2.0
+    bpy.context.view_layer.update()
+    box.modifiers.clear()
+    bpy.context.view_layer.update()
+    assert card.redraw() == times + 2
 
 
 def test_nothing_enters_the_file_and_no_handler_is_left(vehicle, card):

@@ -19,7 +19,9 @@ TOWARDS_EYE = 4e-6  # of the depth between the clipping planes: the tint lies be
 Key = tuple[str, str | None]  # an object's name, and its library's file
 Faces = tuple[NDArray[np.float32], NDArray[np.int32]]  # vertices (V, 3) in the object's frame, triangles (F, 3)
 
-_revision = [0]  # counts whatever may have changed a mesh, or which of its faces are paint
+_revision = [0]  # counts whatever may have changed a mesh of the vehicle, or which of its faces are paint
+_parts: dict[str, tuple[Key, ...]] = {}  # the vehicle's objects at the last redraw, by the scene's name
+_looked: set[str] = set()  # the scenes in which nothing has changed since: finding parts takes ms among many objects
 
 
 def paint_faces(context: bpy.types.Context) -> dict[Key, Faces]:
@@ -70,9 +72,12 @@ def _draw(context: bpy.types.Context) -> None:
     settings = context.scene.rauca.vehicle
     if not settings.tint or context.mode != "OBJECT":
         return
-    chosen = tuple(_key(block) if block is not None else None for block in (settings.object, settings.collection))
+    scene = context.scene.name_full
+    if scene not in _looked:
+        _looked.add(scene)
+        _parts[scene] = tuple(_key(thing) for thing in settings.objects(context))
     material = settings.material.name if settings.material is not None else ""
-    key = (_revision[0], context.scene.name_full, settings.origin, *chosen, settings.paint, material)
+    key = (_revision[0], _parts[scene], settings.paint, material)
     batches = _tint.kept(key, lambda: _on_card(paint_faces(context)))
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.bind()
@@ -104,12 +109,13 @@ def _on_card(faces: dict[Key, Faces]) -> dict[Key, gpu.types.GPUBatch]:
 
 @bpy.app.handlers.persistent
 def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Meshes, parts and materials count, a place does not; the scene itself changes with every setting."""
+    """The vehicle's meshes count and materials, by whose names paint is known; where it stands does not."""
+    _looked.clear()
+    known = set().union(*_parts.values())
     for update in depsgraph.updates:
         block = update.id
-        if isinstance(block, bpy.types.Material) or (
-            update.is_updated_geometry and not isinstance(block, bpy.types.Scene)
-        ):
+        reshaped = isinstance(block, bpy.types.Object) and update.is_updated_geometry and _key(block) in known
+        if reshaped or isinstance(block, bpy.types.Material):
             _revision[0] += 1
             return
 
@@ -117,6 +123,7 @@ def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 @bpy.app.handlers.persistent
 def _replaced(*given: object) -> None:
     """Another file, another state of this one, or another frame of an animation."""
+    _looked.clear()
     _revision[0] += 1
 
 
@@ -139,3 +146,5 @@ def unregister() -> None:
         if handler in handlers:
             handlers.remove(handler)
     _tint.unregister()
+    _parts.clear()
+    _looked.clear()
