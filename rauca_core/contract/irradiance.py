@@ -59,7 +59,7 @@ class StoredLight(Record):
         sources: residuals of all of them.
     """
 
-    FORMAT = ("rauca-irradiance", 2)
+    FORMAT = ("rauca-irradiance", 3)
     location: int
     weather: str
     atlas_id: str

@@ -55,6 +55,8 @@ class Source:
         camera: in the vehicle's frame.
         taps: of that camera.
         A: (R, 3) linear gain at the taps' pixels, coverage included, as `exact.Light.A` but for exposure and rain.
+        B: (R, 3) linear light beside the paint's, likewise. Where it alone is display white, no paint is seen, and A,
+            what is left of a great difference, is noise.
         exposure_stops: of the frame, by which its errors are weighed.
         name: for the report.
         shown: (R,) share of each pixel that shows paint behind what stands before the vehicle; None if nothing does.
@@ -63,13 +65,14 @@ class Source:
     camera: Camera
     taps: Taps
     A: NDArray[np.floating]
+    B: NDArray[np.floating]
     exposure_stops: float = 0.0
     name: str = ""
     shown: NDArray[np.floating] | None = None
 
     def solid(self) -> NDArray[np.bool_]:
-        """(R,) True in pixels wholly of paint, with nothing before it."""
-        whole = self.taps.alpha >= SOLID
+        """(R,) True in pixels wholly of paint, with nothing before it and no glare on it."""
+        whole = (self.taps.alpha >= SOLID) & (self.B.max(1, initial=0.0) * 2.0**self.exposure_stops < 1.0)
         return whole if self.shown is None else whole & (self.shown >= SOLID)
 
 
@@ -178,7 +181,8 @@ def fit_place(sources: Sequence[Source], surface: PaintSurface, optics: PaintOpt
         raise RaucaError("irradiance: no view shows enough of the paint; give views of this place that do")
     matrix = sparse.vstack([v.matrix for v in views]).tocsr()
     wanted = np.concatenate([v.wanted for v in views])
-    texels, error = _solve(matrix, rows, wanted, surface.differences)
+    beside = np.concatenate([v.beside for v in views])
+    texels, error = _solve(matrix, rows, wanted, beside, surface.differences)
     weight = np.asarray(matrix.sum(0)).ravel()
     texels = _fill(texels, weight >= SEEN, surface) * 2.0**-stops
     ends = np.cumsum([0] + [len(v.share) for v in views])
@@ -190,22 +194,24 @@ def fit_place(sources: Sequence[Source], surface: PaintSurface, optics: PaintOpt
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Solid pixels of a view: ``share * (matrix @ E) = wanted``, in one exposure."""
+    """Solid pixels of a view: ``share * (matrix @ E) = wanted``, shown with the light ``beside``, in one exposure."""
 
     matrix: sparse.csr_matrix
     share: Array
     wanted: Array
+    beside: Array
 
     @staticmethod
     def of(source: Source, surface: PaintSurface, optics: PaintOptics, weather: Weather, stops: float) -> _Equations:
         solid = np.flatnonzero(source.solid())
         share = view_factor(source.taps, source.camera, surface, optics, weather)[solid]
         matrix = as_matrix(source.taps.rows)[solid] @ surface.matrix
-        return _Equations(matrix, share, np.asarray(source.A, np.float64)[solid] * 2.0**stops)
+        wanted, beside = (np.asarray(light, np.float64)[solid] * 2.0**stops for light in (source.A, source.B))
+        return _Equations(matrix, share, wanted, beside)
 
 
 def _solve(
-    matrix: sparse.csr_matrix, share: Array, wanted: Array, differences: sparse.csr_matrix
+    matrix: sparse.csr_matrix, share: Array, wanted: Array, beside: Array, differences: sparse.csr_matrix
 ) -> tuple[Array, Array]:
     """Texels (P, 3), and what the last round left of each equation (N, 3) in display values."""
     columns = matrix.shape[1]
@@ -215,11 +221,11 @@ def _solve(
     matrix_t, differences_t = matrix.T.tocsr(), differences.T.tocsr()
     for turn in range(ROUNDS):
         seen = share[:, None] * (matrix @ texels)
-        slope = _display_slope(np.maximum(np.maximum(seen, wanted).mean(1), 1e-3))
-        error = np.abs(_display(seen) - _display(wanted)).max(1)
+        slope = _display_slope((MID * np.maximum(seen, wanted) + beside).mean(1))
+        error = np.abs(_display(seen, beside) - _display(wanted, beside)).max(1)
         trust = np.ones(len(share)) if turn == 0 else 1 / np.maximum(1, error / SPOT)
         step = np.abs(differences @ texels).mean(1) / level
-        smooth = SMOOTHNESS / np.sqrt(1 + (step / EDGE) ** 2) * _display_slope(np.array(level)) ** 2
+        smooth = SMOOTHNESS / np.sqrt(1 + (step / EDGE) ** 2) * _display_slope(np.array(MID * level)) ** 2
         weigh = trust * (slope * share) ** 2
 
         def normal(x: Array, weigh: Array = weigh, smooth: Array = smooth) -> Array:
@@ -233,16 +239,16 @@ def _solve(
         jacobi = LinearOperator(system.shape, lambda x, d=diagonal: x / d)
         solved, _ = cg(system, right.ravel(), texels.ravel(), maxiter=STEPS, rtol=1e-4, M=jacobi)
         texels = np.maximum(solved.reshape(columns, 3), 0.0)
-    return texels, _display(share[:, None] * (matrix @ texels)) - _display(wanted)
+    return texels, _display(share[:, None] * (matrix @ texels), beside) - _display(wanted, beside)
 
 
-def _display(light: Array) -> Array:
-    return np.asarray(linear_to_srgb(np.clip(light * MID, 0, 1)), np.float64)
+def _display(gain: Array, beside: Array) -> Array:
+    return np.asarray(linear_to_srgb(np.clip(gain * MID + beside, 0, 1)), np.float64)
 
 
-def _display_slope(light: Array) -> Array:
-    """Change of display values with light, above the straight part of the curve."""
-    return 1.055 / 2.4 * MID * np.clip(light * MID, 1e-3, 1) ** (1 / 2.4 - 1)
+def _display_slope(shown: Array) -> Array:
+    """Change of display values with the gain where ``shown`` light is seen, above the straight part of the curve."""
+    return 1.055 / 2.4 * MID * np.clip(shown, 1e-3, 1) ** (1 / 2.4 - 1)
 
 
 def _fill(texels: Array, seen: NDArray[np.bool_], surface: PaintSurface) -> Array:
@@ -260,7 +266,8 @@ def held_out(irradiance: Irradiance, source: Source) -> Residual:
     told = (irradiance.known(source.taps).numpy() >= KNOWN) & source.solid()
     scale = 2.0**source.exposure_stops
     predicted = irradiance.gain(source.taps, source.camera).numpy()[told] * scale
-    return _residual(source.name, _display(predicted) - _display(np.asarray(source.A)[told] * scale))
+    wanted, beside = (np.asarray(light)[told] * scale for light in (source.A, source.B))
+    return _residual(source.name, _display(predicted, beside) - _display(wanted, beside))
 
 
 def _residual(name: str, error: Array) -> Residual:

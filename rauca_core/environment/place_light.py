@@ -101,8 +101,8 @@ class PlaceLight:
         camera = frame.camera_in_vehicle
         taps = self.taps.get(camera)
         light = without_rain(load_exact(self.dataset, frame.id), drops_of(self.dataset, frame))
-        A = light.A.reshape(-1, 3)[taps.pixels] * 2.0**-frame.exposure_stops
-        return Source(camera, taps, A, frame.exposure_stops, frame.id, self._shown(frame, taps))
+        A, B = (half.reshape(-1, 3)[taps.pixels] * 2.0**-frame.exposure_stops for half in (light.A, light.B))
+        return Source(camera, taps, A, B, frame.exposure_stops, frame.id, self._shown(frame, taps))
 
     def _shown(self, frame: Frame, taps: Taps) -> NDArray[np.float32]:
         """Share (R,) of the taps' pixels that shows paint behind whatever stands before the vehicle."""

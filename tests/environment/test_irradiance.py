@@ -46,7 +46,8 @@ def place(vehicle, surface, weather, azimuths, noise=0.0):
     for azimuth in azimuths:
         camera, taps = view(vehicle, surface, azimuth)
         A = truth.gain(taps, camera).numpy()
-        sources.append(Source(camera, taps, A * (1 + noise * rng.standard_normal(A.shape)), 0.0, f"at {azimuth}"))
+        A *= 1 + noise * rng.standard_normal(A.shape)
+        sources.append(Source(camera, taps, A, np.full_like(A, 0.02), 0.0, f"at {azimuth}"))
     return truth, sources
 
 
@@ -106,10 +107,30 @@ def test_a_spot_in_one_view_is_not_believed(box_vehicle, surface):
     assert found.residuals[3].spots > 2 * found.residuals[9].spots + 0.005
 
 
+def test_glare_tells_nothing_of_the_light_below_it(box_vehicle, surface):
+    """The sky mirrored in a bonnet is white whatever the paint: what a render has for A there is noise of any size."""
+    truth, sources = place(box_vehicle, surface, CLEAR, range(0, 360, 45))
+    clean = fit_place(sources, surface, truth.optics, CLEAR)
+    camera, taps = sources[1].camera, sources[1].taps
+    glare = np.arange(len(taps)) < len(taps) // 3
+    noise = np.random.default_rng(3).uniform(0.0, 12.0, (int(glare.sum()), 3))
+    A, B = sources[1].A.copy(), sources[1].B.copy()
+    A[glare], B[glare] = noise, 3.0
+    found = fit_place(
+        [sources[0], dataclasses.replace(sources[1], A=A, B=B), *sources[2:]], surface, truth.optics, CLEAR
+    )
+    solid = taps.alpha > 0.98
+    errors = [
+        display_error(fit.gain(taps, camera).numpy(), truth.gain(taps, camera).numpy())[solid] for fit in (found, clean)
+    ]
+    assert np.sqrt((errors[0] ** 2).mean()) < 1.3 * np.sqrt((errors[1] ** 2).mean()) + 0.003
+    assert found.residuals[1].pixels < clean.residuals[1].pixels
+
+
 def test_darkness_and_views_without_paint_do_no_harm(box_vehicle, surface):
     truth, sources = place(box_vehicle, surface, CLEAR, (0, 90))
     camera, taps = view(box_vehicle, surface, 0, distance=400.0)
-    far = Source(camera, taps, np.zeros((len(taps), 3)))
+    far = Source(camera, taps, np.zeros((len(taps), 3)), np.zeros((len(taps), 3)))
     dark = [dataclasses.replace(s, A=s.A * 0) for s in sources]
     found = fit_place([*dark, far], surface, truth.optics, CLEAR)
     assert np.abs(found.texels).max() < 1e-4

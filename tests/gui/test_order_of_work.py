@@ -155,7 +155,9 @@ def test_step_4_generates_a_dataset(desk: Sidebar, figures: dict[str, str], way:
     blender.shoot("4-more")
     planned = read_plan(folder).frames()
     assert len(planned) == FRAMES
-    assert {frame_states(folder).get(frame.id) for frame in planned} == {"done"}
+    ended = [frame_states(folder).get(frame.id) for frame in planned]
+    assert set(ended) <= {"done", "occluded"}  # a parked car stands before some views
+    assert ended.count("done") > FRAMES / 2
     for image in folder.glob("frames/*/image.png"):
         assert cv2.imread(str(image)).std() > 5  # a picture, not a grey field
     assert state(blender, 4)[0] == "done"
@@ -208,10 +210,11 @@ def test_step_6_applies_the_camouflage(desk: Sidebar, way: Way) -> None:
     desk.enter("file", str(blender.scratch / a_camouflage(blender).name))  # one that differs to the eye
     desk.press("rauca.apply_camouflage(", lambda: coat(blender).get("name") == "patches")
     assert coat(blender)["shown"] == "CAMOUFLAGE"
-    camouflaged = shoot_preview(desk, "6-camouflage")
     desk.press("rauca.show_paint(which='ORIGINAL'", lambda: coat(blender)["shown"] == "ORIGINAL")
-    assert unlike(camouflaged, shoot_preview(desk, "6-original"))
+    original = shoot_preview(desk, "6-original")
     desk.press("rauca.show_paint(which='CAMOUFLAGE'", lambda: coat(blender)["shown"] == "CAMOUFLAGE")
+    seen = "the camouflage in the preview"  # Blender 5 draws without it until its shader is compiled
+    blender.wait(lambda: unlike(original, shoot_preview(desk, "6-camouflage")), seen)
     desk.screen.move(*blender.away())
     desk.screen.key("ctrl+z")
     blender.wait(lambda: coat(blender)["shown"] == "ORIGINAL", "undo")
@@ -322,7 +325,7 @@ ORDER = ("vehicle", "weather", "cameras", "dataset", "optimize", "camouflage", "
 ROW = 26  # pixels, of a button and the gap below it
 MEASURED: dict[str, Gaps] = {}
 PATCHES_BGR = ((150, 200, 215), (60, 120, 90), (45, 75, 125), (30, 40, 35))  # sand, green, brown, black
-SEEN = slice(480, 600), slice(350, 650)  # rows and columns of the screen: the vehicle as the demo scene shows it
+SEEN = slice(440, 540), slice(500, 720)  # rows and columns of the screen: the vehicle as the demo scene shows it
 VIEW = "space = view3d()[1].spaces[0]"
 
 
@@ -356,7 +359,7 @@ def unlike(one: Path, other: Path) -> bool:
     """Whether two screenshots differ where the vehicle is, by more than what few samples leave of noise."""
     height, width = SEEN
     middles = [cv2.imread(str(path))[height, width].astype(float) for path in (one, other)]
-    return float(np.abs(middles[0] - middles[1]).mean()) > 8.0
+    return float(np.abs(middles[0] - middles[1]).mean()) > 15.0
 
 
 def look(desk: Sidebar, wanted: str) -> None:
