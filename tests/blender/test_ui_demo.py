@@ -58,7 +58,7 @@ class Grid:
         self.icons: list[int] = []
         self.buttons: list[tuple[str, SimpleNamespace]] = []
 
-    def grid_flow(self, **more):
+    def row(self):
         return self
 
     def column(self):

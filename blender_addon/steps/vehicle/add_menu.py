@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import bpy
 
 from ...core import assets
@@ -18,9 +20,10 @@ class RAUCA_MT_vehicles(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         # A menu of the operator's choices would show the pictures as small as icons.
-        grid = self.layout.grid_flow(row_major=True, columns=COLUMNS)
-        for name, shown, *_ in vehicle_items():
-            cell = grid.column()
+        # Nor does a grid keep to its columns there.
+        row = self.layout.row()
+        columns = [row.column() for _ in range(COLUMNS)]
+        for (name, shown, *_), cell in zip(vehicle_items(), itertools.cycle(columns)):
             cell.template_icon(picture_of(name), scale=HEIGHT)
             cell.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
 
