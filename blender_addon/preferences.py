@@ -1,4 +1,4 @@
-"""The add-on's preferences: the Python outside Blender that optimizes camouflages, and the detectors it has."""
+"""The add-on's preferences: the manual, the Python outside Blender that optimizes, and the detectors it has."""
 
 from __future__ import annotations
 
@@ -59,6 +59,7 @@ class RaucaPreferences(bpy.types.AddonPreferences):
     detectors: bpy.props.CollectionProperty(type=RaucaDetector, options={"HIDDEN"})
 
     def draw(self, context: bpy.types.Context) -> None:
+        draw_manual(self.layout)
         draw_python(context, self.layout)
         self.layout.prop(self, "package")
 
@@ -79,6 +80,21 @@ class RaucaPreferences(bpy.types.AddonPreferences):
 
     def chosen_detectors(self) -> list[str]:
         return [detector.name for detector in self.detectors if detector.use]
+
+
+def manual_page(name: str) -> Path:
+    """A page of the manual as the extension carries it, else as a checkout has it; may not be there."""
+    here = Path(__file__).parent
+    carried = here / "manual" / f"{name}.txt"
+    return carried if carried.is_file() else here.parent / "docs" / f"{name}.md"
+
+
+def draw_manual(layout: bpy.types.UILayout) -> None:
+    """Buttons that open the manual; its pages lie beside the add-on, so that they need no connection."""
+    row = layout.row()
+    for name, label in (("artists-guide", iface("Step by Step")), ("glossary", iface("Glossary"))):
+        if (page := manual_page(name)).is_file():
+            row.operator("wm.path_open", text=label, icon="HELP", translate=False).filepath = str(page)
 
 
 def preferences(context: bpy.types.Context) -> RaucaPreferences | None:

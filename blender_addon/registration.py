@@ -22,10 +22,12 @@ from .steps.weather.properties import RaucaWeather
 NAMES = """
     translations preferences steps.operator steps.on_disk steps.job_panel
     steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
+    steps.vehicle.paint_overlay
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
     steps.cameras.properties steps.cameras.presets steps.cameras.panel steps.cameras.overlay
     steps.python_setup steps.dataset steps.frames_panel steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
+    steps.camouflage.assets
     steps.evaluate steps.camouflage.views_panel
     steps.photograph.properties steps.photograph.operators steps.photograph.marking steps.photograph.overlay
     steps.photograph.panel
@@ -34,7 +36,7 @@ NAMES = """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
 KINDS = (
     *(bpy.types.PropertyGroup, bpy.types.AddonPreferences, bpy.types.Operator, bpy.types.Panel),
-    bpy.types.FileHandler,
+    *(bpy.types.Menu, bpy.types.FileHandler),
 )
 
 

@@ -30,6 +30,7 @@ UNUSED = (
     "camouflages",
     "preflight",
 )  # assets of the rooms that are not carried
+MANUAL = ("artists-guide", "glossary")  # pages of docs/ that the preferences open
 PINNED = Path(__file__).with_name("extension_wheels.txt")
 KEPT = ROOT / "build" / "wheels"
 PYTHONS = ("3.11", "3.13")  # Blender 4.2 to 5.0, and from 5.1
@@ -68,6 +69,11 @@ def gather(source: Path) -> None:
         else:
             shutil.copy(origin, target)
     shutil.copy(ROOT / "LICENSE", source / "LICENSE")
+    (source / "manual").mkdir()
+    for name in MANUAL:
+        lines = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").splitlines(keepends=True)
+        text = "".join(line for line in lines if not line.startswith("!["))  # pictures are not carried
+        (source / "manual" / f"{name}.txt").write_text(text, encoding="utf-8")  # every system opens such a file
 
 
 def carry_wheels(source: Path, wheels: list[Path]) -> None:

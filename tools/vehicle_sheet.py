@@ -44,16 +44,20 @@ def main(out: Path) -> None:
         vehicle = load_vehicle(assets_folder() / "vehicles" / name, read_image)
         corner = (i % COLUMNS * WIDTH, i // COLUMNS * HEIGHT)
         sheet.paste(Image.fromarray(picture(vehicle, azimuth, distance, paint)), corner)
-        length, width, height = vehicle.size()
-        label = f"{name}  {length:.1f} x {width:.1f} x {height:.1f} m"
+        label = "{}  {:.1f} x {:.1f} x {:.1f} m".format(name, *vehicle.size())
         draw.text((corner[0] + 8, corner[1] + HEIGHT - 24), label, "white", font)
     sheet.save(out, quality=88)
 
 
 def picture(
-    vehicle: Vehicle, azimuth_deg: float, distance: float, paint: tuple[float, float, float]
+    vehicle: Vehicle,
+    azimuth_deg: float,
+    distance: float,
+    paint: tuple[float, float, float],
+    width: int = WIDTH,
+    height: int = HEIGHT,
 ) -> NDArray[np.uint8]:
-    """(HEIGHT, WIDTH, 3) sRGB view of a vehicle from ``distance`` times its size."""
+    """(height, width, 3) sRGB view of a vehicle from ``distance`` times its size."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.data.scenes.new("sheet")
     render.prepare(scene)
@@ -64,7 +68,7 @@ def picture(
     flat = math.cos(elevation)
     ahead = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
     eye = placed.center + distance * max(vehicle.size()) * ahead
-    camera.place(scene, Camera.look_at(eye, placed.center, 40, WIDTH, HEIGHT))
+    camera.place(scene, Camera.look_at(eye, placed.center, 40, width, height))
     return to_bytes(linear_to_srgb(render.render_linear(scene, Quality(samples=16), 1)[..., :3]))
 
 

@@ -24,7 +24,11 @@ def show(name: str, pixels: NDArray[np.uint8] | NDArray[np.float32]) -> None:
     Args:
         pixels: (H, W, 3) sRGB bytes, or (H, W, 4) sRGB and alpha in [0, 1]; row 0 at the top.
     """
-    preview = _collection().get(name) or _collection().new(name)
+    fill(_collection().get(name) or _collection().new(name), pixels)
+
+
+def fill(preview: bpy.types.ImagePreview, pixels: NDArray[np.uint8] | NDArray[np.float32]) -> None:
+    """Give a preview a picture: (H, W, 3) sRGB, or (H, W, 4) with alpha; bytes, or floats in [0, 1]; row 0 on top."""
     height, width = pixels.shape[:2]
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., : pixels.shape[2]] = pixels / np.float32(255) if pixels.dtype == np.uint8 else pixels

@@ -22,7 +22,8 @@ from .paint import UV_LAYER
 from .vehicle_arrays import PAINT_MARK, Piece
 
 PAINTED = "rauca_painted"  # float attribute of faces: 1 where the coat lies
-NAME_KEY, ATLAS_KEY = "rauca_camouflage", "rauca_atlas"  # custom properties of the coat's node group
+# Custom properties of the coat's node group: the camouflage's name, the UV layout it fits, and its texels' digest.
+NAME_KEY, ATLAS_KEY, DIGEST_KEY = "rauca_camouflage", "rauca_atlas", "rauca_digest"
 GROUP = "rauca camouflage"
 NODE = "rauca camouflage"  # of the group's node in a material
 ATLAS_NODE, BAKED_NODE = "rauca atlas UVs", "rauca baked UVs"
@@ -187,6 +188,7 @@ def paint_surface(surface: Surface, paintwork: Paintwork) -> Coat:
         image.pack()
     coat = Coat.new(*images)
     coat.tree[NAME_KEY], coat.tree[ATLAS_KEY] = paintwork.name, surface.vehicle.atlas_id
+    coat.tree[DIGEST_KEY] = paintwork.digest
     for piece, layer in zip(pieces, layers, strict=True):
         for material in surface.materials(piece):
             put_on(material, coat, layer or UV_LAYER)

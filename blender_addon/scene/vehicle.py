@@ -19,6 +19,7 @@ from .vehicle_request import VehicleRequest
 from .wetness import wet
 
 SEMANTIC_CLASSES = {"paint": "paint", "glass": "glass", "tyre": "tyre"}  # by kind; every other kind is vehicle_part
+CLASS_KEY = "rauca_class"  # custom property of a material: its class in label maps
 LAMP_RADIANCE = {"headlamp": 12.0, "taillamp": 2.5}  # lit at night, relative to a sunlit white surface
 
 
@@ -34,7 +35,7 @@ class SceneVehicle:
         self.paint = Paint(vehicle)
         self.materials = [_material(spec, self.paint, finish) for spec in vehicle.materials]
         for spec, material in zip(vehicle.materials, self.materials, strict=True):
-            material["rauca_class"] = SEMANTIC_CLASSES.get(spec.kind, "vehicle_part")
+            material[CLASS_KEY] = SEMANTIC_CLASSES.get(spec.kind, "vehicle_part")
             mesh.materials.append(material)
         mesh.polygons.foreach_set("material_index", vehicle.material.astype(np.int32))
 

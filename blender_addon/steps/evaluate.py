@@ -91,10 +91,13 @@ def state(context: bpy.types.Context) -> State:
     settings = context.scene.rauca.evaluate
     job = watch.job(JOB)
     items = f"{doing_words(job.doing) if job is not None else ''}: {{done}} / {{total}}"
-    if found := job_state(JOB, settings.folder, items, iface("Looking at the detectors and the vehicle")):
-        return found
-    if told := found_in(settings.folder):
+    found, told = job_state(JOB, settings.folder, items, iface("Looking at the detectors and the vehicle")), None
+    if found is None or found.kind == "done":  # what was found says more than that it is finished
+        told = found_in(settings.folder)
+    if told:
         return State("done", _headline(told))
+    if found is not None:
+        return found
     if lack := missing(context):
         return State("missing", lack)
     return State("ready", iface("Ready: about {time}, {disk} on the disk").format(**estimate(context).told()))

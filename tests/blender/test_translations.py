@@ -48,9 +48,9 @@ def test_names_in_braces_survive() -> None:
 
 
 def class_texts() -> Iterator[str]:
-    """Labels and tooltips of operators and panels."""
+    """Labels and tooltips of operators, menus and panels."""
     for cls in classes():
-        if issubclass(cls, (bpy.types.Operator, bpy.types.Panel)):
+        if issubclass(cls, (bpy.types.Operator, bpy.types.Menu, bpy.types.Panel)):
             yield cls.bl_label
             yield inspect.cleandoc(cls.__doc__ or "")
 
@@ -58,7 +58,7 @@ def class_texts() -> Iterator[str]:
 def property_texts() -> Iterator[str]:
     """Names, tooltips and menu entries of settings that are shown."""
     for cls in classes():
-        if issubclass(cls, bpy.types.Panel):
+        if issubclass(cls, (bpy.types.Menu, bpy.types.Panel)):
             continue
         if issubclass(cls, bpy.types.FileHandler):  # which shows nothing of itself
             continue

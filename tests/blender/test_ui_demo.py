@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 
-from blender_addon.scene.vehicle import load_shipped
+from blender_addon.jobs import pictures
+from blender_addon.scene.vehicle import load_shipped, shipped_names
 from blender_addon.steps import dataset
 from blender_addon.steps.camouflage import drop, panel
 from blender_addon.steps.vehicle import add_menu
@@ -41,13 +42,48 @@ def test_the_demo_scene_is_ready_for_every_step_and_leaves_the_artists_own(addon
 
 def test_blenders_add_menu_has_vehicles(addon):
     drawn = []
-    layout = SimpleNamespace(operator_menu_enum=lambda *given, **more: drawn.append(given))
+    layout = SimpleNamespace(menu=lambda *given, **more: drawn.append(given))
     menu = SimpleNamespace(layout=layout)
     for callback in bpy.types.VIEW3D_MT_mesh_add._dyn_ui_initialize():
         if callback.__module__ == add_menu.__name__:
             callback(menu, SimpleNamespace(mode="OBJECT"))
             callback(menu, SimpleNamespace(mode="EDIT_MESH"))
-    assert drawn == [("rauca.add_vehicle", "vehicle")]
+    assert drawn == [("RAUCA_MT_vehicles",)]
+
+
+class Grid:
+    """A menu's layout: notes the pictures by their icons, and each button's choice."""
+
+    def __init__(self) -> None:
+        self.icons: list[int] = []
+        self.buttons: list[tuple[str, SimpleNamespace]] = []
+
+    def row(self):
+        return self
+
+    def column(self):
+        return self
+
+    def template_icon(self, icon, scale):
+        self.icons.append(icon)
+
+    def operator(self, name, text, **more):
+        self.buttons.append((text, SimpleNamespace()))
+        return self.buttons[-1][1]
+
+
+def test_the_menu_shows_a_picture_of_every_shipped_vehicle(addon):
+    grid = Grid()
+    add_menu.RAUCA_MT_vehicles.draw(SimpleNamespace(layout=grid), bpy.context)
+    assert {button.vehicle for _, button in grid.buttons} == set(shipped_names())
+    assert [text for text, _ in grid.buttons[:4]] == ["Hatchback", "Sedan", "SUV", "Van"]
+    assert len(grid.icons) == len(grid.buttons)
+    for name in shipped_names():
+        picture = pictures.shown(f"vehicle.{name}")
+        width, height = picture.image_size
+        assert 64 <= width == height <= 128
+        rgba = np.array(picture.image_pixels_float[:]).reshape(height, width, 4)
+        assert rgba[..., :3].std() > 0.05, name  # a vehicle before a ground, not one grey
 
 
 def test_a_dropped_camouflage_is_put_on_and_can_be_undone(addon, tmp_path):

@@ -17,7 +17,7 @@ from blender_addon.steps.weather.panel import state
 from rauca_core.contract import Quality, Weather, find_preset, rain, save_weathers
 from rauca_core.contract.assets import assets_folder
 from tests.blender.conftest import refusal
-from tools.weather_thumbnails import shipped_weathers
+from tools.thumbnails import shipped_weathers
 
 FOG = Weather("mist", 30.0, 20.0, fog_density=50.0, cloudiness=40.0, wetness=30.0)
 

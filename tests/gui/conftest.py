@@ -34,8 +34,7 @@ def desk() -> Iterator[Sidebar]:
     program, root = os.environ["RAUCA_BLENDER"], Path(os.environ.get("RAUCA_BLENDER_ROOT", "/"))
     if missing := lacking(root, [*NEEDED, program]):
         pytest.fail(f"{root}: has no {', '.join(missing)}; install them there")
-    # Screenshots show the beginning of paths.
-    outside = Path(tempfile.mkdtemp(prefix="artist-", dir=root / ("tmp" if root == Path("/") else "home")))
+    outside = artists_folder(root / ("tmp" if root == Path("/") else "home"))
     scratch = Path("/") / outside.relative_to(root)
     screen = Screen(root, SIZE, outside / "screen.log")
     try:
@@ -49,6 +48,15 @@ def desk() -> Iterator[Sidebar]:
         screen.close()
         keep(outside)
         shutil.rmtree(outside, ignore_errors=True)
+
+
+def artists_folder(parent: Path) -> Path:
+    """A new folder, ``artist`` where that is free: screenshots show the beginning of paths."""
+    try:
+        (parent / "artist").mkdir()
+    except FileExistsError:
+        return Path(tempfile.mkdtemp(prefix="artist-", dir=parent))
+    return parent / "artist"
 
 
 def install(screen: Screen, program: str, scratch: Path, outside: Path) -> None:

@@ -64,13 +64,21 @@ def test_step_1_adds_the_sedan(desk: Sidebar) -> None:
     # A button that opens a menu does not say what it is: it lies below the field "Front".
     x, y = desk.find("front")
     screen.click(x, y + 26)
-    time.sleep(1)
+    time.sleep(2)  # its pictures are read
+    screen.shoot(blender.scratch / "1-menu.png")
     screen.key("s")  # the underlined letter of "Sedan"
     blender.wait(lambda: chosen(blender) == "sedan", "the sedan")
     blender.shoot("1-vehicle")
     assert blender.ask("value = 'sedan' in bpy.context.scene.objects")
     assert blender.ask("value = 'sedan' in bpy.context.collection.objects")  # the active one, as Blender's own meshes
     assert state(blender, 1)[0] == "done"
+    # The panel Paint follows the last button and the state's two lines.
+    desk.unfold("rauca.demo_scene(", "tint", skip=2 * ROW)
+    assert tinted(blender.shoot("1-untinted")) < 50  # off by default
+    desk.press("tint", lambda: blender.settings("vehicle.tint"))
+    assert tinted(blender.shoot("1-tinted")) > 2000
+    desk.press("tint", lambda: not blender.settings("vehicle.tint"))
+    assert tinted(blender.shoot("1-untinted")) < 50
 
 
 def test_step_2_shows_a_weather(desk: Sidebar) -> None:
@@ -212,6 +220,10 @@ def test_step_6_applies_the_camouflage(desk: Sidebar, way: Way) -> None:
     blender.wait(lambda: coat(blender)["shown"] == "ORIGINAL", "undo")
     desk.screen.key("ctrl+shift+z")
     blender.wait(lambda: coat(blender)["shown"] == "CAMOUFLAGE", "redo")
+    assets = "value = [t.name for t in bpy.data.node_groups if t.asset_data]"
+    desk.press("rauca.mark_asset(", lambda: blender.ask(assets))
+    assert blender.ask(assets) == ["patches (sedan)"]
+    assert state(blender, 6)[0] == "done"
 
 
 def test_step_7_evaluates_and_leads_to_the_worst_view(desk: Sidebar, figures: dict[str, str], way: Way) -> None:
@@ -436,6 +448,12 @@ def blue(picture: Path) -> int:
     """Pixels of the viewport in the color of the rings' cameras; the manipulator at its top is left out."""
     seen = cv2.imread(str(picture))[250:850, 60:700].astype(int)
     return int(((seen[..., 0] - seen[..., 2] > 40) & (seen[..., 1] - seen[..., 2] > 15)).sum())
+
+
+def tinted(picture: Path) -> int:
+    """Pixels of the viewport in the color that step 1 tints paint with."""
+    seen = cv2.imread(str(picture))[250:850, 60:700].astype(int)
+    return int(((seen[..., 2] - seen[..., 1] > 40) & (seen[..., 0] - seen[..., 1] > 40)).sum())
 
 
 def dark(picture: Path) -> float:

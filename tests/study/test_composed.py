@@ -94,7 +94,7 @@ OPENS = {
     "rauca_core/training/harden.py": SPLITS,
     "tools/make_battery.py": MAKES,
     "tools/preflight_pictures.py": MAKES,
-    "tools/weather_thumbnails.py": MAKES,
+    "tools/thumbnails.py": MAKES,
 }
 REPOSITORY = Path(__file__).parents[2]
 

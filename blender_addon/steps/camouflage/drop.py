@@ -8,6 +8,7 @@ import bpy
 
 from ...core import contract
 from ..operator import RaucaOperator
+from .operators import wear
 
 
 class RAUCA_OT_drop_camouflage(RaucaOperator, bpy.types.Operator):
@@ -23,12 +24,11 @@ class RAUCA_OT_drop_camouflage(RaucaOperator, bpy.types.Operator):
             return set(bpy.ops.object.empty_image_add("INVOKE_DEFAULT", filepath=str(path)))
         return super().execute(context)
 
-    def work(self, context: bpy.types.Context) -> None:
+    def work(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
         contract.load_camouflage(path.with_suffix(".json"))  # any other .json is refused before it is chosen
         context.scene.rauca.camouflage.file = str(path)
-        if "FINISHED" not in bpy.ops.rauca.apply_camouflage():
-            raise contract.RaucaError(f"{path.name}: could not be put on the vehicle")
+        return wear(context)
 
 
 class RAUCA_FH_camouflage(bpy.types.FileHandler):

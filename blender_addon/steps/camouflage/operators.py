@@ -26,23 +26,32 @@ class RAUCA_OT_apply_camouflage(RaucaOperator, bpy.types.Operator):
     bl_label = "Apply Camouflage"
 
     def work(self, context: bpy.types.Context) -> str:
-        settings = context.scene.rauca.camouflage
-        if not settings.file:
-            raise contract.RaucaError("No camouflage: choose its .json or .png file in step 6")
-        path = Path(bpy.path.abspath(settings.file))
-        with object_mode(context):
-            vehicle = vehicle_for(context, path)
-            paintwork = read_paintwork(path.with_suffix(".json"), vehicle.atlas_id)
-            objects = objects_of(context, vehicle)
-            surface = Surface.of(vehicle, objects or place(context, vehicle))
-            coat = paint_surface(surface, paintwork)
-        settings.coat = coat.tree
-        anchor = surface.painted_pieces()[0].owner
-        settings.anchor = anchor
-        to_anchor = np.linalg.inv(np.array(anchor.matrix_world)) @ surface.vehicle_to_world()
-        settings.vehicle_to_anchor = [x for row in Matrix(to_anchor.tolist()) for x in row]
-        settings.study = settings.study or find_evaluation(path)
-        return rpt("{name} is on {vehicle}").format(name=paintwork.name, vehicle=vehicle.name)
+        return wear(context)
+
+
+def wear(context: bpy.types.Context) -> str:
+    """Paint the vehicle of step 1 with the camouflage chosen in step 6; returns what to tell.
+
+    Raises:
+        RaucaError: none is chosen, it does not fit, or the vehicle cannot be painted; nothing was changed.
+    """
+    settings = context.scene.rauca.camouflage
+    if not settings.file:
+        raise contract.RaucaError("No camouflage: choose its .json or .png file in step 6")
+    path = Path(bpy.path.abspath(settings.file))
+    with object_mode(context):
+        vehicle = vehicle_for(context, path)
+        paintwork = read_paintwork(path.with_suffix(".json"), vehicle.atlas_id)
+        objects = objects_of(context, vehicle)
+        surface = Surface.of(vehicle, objects or place(context, vehicle))
+        coat = paint_surface(surface, paintwork)
+    settings.coat = coat.tree
+    anchor = surface.painted_pieces()[0].owner
+    settings.anchor = anchor
+    to_anchor = np.linalg.inv(np.array(anchor.matrix_world)) @ surface.vehicle_to_world()
+    settings.vehicle_to_anchor = [x for row in Matrix(to_anchor.tolist()) for x in row]
+    settings.study = settings.study or find_evaluation(path)
+    return rpt("{name} is on {vehicle}").format(name=paintwork.name, vehicle=vehicle.name)
 
 
 LOOKS = [

@@ -97,6 +97,7 @@ class RAUCA_PT_camouflage(StepPanel, bpy.types.Panel):
         row.operator("rauca.remove_camouflage", text="", icon="X")
         if settings.coat is not None:
             _draw_looks(layout, Coat(settings.coat))
+            layout.operator("rauca.mark_asset", icon="ASSET_MANAGER")
             _draw_view_hint(context, layout)
         if icon := picture_of(settings.file):
             layout.template_icon(icon, scale=5)

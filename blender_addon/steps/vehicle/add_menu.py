@@ -1,13 +1,42 @@
-"""Add > Mesh > Vehicle, beside Blender's own meshes."""
+"""The menu of Rauca's own vehicles, with their pictures: in step 1, and in Add > Mesh beside Blender's own meshes."""
 
 from __future__ import annotations
 
+import itertools
+
 import bpy
+
+from ...core import assets
+from ...jobs import pictures
+from .operators import vehicle_items
+
+COLUMNS, HEIGHT = 5, 4.0  # of the menu, and of a picture in it, in rows of text
+
+
+class RAUCA_MT_vehicles(bpy.types.Menu):
+    """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
+
+    bl_label = "Add Vehicle"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        # A menu of the operator's choices would show the pictures as small as icons.
+        # Nor does a grid keep to its columns there.
+        row = self.layout.row()
+        columns = [row.column() for _ in range(COLUMNS)]
+        for (name, shown, *_), cell in zip(vehicle_items(), itertools.cycle(columns)):
+            cell.template_icon(picture_of(name), scale=HEIGHT)
+            cell.operator("rauca.add_vehicle", text=shown, translate=False).vehicle = name
+
+
+def picture_of(name: str) -> int:
+    """The icon of a shipped vehicle's picture; 0 where it has none."""
+    path = assets.assets_folder() / "vehicles" / f"{name}.jpg"
+    return pictures.load(f"vehicle.{name}", path) if path.is_file() else 0
 
 
 def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     if context.mode == "OBJECT":
-        menu.layout.operator_menu_enum("rauca.add_vehicle", "vehicle", text="Vehicle", icon="AUTO")
+        menu.layout.menu("RAUCA_MT_vehicles", text="Vehicle", icon="AUTO")
 
 
 def register() -> None:

@@ -19,7 +19,8 @@ DISPLAY_NAMES = {"suv": "SUV", "boat_detailed": "Detailed Boat"}
 _items: list[tuple[str, str, str]] = []  # Blender does not keep the strings of a list made on the fly
 
 
-def _vehicles(self: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+def vehicle_items(self: object = None, context: object = None) -> list[tuple[str, str, str]]:
+    """Identifier, name and tooltip of every shipped vehicle, the cars first."""
     if not _items:
         names = sorted(shipped_names(), key=lambda name: (name not in ("sedan", "hatchback", "suv", "van"), name))
         _items.extend((name, DISPLAY_NAMES.get(name, name.title()), "Add this vehicle to the scene") for name in names)
@@ -30,7 +31,7 @@ class RAUCA_OT_add_vehicle(RaucaOperator, bpy.types.Operator):
     """Add a vehicle that Rauca brings, at the 3D cursor, and choose it"""
 
     bl_label = "Add Vehicle"
-    vehicle: bpy.props.EnumProperty(name="Vehicle", items=_vehicles)
+    vehicle: bpy.props.EnumProperty(name="Vehicle", items=vehicle_items)
 
     def work(self, context: bpy.types.Context) -> str:
         leave_mode(context)

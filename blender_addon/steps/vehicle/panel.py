@@ -59,7 +59,7 @@ class RAUCA_PT_vehicle(StepPanel, bpy.types.Panel):
         layout.prop(settings, settings.origin.lower())
         if settings.origin != "FILE":
             layout.prop(settings, "front")
-        layout.operator_menu_enum("rauca.add_vehicle", "vehicle", icon="AUTO")
+        layout.menu("RAUCA_MT_vehicles", icon="AUTO")
         layout.operator("rauca.demo_scene", icon="SCENE_DATA")
 
 
@@ -77,6 +77,7 @@ class RAUCA_PT_vehicle_paint(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, "file_mask")
             return
         choice(layout, settings, "paint")
+        layout.prop(settings, "tint")
         if settings.paint == "MATERIAL":
             layout.prop(settings, "material")
             return

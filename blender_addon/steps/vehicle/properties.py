@@ -8,7 +8,7 @@ import bpy
 
 from ...core import contract
 from ...scene.mesh_edits import marked_count, object_mode
-from ...scene.vehicle import NAME_KEY, shipped_names
+from ...scene.vehicle import CLASS_KEY, NAME_KEY, shipped_names
 from ...scene.vehicle_files import find_vehicle
 from ...scene.vehicle_paint import choose_paint
 from ...scene.vehicle_reading import Reading, read_vehicle
@@ -94,6 +94,9 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         description="A grey image, white where the camouflage may go",
     )
+    tint: bpy.props.BoolProperty(
+        name="Show Paint", description="Tint the faces that are paint in the viewport, in object mode"
+    )
     marked: bpy.props.IntProperty(options={"HIDDEN"})
     checked: bpy.props.BoolProperty(options={"HIDDEN"})
     missing: bpy.props.IntProperty(options={"HIDDEN"})
@@ -157,16 +160,23 @@ class RaucaVehicle(bpy.types.PropertyGroup):
         """Whether the paint's material is chosen or told by its name; asks slots alone, for drawing."""
         if self.is_shipped(context):
             return True
+        try:
+            self.paint_materials(context)
+        except contract.RaucaError:
+            return False
+        return True
+
+    def paint_materials(self, context: bpy.types.Context) -> list[str]:
+        """Names of the materials that are paint, of slots alone; raises :class:`RaucaError` where nothing tells."""
         parts = [thing for thing in self.objects(context) if thing.type == "MESH"]
         slots = [slot.material for thing in parts for slot in thing.material_slots]
         if any(len(thing.material_slots) == 0 for thing in parts):
             slots.append(None)
-        names = list(dict.fromkeys(material.name if material is not None else "" for material in slots))
-        try:
-            choose_paint(names, self.request())
-        except contract.RaucaError:
-            return False
-        return True
+        request = self.request()
+        if self.is_shipped(context) and not request.own_paint:
+            return [material.name for material in slots if material is not None and material.get(CLASS_KEY) == "paint"]
+        names = dict.fromkeys(material.name if material is not None else "" for material in slots)
+        return list(choose_paint(list(names), request))
 
     def choose(self, shipped: bpy.types.Object) -> None:
         """Choose an object that is one of Rauca's own vehicles."""
