@@ -13,6 +13,7 @@ from .steps.camouflage.panel import RaucaCamouflage
 from .steps.dataset import RaucaDataset
 from .steps.evaluate import RaucaEvaluate
 from .steps.optimize import RaucaOptimize
+from .steps.photograph.properties import RaucaPhotograph
 from .steps.vehicle.properties import RaucaVehicle
 from .steps.weather.properties import RaucaWeather
 
@@ -28,6 +29,8 @@ NAMES = """
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.camouflage.assets
     steps.evaluate steps.camouflage.views_panel
+    steps.photograph.properties steps.photograph.operators steps.photograph.marking steps.photograph.overlay
+    steps.photograph.panel
     steps.bake steps.cost jobs.watch
 """
 MODULES = [import_module(f".{name}", __package__) for name in NAMES.split()]
@@ -47,6 +50,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     optimize: bpy.props.PointerProperty(type=RaucaOptimize)
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)
     evaluate: bpy.props.PointerProperty(type=RaucaEvaluate)
+    photograph: bpy.props.PointerProperty(type=RaucaPhotograph)
     bake: bpy.props.PointerProperty(type=RaucaBake)
 
 

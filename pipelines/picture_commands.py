@@ -13,6 +13,9 @@ from rauca_core.contract.color import find_colors
 from .console import console
 from .options import Blender, PaintMask, PaintMaterial
 
+LEAST_IOU = 0.8
+"""Roughly right cameras are above it; those given in another frame than the vehicle's are below."""
+
 picture_app = typer.Typer(help="Photographs and other simulators' pictures.", no_args_is_help=True)
 
 
@@ -54,6 +57,14 @@ def picture_add(
         console.print(f"camera: {fit.points_px:.2f} pixels, {fit.camera.fov_deg:.1f} degrees wide")
     if fit.iou is not None:
         console.print(f"silhouette IoU: {fit.iou:.4f}")
+        if fit.iou < LEAST_IOU:
+            console.print(
+                f"warning: vehicle and mask overlap little ({fit.iou:.2f}, less than {LEAST_IOU}): is the camera in "
+                "the vehicle's own frame, front +x, left +y, up +z, wheels on z = 0, in metres?",
+                soft_wrap=True,
+            )
+    elif camera is not None:
+        console.print("camera: taken as given, nothing checked it; look at the drawn fit, or give a --mask")
     if not colors:
         console.print(f"paint: {bytes(added.paint_srgb).hex()}, by the set's first picture")
     console.print(f"{added.frame.id}: {out}; fit drawn in {added.overlay}", soft_wrap=True)

@@ -47,6 +47,18 @@ def aim(holder: bpy.types.Object, camera: contract.Camera) -> None:
     holder.matrix_world = stand(camera)
 
 
+def seen_by(holder: bpy.types.Object, width: int, height: int) -> contract.Camera:
+    """The contract camera that a camera object is, for pictures of a size; undoes :func:`aim`, in any sensor's fit."""
+    lens, larger = holder.data, max(width, height)
+    sensor = lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+    across = {"AUTO": larger, "HORIZONTAL": width, "VERTICAL": height}[lens.sensor_fit]
+    focal, place = lens.lens * across / sensor, np.array(holder.matrix_world.normalized())
+    center = width / 2 - lens.shift_x * across, height / 2 + lens.shift_y * across
+    R = np.diag([1.0, -1.0, -1.0]) @ place[:3, :3].T
+    K = np.array([[focal, 0, center[0]], [0, focal, center[1]], [0, 0, 1.0]])
+    return contract.Camera(K, R, -R @ place[:3, 3], width, height)
+
+
 def stand(camera: contract.Camera) -> Matrix:
     """Where a camera object stands for a contract camera."""
     to_blender = np.diag([1.0, -1.0, -1.0])  # Blender's camera looks along -z with y up

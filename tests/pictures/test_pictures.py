@@ -156,3 +156,22 @@ def test_the_command_solves_the_camera_from_marks_and_mask(sedan: Vehicle, truth
     (frame,) = Dataset(tmp_path / "set").frames()
     assert iou(coverage(sedan, frame.camera_in_vehicle), seen) > 0.985
     assert not check_dataset(tmp_path / "set").findings
+
+
+def test_a_camera_in_another_frame_is_told(sedan: Vehicle, truth: Camera, tmp_path: Path) -> None:
+    """Of a frame whose origin is the body's middle and not the ground: the vehicle is drawn too high."""
+    seen = coverage(sedan, truth)
+    (tmp_path / "mask.png").write_bytes(png_bytes((255 * seen).astype(np.uint8)))
+    (tmp_path / "car.png").write_bytes(png_bytes(np.repeat((60 + 100 * seen)[..., None], 3, 2).astype(np.uint8)))
+    lifted = Camera(truth.K, truth.R, truth.t + truth.R @ np.array([0, 0, 0.8]), SIZE, SIZE)
+    told = []
+    for camera, more in ((truth, ["--mask", "mask.png"]), (lifted, ["--mask", "mask.png"]), (lifted, [])):
+        (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
+        files = [str(tmp_path / word) if word.endswith("png") else word for word in ("car.png", *more)]
+        given = ["picture", "add", *files, "--vehicle", "sedan", "--camera", str(tmp_path / "camera.json")]
+        done = CliRunner().invoke(app, [*given, "--out", str(tmp_path / "set")], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+        told.append(done.output)
+    assert "warning" not in told[0]
+    assert "warning: vehicle and mask overlap little" in told[1]
+    assert "nothing checked it" in told[2]

@@ -49,7 +49,7 @@ def _draw(context: bpy.types.Context) -> None:
         return
     views = loaded(settings.study)
     evaluated_frames = same_view(context.scene, views) if views is not None else []
-    frame = _frame_on_screen(context) if evaluated_frames else None
+    frame = frame_on_screen(context.scene, context.region, context.region_data) if evaluated_frames else None
     if frame is None:
         return
     evaluated = evaluated_frames[0]
@@ -58,36 +58,41 @@ def _draw(context: bpy.types.Context) -> None:
     taken: list[Rectangle] = []
     for detector, detection in shown_detections(context.scene, evaluated):
         left, top, right, bottom = np.array(detection.box) / size
-        (x0, y1), (x1, y0) = _place(frame, left, top), _place(frame, right, bottom)
+        (x0, y1), (x1, y0) = place_in_frame(frame, left, top), place_in_frame(frame, right, bottom)
         color = COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]  # the same in every view
         _outline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], color, LINE_PX * scale)
-        _label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
+        draw_label(f"{detector}  {detection.score:.2f}", (x0, y1), color, scale, taken)
     for detector in unfound(context.scene, evaluated):
         color = COLORS[evaluated.evaluation.detectors.index(detector) % len(COLORS)]
-        _label(f"{detector}  {iface('not found')}", _place(frame, 0.0, 1.0), color, scale, taken)
+        draw_label(f"{detector}  {iface('not found')}", place_in_frame(frame, 0.0, 1.0), color, scale, taken)
 
 
-def _frame_on_screen(context: bpy.types.Context) -> NDArray[np.float64] | None:
-    """Left, bottom, right, top of the camera's frame in the region, pixels."""
-    camera, scene = context.scene.camera, context.scene
-    corners = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
-    places = [location_3d_to_region_2d(context.region, context.region_data, corner) for corner in corners]
+def frame_on_screen(
+    scene: bpy.types.Scene, region: bpy.types.Region, view: bpy.types.RegionView3D
+) -> NDArray[np.float64] | None:
+    """Left, bottom, right, top of the camera's frame in a region that looks through it, pixels."""
+    corners = [scene.camera.matrix_world @ corner for corner in scene.camera.data.view_frame(scene=scene)]
+    places = [location_3d_to_region_2d(region, view, corner) for corner in corners]
     if any(place is None for place in places):
         return None
     points = np.array(places)
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
-def _place(frame: NDArray[np.float64], across: float, down: float) -> tuple[float, float]:
+def place_in_frame(frame: NDArray[np.float64], across: float, down: float) -> tuple[float, float]:
+    """A place of the region; ``across`` and ``down`` the camera's frame, 0 to 1."""
     left, bottom, right, top = frame
     return left + across * (right - left), top - down * (top - bottom)
 
 
 def _outline(corners: Sequence[tuple[float, float]], color: tuple[float, float, float], width: float) -> None:
+    draw_lines([point for i in range(4) for point in (corners[i], corners[(i + 1) % 4])], color, width)
+
+
+def draw_lines(ends: Sequence[tuple[float, float]], color: tuple[float, float, float], width: float) -> None:
+    """Lines between every two places of the region; pixels."""
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    ring = [(x, y, 0.0) for x, y in corners]
-    segments = [point for i in range(4) for point in (ring[i], ring[(i + 1) % 4])]
-    batch = batch_for_shader(shader, "LINES", {"pos": segments})
+    batch = batch_for_shader(shader, "LINES", {"pos": [(x, y, 0.0) for x, y in ends]})
     gpu.state.blend_set("ALPHA")
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
@@ -97,7 +102,7 @@ def _outline(corners: Sequence[tuple[float, float]], color: tuple[float, float, 
     gpu.state.blend_set("NONE")
 
 
-def _label(
+def draw_label(
     text: str, place: tuple[float, float], color: tuple[float, float, float], scale: float, taken: list[Rectangle]
 ) -> None:
     """Dark text on the detector's color, on top of its box or wherever above it no other label lies."""
