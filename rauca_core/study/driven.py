@@ -25,7 +25,7 @@ from .intervals import spread
 from .scores import Recorded
 from .study import Entry, Study
 
-FILE_NAME = "clips.json"
+FILE_NAME = "drives.json"  # clips.json holds the numbers of the page, as of every page
 CAR = 1  # the data set's vehicle among the ids of a clip
 NOTHING = Boxes(np.zeros((0, 4)), np.zeros(0))
 Told = tuple[str, str, str, str, str]  # vehicle, weathers, defence, paint, detector
@@ -187,7 +187,7 @@ def over_vehicles(drives: Drives) -> Drives:
 
 
 def save_drives(folder: Path, drives: Drives) -> Path:
-    """Write ``clips.json``."""
+    """Write ``drives.json``."""
     write_json(folder / FILE_NAME, drives.to_json())
     return folder / FILE_NAME
 

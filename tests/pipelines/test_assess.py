@@ -78,6 +78,8 @@ def test_clips_are_told_apart_from_the_headline(
     assert '<a href="clips/clips.html">' in page
     assert "On the road" not in (tmp_path / "still" / "report.html").read_text()
     assert (out / "clips" / "clips.html").is_file()
+    kept = json.loads((out / "clips" / "drives.json").read_text())  # by each vehicle; here there is but one
+    assert (kept["rows"], kept["clips"]) == (clips["rows"], clips["clips"])
 
 
 def test_several_detectors_are_compared(small_battery: Path, drawn_blender: DrawnBlender, tmp_path: Path) -> None:
