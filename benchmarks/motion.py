@@ -8,9 +8,11 @@ shutter. Both are told: taps of the shutter's middle alone, and of several momen
 from __future__ import annotations
 
 import importlib.util
+import json
 import resource
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -30,8 +32,10 @@ from rauca_core.contract import (
     find_preset,
     load_camouflage,
     load_vehicle,
+    save_weathers,
 )
 from rauca_core.contract.clips import MANOEUVRES
+from rauca_core.contract.files import write_json
 from rauca_core.contract.towns import TEST
 from rauca_core.environment import load_exact
 from rauca_core.motion.metrics import follow, hota, overlap
@@ -54,12 +58,12 @@ from .harness import Results, Settings
 
 FULL = Settings(
     manoeuvres=MANOEUVRES, frames=30, size=320, samples=8, speed_m_s=10.0, frame_rate=15.0, shutter_s=1 / 120,
-    weathers="demo", detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "yolox-nano"), blur_samples=512,
-    blur_shutter_s=1 / 60,
+    weathers=("clear-day", "low-sun"), blur_samples=512, blur_shutter_s=1 / 60,
+    detectors=("yolov3-tiny", "yolov4-tiny", "ssd-mobilenet-v2", "ssd-mobilenet-v3"),
 )  # fmt: skip
 QUICK = FULL.but(
     manoeuvres=("approach", "cut-in"), frames=10, size=160, samples=4, speed_m_s=15.0, frame_rate=10.0,
-    weathers="single", detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=256,
+    weathers=("clear-day",), detectors=("yolov3-tiny", "yolov4-tiny"), blur_samples=256,
 )  # fmt: skip
 WHOLE_SENSOR = Sensor(0.5, 5000, 4, 8, 85, 0.3, 0.6)
 MOMENTS = 7  # of an open shutter, at which taps are built
@@ -205,21 +209,43 @@ def seen_at(before: Frame, frame: Frame, after: Frame, later_s: float) -> Camera
 
 
 def _warning(results: Results, folder: Path, camouflages: Sequence[str]) -> None:
-    """The study of clips: figures by paint and detector, and the CPU time of a rendered frame."""
+    """The study of clips, all weathers in one set: figures by paint and detector, and the CPU time of a frame."""
     s = results.settings
     clips = Clips(tuple(s.manoeuvres), s.frames, s.speed_m_s, s.frame_rate, s.shutter_s)
-    fresh, began = not folder.is_dir(), _children_s()
-    with progress_bars() as on_progress:
+    weathers = folder.parent / f"{'+'.join(s.weathers)}.json"
+    save_weathers(weathers, [weather for weather in find_preset("demo") if weather.name in s.weathers])
+    with _measured(results, folder), progress_bars() as on_progress:
         study = rauca.evaluate(
-            list(camouflages), list(s.detectors), out=folder, vehicle="sedan", weathers=[s.weathers],
+            list(camouflages), list(s.detectors), out=folder, vehicle="sedan", weathers=[str(weathers)],
             views=HeldOut.driven(clips, s.size, s.samples), random=RandomPaint(), on_progress=on_progress,
         )  # fmt: skip
-    rendered = sum(len(entry.results.frames) * len(entry.results.paints) for entry in study.entries)
-    if fresh:
-        results.figures["clip_cpu_s_per_frame"] = (_children_s() - began) / rendered
     drives = measure_drives(study)
     save_drives(folder, drives)
     _tell(results, drives)
+
+
+@contextmanager
+def _measured(results: Results, folder: Path) -> Iterator[None]:
+    """Tell the CPU time of a rendered frame, plain or painted; kept beside the study, where a resumed run adds its own.
+
+    Of a run that was killed neither time nor frames count.
+    """
+    kept = folder / "cpu.json"
+    before, had, began = json.loads(kept.read_text()) if kept.is_file() else {}, _rendered(folder), _children_s()
+    yield
+    used = {
+        "cpu_s": before.get("cpu_s", 0.0) + _children_s() - began,
+        "frames": before.get("frames", 0) + _rendered(folder) - had,
+    }
+    write_json(kept, used)
+    if used["frames"]:
+        results.figures["clip_cpu_s_per_frame"] = used["cpu_s"] / used["frames"]
+
+
+def _rendered(folder: Path) -> int:
+    """Frames of a study's data sets and camouflages."""
+    store = folder / "store"
+    return sum(1 for _ in store.glob("views/*/frames/*")) + sum(1 for _ in store.glob("renders/*/**/*.png"))
 
 
 def _tell(results: Results, drives: Drives) -> None:

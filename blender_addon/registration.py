@@ -8,6 +8,7 @@ from types import ModuleType
 import bpy
 
 from .steps.bake import RaucaBake
+from .steps.cameras.clip import RaucaClip
 from .steps.cameras.properties import RaucaCameras
 from .steps.camouflage.panel import RaucaCamouflage
 from .steps.dataset import RaucaDataset
@@ -24,7 +25,7 @@ NAMES = """
     steps.vehicle.properties steps.vehicle.operators steps.vehicle.unwrap steps.vehicle.panel steps.vehicle.add_menu
     steps.vehicle.paint_overlay
     steps.weather.gallery steps.weather.properties steps.weather.panel steps.weather.rain_overlay
-    steps.cameras.properties steps.cameras.presets steps.cameras.panel steps.cameras.overlay
+    steps.cameras.properties steps.cameras.presets steps.cameras.panel steps.cameras.clip steps.cameras.overlay
     steps.python_setup steps.dataset steps.frames_panel steps.optimize steps.demo
     steps.camouflage.panel steps.camouflage.operators steps.camouflage.detection_overlay steps.camouflage.drop
     steps.camouflage.assets
@@ -46,6 +47,7 @@ class RaucaProperties(bpy.types.PropertyGroup):
     vehicle: bpy.props.PointerProperty(type=RaucaVehicle)
     weather: bpy.props.PointerProperty(type=RaucaWeather)
     cameras: bpy.props.PointerProperty(type=RaucaCameras)
+    clip: bpy.props.PointerProperty(type=RaucaClip)
     dataset: bpy.props.PointerProperty(type=RaucaDataset)
     optimize: bpy.props.PointerProperty(type=RaucaOptimize)
     camouflage: bpy.props.PointerProperty(type=RaucaCamouflage)

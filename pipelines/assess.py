@@ -10,7 +10,9 @@ import typer
 
 import rauca_core as rauca
 from rauca_core.contract import RaucaError
+from rauca_core.contract.clips import clips_asked
 
+from .clip_options import ClipFrames, ClipNames, FrameRate, Shutter, Speed, Tracker, show_drives, write_drives
 from .console import command_line, console, output
 from .detector_commands import Classes, ClassNames, open_detector, show_preflight
 from .evaluate import split_defences
@@ -48,6 +50,13 @@ def assess(
         list[Path] | None,
         typer.Option(help="data set of pictures to look at too, apart, in OUT/pictures; repeat for more"),
     ] = None,
+    clips: ClipNames = None,
+    clip_frames: ClipFrames = 30,
+    clip_weathers: Annotated[list[str] | None, typer.Option(help="of clips, as --weathers of `rauca evaluate`")] = None,
+    speed: Speed = 10.0,
+    frame_rate: FrameRate = 15.0,
+    shutter: Shutter = 0.0,
+    tracker: Tracker = "bytetrack",
     threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="score at which the detector is deployed")] = 0.25,
     harden: Annotated[bool, typer.Option("--harden", help="harden the detector, and assess it again")] = False,
     before: Annotated[Path | None, typer.Option(help="assess.json of an earlier one: say what changed")] = None,
@@ -63,7 +72,7 @@ def assess(
 ) -> None:
     """Say how robust a detector is: plain, random, camouflages made for others, and one made for it."""
     from rauca_core.report import write_comparison
-    from rauca_core.study.assess import FILE_NAME, PICTURES, works_of
+    from rauca_core.study.assess import CLIPS, FILE_NAME, PICTURES, Driving, works_of
     from rauca_core.study.assessment import Condition, load_assessment, save_assessment
     from rauca_core.study.battery_hardening import harden_on_battery
 
@@ -76,10 +85,15 @@ def assess(
     looked_through, vehicles = split_defences(defences), split_names(vehicle)
     if slurm and (classes or names or looked_through):
         raise RaucaError("--slurm: its tasks load a detector by its name alone; drop --classes, --names and --defences")
-    works = works_of(battery, vehicles, white_box, len(looked_through))
+    driving = None
+    if clips:
+        driven = clips_asked(clips, clip_frames, speed, frame_rate, shutter)
+        driving = Driving(driven, tuple(split_names(clip_weathers)) or ("single",), tracker)
+    works = works_of(battery, vehicles, white_box, len(looked_through), driving)
     same: dict[str, Any] = {"battery": battery, "budget": budget, "vehicles": vehicles, "command": command_line()}
     asked = same | {
         "white_box": white_box, "defences": looked_through, "threshold": threshold, "pictures": pictures or [],
+        "clips": driving,
     }  # fmt: skip
     found = []
     for name, folder in folders.items():
@@ -88,6 +102,8 @@ def assess(
         with means_of(device, slurm, blender, render_device, threads, json_progress) as means:
             one = rauca.assess(name if slurm else detector, out=folder, checked=checked, **asked, **means)
             found.append(one.assessment)
+            if driving:
+                write_drives(rauca.Study.load(folder / CLIPS), folder / CLIPS, tracker)
             _tell(one.report(folder / "report.html", before, latex))
             if pictures:
                 _tell(rauca.Study.load(folder / PICTURES).report(folder / PICTURES / "report.html", latex))
@@ -95,6 +111,8 @@ def assess(
                 weights = harden_on_battery(name, folder / "hardened", **same, **means)
                 assessed = folder / "hardened" / "assessed"
                 after = rauca.assess(weights, out=assessed, **asked, **means)
+                if driving:
+                    write_drives(rauca.Study.load(assessed / CLIPS), assessed / CLIPS, tracker)
                 _tell(after.report(assessed / "report.html", folder / FILE_NAME, latex))
                 console.print(f"hardened: {after.headline}", soft_wrap=True)
         if json is not None:
@@ -104,6 +122,8 @@ def assess(
         console.print(f"comparison: {write_comparison(found, out / 'report.html', pages)[0]}", soft_wrap=True)
     for assessment in found:
         output().print(assessment.headline, soft_wrap=True)
+        if assessment.clips is not None:
+            show_drives(assessment.clips)
     _stop_unless(conditions, found)
 
 

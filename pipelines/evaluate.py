@@ -12,8 +12,9 @@ from rich.table import Table
 
 import rauca_core as rauca
 from rauca_core.contract import RaucaError
-from rauca_core.contract.clips import MANOEUVRES, clips_asked
+from rauca_core.contract.clips import clips_asked
 
+from .clip_options import ClipFrames, ClipNames, FrameRate, Shutter, Speed, Tracker, show_drives, write_drives
 from .console import command_line, console, output
 from .options import Blender, Device, JsonProgress, RenderDevice, Slurm, means_of, numbers, split_names
 
@@ -67,12 +68,12 @@ def evaluate(
     size: Annotated[int, typer.Option(min=16, help="frames are square, pixels")] = 320,
     samples: Annotated[int, typer.Option(min=1, help="Cycles samples per pixel before denoising")] = 8,
     views_seed: Annotated[int | None, typer.Option(min=0, help="of the held-out town and its cameras")] = None,
-    clips: Annotated[str | None, typer.Option(help=f"drive: all, or of {', '.join(MANOEUVRES)}")] = None,
-    clip_frames: Annotated[int, typer.Option(min=1, help="frames of each clip")] = 30,
-    speed: Annotated[float, typer.Option(help="of the camera in clips, m/s")] = 10.0,
-    frame_rate: Annotated[float, typer.Option(help="of clips, frames a second")] = 15.0,
-    shutter: Annotated[float, typer.Option(help="seconds that it is open in clips: motion blur; 0: none")] = 0.0,
-    tracker: Annotated[Literal["bytetrack", "sort"], typer.Option(help="that joins detections of clips")] = "bytetrack",
+    clips: ClipNames = None,
+    clip_frames: ClipFrames = 30,
+    speed: Speed = 10.0,
+    frame_rate: FrameRate = 15.0,
+    shutter: Shutter = 0.0,
+    tracker: Tracker = "bytetrack",
     random: Annotated[bool, typer.Option("--random", help="evaluate in random paint too")] = False,
     random_seed: Annotated[int, typer.Option(min=0)] = 1,
     random_cell: Annotated[int, typer.Option(min=1, help="side of a cell of random paint, texels of 1024")] = 8,
@@ -116,7 +117,7 @@ def evaluate(
         )  # fmt: skip
     _print(study, out)
     if has_clips(study):
-        _print_drives(study, out, tracker)
+        show_drives(write_drives(study, out, tracker))
 
 
 def report(
@@ -157,26 +158,3 @@ def _print(study: Study, out: Path) -> None:
     places = {entry.results.places for entry in study.entries}
     wide.print(f"in brackets: 95 % interval over {', '.join(sorted(places))}")
     console.print(f"study: {out}", highlight=False, soft_wrap=True)
-
-
-def _print_drives(study: Study, out: Path, tracker: str) -> None:
-    """What clips say of warning, a table per detector; the page of the clips is written."""
-    from rauca_core.report import write_clips
-    from rauca_core.study.driven import by_detector, measure_drives, save_drives
-
-    drives, wide = measure_drives(study, tracker), output()
-    save_drives(out, drives)
-    for (weathers, defence, detector), rows in by_detector(drives).items():
-        title = f"{detector}, {weathers}, defence {defence}: {rows[0].clips} clips, tracks by {tracker}"
-        columns = ("AP", "lost m", "lost s", "longest gap s", "blind", "breaks", "other track", "HOTA")
-        shown = Table("paint", *columns, title=title)
-        for row in rows:
-            lost = [
-                f"{m.value:.2f}" + ("" if m.low is None else f" [{m.low:.2f}, {m.high:.2f}]")
-                for m in (row.lost_m, row.lost_s)
-            ]
-            blind = "" if row.blind is None else f"{row.blind:.0%}"
-            told = (f"{row.gap_s:.2f}", blind, f"{row.breaks}", f"{row.switches}", f"{row.hota:.3f}")
-            shown.add_row(row.paint, f"{row.ap:.3f}", *lost, *told)
-        wide.print(shown)
-    console.print(f"page: {write_clips(study, drives, out / 'clips.html')[0]}", highlight=False, soft_wrap=True)

@@ -117,6 +117,12 @@ def optimize(
     rest: Annotated[
         int | None, typer.Option(help="epochs to leave out frames in which the vehicle is no longer seen")
     ] = None,
+    window: Annotated[
+        int | None, typer.Option(help="frames of a clip that follow each other in a step; the most visible counts most")
+    ] = None,
+    window_temperature: Annotated[
+        float | None, typer.Option(help="of a window's softmax, in units of the loss; the lower, the more it counts")
+    ] = None,
     turns: Annotated[
         bool | None,
         typer.Option("--turns/--all-at-once", help="a step attacks one of the detectors, the next step the next"),

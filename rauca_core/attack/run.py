@@ -6,6 +6,7 @@ import hashlib
 import json
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -27,6 +28,7 @@ from .history import StepReport, Stopwatch
 from .paint_losses import paint_of, prior, smooth_paint, smooth_picture
 from .settings import OptimizerSettings
 from .texture import Texture, make_texture
+from .windows import frame_order, window_weights
 
 ADAM = ("step", "exp_avg", "exp_avg_sq")  # what it remembers of a parameter
 
@@ -62,7 +64,8 @@ class Run:
         self.prior = prior(self.texture, dataset, self.store, settings)
         # Detectors that take turns do not lose sight of the same frames: each has an order of its own.
         seeds = [settings.seed, *(named_seed(settings.seed, "turn", k) for k in range(1, ensemble.turns))]
-        self.orders = [FrameOrder(len(self.store), s, settings.rest) for s in (seeds if settings.turns else seeds[:1])]
+        seeds = seeds if settings.turns else seeds[:1]
+        self.orders = [frame_order(self.store.frames, settings, seed, len(self.store)) for seed in seeds]
         self.identity = {
             **settings.identity(),
             "detectors": ensemble.identity,
@@ -91,7 +94,7 @@ class Run:
                 seen, boxes = self._augment(images, boxes_of(batch))
         # Backward passes are cut at the images: the detectors' share can be timed, and a bad frame named.
         with watch.time("detector"):
-            found = self._attack(seen, boxes, batch)
+            found = self._weighed(drawn, self._attack(seen, boxes, batch))
         with threads(1):
             smooth, extra = self._descend(images, seen, found, batch, watch)
         losses, scores, smooth = self._gather(drawn, found.losses, found.scores, smooth)
@@ -210,6 +213,15 @@ class Run:
                 "check the detector's weights, then remove the frame"
             )
         return found
+
+    def _weighed(self, drawn: list[int], found: Attacked) -> Attacked:
+        """Losses and gradient, times what each frame counts in its window."""
+        if self.settings.window == 1:
+            return found
+        (every,) = self._gather(drawn, found.losses)
+        counts = window_weights(every, self.settings.window, self.settings.window_temperature)
+        mine = counts[self.processes.rank :: self.processes.size].to(found.losses)
+        return replace(found, losses=found.losses * mine, gradient=found.gradient * mine[:, None, None, None])
 
     def _descend(
         self, images: Tensor, seen: Tensor, found: Attacked, batch: list[ReadyFrame], watch: Stopwatch

@@ -21,7 +21,13 @@ from .naturalness import Naturalness
 
 Fidelity = Literal["adapted", "published"]
 # Settings that came later: left out of a run's identity where they say what was done before there were any.
-LATER: Mapping[str, Any] = {"views": "rendered", "fidelity": "adapted", "turns": False}
+LATER: Mapping[str, Any] = {
+    "views": "rendered",
+    "fidelity": "adapted",
+    "turns": False,
+    "window": 1,
+    "window_temperature": 0.5,
+}
 
 
 class OptimizerSettings(Settings):
@@ -49,6 +55,10 @@ class OptimizerSettings(Settings):
         limit: how texels are kept in [0, 1], see `texture`: ``project``, ``clamp`` (as published) or ``tanh``.
         roa: random output augmentation.
         rest: epochs that a frame is left out for once the detectors do not see the vehicle in it, see `frame_order`.
+        window: frames of a clip that follow each other and come into a step together, see `windows`; 1 takes frames
+            alone.
+        window_temperature: of the softmax over a window's losses, in units of the loss: the lower, the more the most
+            visible frame counts.
         weights: of the detectors in the attack loss; equal when None.
         turns: a step attacks one detector, the next step the next: several cost no more than one. Else every step
             attacks all.
@@ -96,6 +106,8 @@ class OptimizerSettings(Settings):
     limit: Literal["project", "clamp", "tanh"] = "project"
     roa: bool = True
     rest: int = Field(0, ge=0, le=1000)
+    window: int = Field(1, ge=1, le=1024)
+    window_temperature: float = Field(0.5, gt=0, le=1e6)
     weights: tuple[float, ...] | None = None
     turns: bool = False
     precision: Literal["float32", "bfloat16"] = "float32"

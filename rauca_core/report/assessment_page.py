@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..study.assess import WHITE_BOX
+from ..study.assess import CLIPS, FILE_NAME, WHITE_BOX
 from ..study.assessment import Assessment, Score
 from ..study.assessment_change import Change, changes
 from ..study.candidates import NORMAL, RANDOM
@@ -29,11 +29,12 @@ from .assessment_tables import (
     shown_range,
     weak_spots_table,
     where,
-    worst_camouflage,
 )
+from .clips_page import clip_tables
 from .figures import around_svg, intervals_svg, paint_styles
 from .frames import reading_of
 from .page import write_study_page
+from .table import Source
 from .worst_views import ViewPicker
 
 
@@ -56,6 +57,7 @@ def write_assessment(
     curve = distance_table(seen.along())
     sides = [(paint, around_svg(views), around_table(paint, views)) for paint, views in seen.sides().items()]
     main, styles = paints_table(found), paint_styles(paints_of(found))
+    driven = [] if found.clips is None else clip_tables(found.clips, Source(FILE_NAME, ("clips", "rows")))
     numbers = {"errors": errors_table(found), "weak": weak_spots_table(found), "defences": defences_table(found)}
     compared = changes_table(changed) if changed else None
     told = {
@@ -73,10 +75,12 @@ def write_assessment(
         "missed": seen.picker.missed_plain(),
         "lost": [seen.picker.lost_in(paint) for paint in seen.paints if paint not in (NORMAL, RANDOM)],
         "reading": reading_of(seen.entries[0].category, found.threshold),
+        "driven": driven,
+        "driven_page": f"{CLIPS}/clips.html" if (out.parent / CLIPS / "clips.html").is_file() else "",
         "assessed": _assessed(found),
         **numbers,
     }
-    tables = [main, *filter(None, (compared, *numbers.values())), curve, *(table for _, _, table in sides)]
+    tables = [main, *filter(None, (compared, *numbers.values())), *driven, curve, *(table for _, _, table in sides)]
     about = {"detector": found.detector.to_json(), "battery": found.battery, "budget": found.budget}
     return write_study_page(
         study, out, "assessment.html", told, tables, about, {}, timings_s=found.seconds, limits=_limits(found, seen),
@@ -97,7 +101,7 @@ class _Seen:
     @property
     def paints(self) -> list[str]:
         """What pictures and plots show: the vehicle's own paint, random, the library's worst, the detector's own."""
-        shown = (NORMAL, RANDOM, worst_camouflage(self.found), WHITE_BOX)
+        shown = (NORMAL, RANDOM, self.found.worst_camouflage, WHITE_BOX)
         return [paint for paint in shown if paint in self.found.errors]
 
     def along(self) -> dict[str, dict[float, Recall]]:
@@ -122,7 +126,7 @@ def _scope(found: Assessment, seen: _Seen) -> str:
 
 def _lead(found: Assessment) -> list[str]:
     """What the headline means."""
-    worst, clean = worst_camouflage(found), found.clean
+    worst, clean = found.worst_camouflage, found.clean
     cell = found.worst_cell[NORMAL]
     reach = {paint: shown_range(found.range_m[paint]) for paint in (NORMAL, worst, WHITE_BOX) if paint in found.range_m}
     ranges = ", ".join(f"{metres} in {paint}" for paint, metres in reach.items())

@@ -40,12 +40,6 @@ def paints_of(found: Assessment) -> dict[str, tuple[Score, tuple[str, ...]]]:
     return told
 
 
-def worst_camouflage(found: Assessment) -> str:
-    """The one of the library that lowers AP most, of those that were not made against this detector."""
-    rivals = {name: one for name, one in found.transfer_by_camouflage.items() if name not in found.left_out}
-    return min(rivals, key=lambda name: rivals[name].ap)
-
-
 def shown_range(found: Range) -> str:
     """A range as people read it."""
     if found.never:

@@ -46,10 +46,10 @@ def write_clips(study: Study, drives: Drives, out: Path) -> list[Path]:
     Raises:
         RaucaError: images or detections that are missing.
     """
-    tables = [_table(key, rows, out.parent / FILE_NAME) for key, rows in by_detector(drives).items()]
+    tables = clip_tables(drives, Source(out.parent / FILE_NAME, ("rows",)))
     shown, grid, film = most_lost(drives), None, None
     if shown is not None:
-        entry = next(e for e in study.entries if (e.weathers, e.defence) == (shown.weathers, shown.defence))
+        (entry,) = study.of(vehicle=shown.vehicle, weathers=shown.weathers, defence=shown.defence)
         clip, pictures = _pictures(entry, shown, drives.tracker)
         grid = _strip(clip, pictures, shown)
         film = out.with_suffix(".webp")
@@ -76,9 +76,12 @@ def _sentence(row: Driven) -> str:
     )
 
 
-def _table(key: tuple[str, str, str], rows: Sequence[Driven], file: Path) -> Table:
-    source = Source(file, ("rows",))
+def clip_tables(drives: Drives, source: Source) -> list[Table]:
+    """What clips say, a table for each vehicle, set of weathers, defence and detector."""
+    return [_table(key, rows, source) for key, rows in by_detector(drives).items()]
 
+
+def _table(key: tuple[str, str, str, str], rows: Sequence[Driven], source: Source) -> Table:
     def mean(of: Mean) -> Cell:
         return Cell(of.value, of.low, of.high, source)
 
@@ -93,9 +96,9 @@ def _table(key: tuple[str, str, str], rows: Sequence[Driven], file: Path) -> Tab
         )
         for row in rows
     ]  # fmt: skip
-    weathers, defence, detector = key
-    title = f"{detector}, {weathers}" + ("" if defence == "none" else f", behind {defence}")
-    return listing(f"clips-{weathers}-{defence}-{detector}", "paint", COLUMNS, tuple(lines), title)
+    vehicle, weathers, defence, detector = key
+    title = f"{detector}, {vehicle}, {weathers}" + ("" if defence == "none" else f", behind {defence}")
+    return listing(f"clips-{vehicle}-{weathers}-{defence}-{detector}", "paint", COLUMNS, tuple(lines), title)
 
 
 def _pictures(entry: Entry, shown: Driven, tracker: str) -> tuple[Clip, dict[str, list[Image.Image]]]:

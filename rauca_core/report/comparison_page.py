@@ -10,7 +10,7 @@ from ..study.assess import FILE_NAME
 from ..study.assessment import Assessment
 from ..study.assessment_change import change_in, corrected
 from ..study.candidates import NORMAL
-from .assessment_tables import KINDS, score_cell, shown_range, worst_camouflage
+from .assessment_tables import KINDS, score_cell, shown_range
 from .figures import GREY, OCHRE, PALETTE, Style, intervals_svg
 from .page import Behind, write_page
 from .table import Cell, Column, Row, Source, Table, listing
@@ -100,7 +100,7 @@ def _row(one: Assessment, first: Assessment) -> Row:
     behind = change_in("transfer", first, one)
     less = None if one is first else Cell(behind.difference, behind.low, behind.high)
     tenth = Cell(one.worst_tenth[NORMAL].score, source=Source(file, ("worst_tenth", NORMAL, "score")))
-    reach = (Cell(shown_range(one.range_m[paint])) for paint in (NORMAL, worst_camouflage(one)))
+    reach = (Cell(shown_range(one.range_m[paint])) for paint in (NORMAL, one.worst_camouflage))
     return Row(name, (*scores, less, tenth, *reach, Cell(one.detector.ms_per_image)))
 
 

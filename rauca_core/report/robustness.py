@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -114,11 +114,13 @@ def assess(
     return Robustness(found, Study._of(study))
 
 
-_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold", "pictures"}
+_ASKED = {"battery", "vehicles", "white_box", "defences", "threshold", "pictures", "clips"}
 
 
 def _told(option: Any) -> Any:
     """An option as JSON takes it."""
+    if isinstance(option, assessing.Driving):
+        return asdict(option)
     return (
         [str(one) if isinstance(one, Path) else one for one in option] if isinstance(option, list | tuple) else option
     )

@@ -6,6 +6,7 @@ Folder, run again to resume; views and renders lie in the user's cache, where th
     assess.json                         what `assessment` describes
     study.json, <vehicle>/<views>/      as of `evaluate`
     pictures/                           the same of pictures from elsewhere, composed
+    clips/                              the same of clips, in fewer paints
     attacks/<vehicle>/white-box         links to the optimizations against the detector; one that knows of a defence is
                                         called informed-<defence>
 """
@@ -20,8 +21,9 @@ from pathlib import Path
 from typing import Unpack
 
 from ..attack import make_settings, settings_of
-from ..contract import Dataset, RaucaError, load_camouflage
+from ..contract import Clips, Dataset, RaucaError, load_camouflage
 from ..detect import Detector
+from ..motion.tracks import require_trackers
 from ..runtime.folder_lock import alone_in
 from . import recipes
 from .assessment import Assessed, Assessment, Defended, Score, save_assessment
@@ -31,8 +33,9 @@ from .cost import Work
 from .defences import NO_DEFENCE, make_defence
 from .defences.informed import DefendedDetector
 from .detectors import Chosen, detectors_for
+from .driven import Drives, measure_drives, over_vehicles
 from .engine import Engine, Means, open_engine
-from .evaluate import given_places, keep_paints, open_views
+from .evaluate import given_places, held_out_places, keep_paints, open_views
 from .judging import Judges, Place, judge
 from .makers import CAMOUFLAGE
 from .pooled import Pool
@@ -40,10 +43,11 @@ from .preflight import DEPLOYED, Preflight, preflight
 from .ranking import best_of
 from .store import link, user_cache
 from .study import Study
+from .views import HeldOut, weather_sets, weathers_named
 from .weak_spots import half_recall_range, worst_cell, worst_tenth
 
 FILE_NAME = "assess.json"
-WHITE_BOX, INFORMED, PICTURES = "white-box", "informed-", "pictures"
+WHITE_BOX, INFORMED, PICTURES, CLIPS = "white-box", "informed-", "pictures", "clips"
 MAP_SIZE = 512  # texels, of the library's maps and of the attacks
 
 
@@ -54,6 +58,26 @@ class Effort:
     frames: int
     steps: int
     runs: int = 1
+
+
+@dataclass(frozen=True)
+class Driving:
+    """Clips past each vehicle of a battery, and the tracker that follows it.
+
+    Attributes:
+        clips: driven in the town of `rauca evaluate --clips`, with the battery's image size and samples.
+        weathers: sets of them, as of `evaluate`.
+    """
+
+    clips: Clips
+    weathers: tuple[str, ...] = ("single",)
+    tracker: str = "bytetrack"
+
+    def check(self) -> None:
+        """Raise :class:`RaucaError` for a mistake, or without a library of trackers."""
+        require_trackers()
+        self.clips.check("--clips")
+        weather_sets(self.weathers)
 
 
 EFFORTS = {"quick": Effort(16, 200), "standard": Effort(192, 1000), "overnight": Effort(384, 2000, runs=3)}
@@ -71,6 +95,7 @@ def assess(
     defences: Sequence[str] = (),
     threshold: float = DEPLOYED,
     pictures: Sequence[Path] = (),
+    clips: Driving | None = None,
     command: str = "",
     **means: Unpack[Means],
 ) -> tuple[Assessment, Study]:
@@ -86,6 +111,7 @@ def assess(
         defences: to look through beside none.
         threshold: score at which the detector is deployed, for recall and mistakes.
         pictures: data sets of pictures from elsewhere, judged on in a study of their own, ``out/pictures``.
+        clips: to drive, too, judged on in a study of their own, ``out/clips``.
         command: what was typed, for the report.
         means: see :class:`~rauca_core.study.engine.Means`.
 
@@ -97,6 +123,8 @@ def assess(
     """
     began, out, frozen = time.monotonic(), Path(out), load_battery(battery)
     choices, shown = frozen.choices(vehicles), _open_pictures(pictures, frozen.category)
+    if clips is not None:
+        clips.check()
     looked_through = [make_defence(name) for name in dict.fromkeys((NO_DEFENCE, *defences))]
     engine = open_engine(user_cache(), [], **means)
     (chosen,) = detectors_for([detector], [frozen.category], engine.machine)[frozen.category]
@@ -129,6 +157,8 @@ def assess(
         if shown:
             _judge_pictures(engine, out / PICTURES, shown, paints, frozen, judges, command)
         found = summarize(assessed, frozen, budget, threshold, study)
+        if clips is not None:
+            found = replace(found, clips=_drive(engine, out / CLIPS, clips, paints, found, frozen, judges, command))
         note = told_of_attack(found, EFFORTS[budget], white_box, assessed)
         spent = {**engine.seconds, "all, this time": round(time.monotonic() - began, 1)}
         found = replace(found, white_box_note=note, seconds=spent)
@@ -166,8 +196,32 @@ def _judge_pictures(
     judge(engine, out, places, worn, judges, command)
 
 
+def _drive(
+    engine: Engine,
+    out: Path,
+    driving: Driving,
+    paints: Mapping[VehicleChoice, Mapping[str, Path]],
+    found: Assessment,
+    battery: Battery,
+    judges: Judges,
+    command: str,
+) -> Drives:
+    """Clips of all vehicles, plain and in the paints that a page shows, seen without a defence."""
+    worn = (RANDOM, found.worst_camouflage, WHITE_BOX)
+    shown = {choice: {label: path for label, path in some.items() if label in worn} for choice, some in paints.items()}
+    plan = battery.views[0].plan
+    views = HeldOut.driven(driving.clips, plan.size, plan.quality.samples)
+    places = held_out_places(shown, weather_sets(driving.weathers), views)
+    study = judge(engine, out, places, shown, Judges(judges.detectors), command)
+    return over_vehicles(measure_drives(study, driving.tracker))
+
+
 def works_of(
-    battery: str = LATEST, vehicles: Sequence[str] = (), white_box: bool = True, defences: int = 0
+    battery: str = LATEST,
+    vehicles: Sequence[str] = (),
+    white_box: bool = True,
+    defences: int = 0,
+    clips: Driving | None = None,
 ) -> dict[str, Work]:
     """What each budget consists of, for an estimate of its cost.
 
@@ -177,12 +231,15 @@ def works_of(
     frozen = load_battery(battery)
     count, attacks = len(frozen.choices(vehicles)), (1 + defences) * white_box
     paints = 2 + len(frozen.made_against) + attacks
+    weathers = [weather for name in (clips.weathers if clips else ()) for weather in weathers_named(name)]
+    driven = count * len(clips.clips) * len(weathers) if clips else 0
     return {
         budget: Work(
             views=count * sum(views.frames[budget] for views in frozen.views),
             paints=paints,
             lit_views=count * effort.frames * bool(attacks),
             steps=count * effort.steps * effort.runs * attacks,
+            driven=driven,
         )
         for budget, effort in EFFORTS.items()
     }

@@ -10,6 +10,7 @@ from typing import Annotated
 from ..contract import RaucaError
 from ..contract.files import write_json
 from ..contract.schema import Record, read_json
+from .driven import Drives
 from .mistakes import Mistakes
 from .weak_spots import Cell, Range, WorstTenth
 
@@ -92,6 +93,8 @@ class Assessment(Record):
         without_place: AP@0.5 of ``clean``, ``random``, ``transfer`` and ``white_box`` without each of the places.
             These are the same for every detector of one battery, so that differences can be told from chance.
         left_out: camouflages of the library that count as no transfer: they were made against this very detector.
+        clips: warning lost on the road, over all vehicles; None where no clips were asked for. No other figure is of
+            clips.
     """
 
     FORMAT = ("rauca-assessment", 1)
@@ -115,6 +118,13 @@ class Assessment(Record):
     seconds: dict[str, float] = field(default_factory=dict)
     without_place: dict[str, tuple[float, ...]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    clips: Drives | None = None
+
+    @property
+    def worst_camouflage(self) -> str:
+        """The one of the library that lowers AP most, of those that were not made against this detector."""
+        rivals = {name: one for name, one in self.transfer_by_camouflage.items() if name not in self.left_out}
+        return min(rivals, key=lambda name: rivals[name].ap)
 
     @property
     def headline(self) -> str:

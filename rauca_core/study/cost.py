@@ -12,6 +12,7 @@ from ..contract.schema import Record
 VIEW_S, REPAINTED_S, LIT_S, TAPS_S = 2.96, 1.4, 3.67, 0.3
 # Bytes of each at 320 x 320 pixels, rounded up.
 VIEW_BYTES, REPAINTED_BYTES, LIT_BYTES, TAPS_BYTES = 260_000, 170_000, 800_000, 2_200_000
+DRIVEN_PAINTS = 4  # of clips in an assessment: plain, random, the library's worst, and one against the detector
 BESIDE_THE_DETECTOR = 1.15  # of a step: renderer, augmentation and Adam
 
 
@@ -25,6 +26,7 @@ class Work(Record):
         lit_views: rendered with light maps, to optimize on; 0 without an attack on the detector itself.
         steps: of all optimizations together.
         batch: images of a step.
+        driven: frames of clips, each seen in ``DRIVEN_PAINTS``.
     """
 
     views: int
@@ -32,6 +34,7 @@ class Work(Record):
     lit_views: int = 0
     steps: int = 0
     batch: int = 4
+    driven: int = 0
 
 
 @dataclass(frozen=True)
@@ -65,12 +68,12 @@ def cost_of(work: Work, ms_forward: float, ms_step: float | None, cores: int | N
     """
     attacked = ms_step is not None
     lit, steps = (work.lit_views, work.steps) if attacked else (0, 0)
-    again = work.views * (work.paints - 1)
-    cpu_s = work.views * VIEW_S + again * REPAINTED_S + lit * (LIT_S + TAPS_S)
-    size = work.views * VIEW_BYTES + again * REPAINTED_BYTES + lit * (LIT_BYTES + TAPS_BYTES)
+    views, again = work.views + work.driven, work.views * (work.paints - 1) + work.driven * (DRIVEN_PAINTS - 1)
+    cpu_s = views * VIEW_S + again * REPAINTED_S + lit * (LIT_S + TAPS_S)
+    size = views * VIEW_BYTES + again * REPAINTED_BYTES + lit * (LIT_BYTES + TAPS_BYTES)
     return Cost(
         render_s=round(cpu_s / (cores or os.cpu_count() or 1), 1),
-        look_s=round(work.views * work.paints * ms_forward / 1000, 1),
+        look_s=round((views + again) * ms_forward / 1000, 1),
         attack_s=round(steps * work.batch * (ms_step or 0.0) / 1000 * BESIDE_THE_DETECTOR, 1),
         disk_bytes=size,
     )

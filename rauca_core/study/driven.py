@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +25,10 @@ from .intervals import spread
 from .scores import Recorded
 from .study import Entry, Study
 
-FILE_NAME = "clips.json"
+FILE_NAME = "drives.json"  # clips.json holds the numbers of the page, as of every page
 CAR = 1  # the data set's vehicle among the ids of a clip
 NOTHING = Boxes(np.zeros((0, 4)), np.zeros(0))
+Told = tuple[str, str, str, str, str]  # vehicle, weathers, defence, paint, detector
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class ClipFigures(Record):
     """One clip, one paint, one detector; fields as of :class:`~rauca_core.motion.warning.Figures`."""
 
     clip: str
+    vehicle: str
     weathers: str
     defence: str
     paint: str
@@ -59,10 +61,10 @@ class ClipFigures(Record):
 
 @dataclass(frozen=True)
 class Driven(Record):
-    """All clips of an entry in a paint, seen by a detector.
+    """All clips of a vehicle in a set of weathers and in a paint, seen by a detector.
 
     Attributes:
-        ap: AP@0.5 of the same frames.
+        ap: AP@0.5 of the same frames; over several vehicles, the mean of theirs.
         lost_m, lost_s: warning lost against the plain vehicle in the same clips.
         gap_s: the longest gap of all clips.
         blind: mean share within braking distance without a track; None where no clip comes that close.
@@ -70,6 +72,7 @@ class Driven(Record):
         hota: mean over clips.
     """
 
+    vehicle: str
     weathers: str
     defence: str
     paint: str
@@ -89,7 +92,7 @@ class Driven(Record):
 class Drives(Record):
     """What a study of clips says."""
 
-    FORMAT = ("rauca-clips", 1)
+    FORMAT = ("rauca-clips", 2)
 
     tracker: str
     rows: tuple[Driven, ...]
@@ -156,27 +159,35 @@ def measure_drives(study: Study, tracker: str = "bytetrack") -> Drives:
         RaucaError: no tracker, no clips, or no plain vehicle to compare with.
     """
     require_trackers()
-    rows, every = list[Driven](), list[ClipFigures]()
+    every, aps = list[ClipFigures](), dict[Told, float]()
     for entry in study.entries:
         clips, recorded = clips_of(entry), Recorded(entry)
         if clips and NORMAL not in entry.results.paints:
             raise RaucaError(f"{entry.folder}: lacks the plain vehicle, against which warning is lost; evaluate again")
         for detector in entry.results.detectors if clips else ():
-            by_paint = {
-                paint: [_figures(recorded, clip, detector, paint, entry.category, tracker) for clip in clips]
-                for paint in entry.results.paints
-            }
-            for paint, found in by_paint.items():
-                told = (entry.weathers, entry.defence, paint, detector)
-                every += [ClipFigures(clip.name, *told, **one.__dict__) for clip, one in zip(clips, found, strict=True)]
-                rows.append(_row(told, entry.results.table[paint][detector].ap, found, by_paint[NORMAL]))
-    if not rows:
+            for paint in entry.results.paints:
+                told = (entry.vehicle, entry.weathers, entry.defence, paint, detector)
+                aps[told] = entry.results.table[paint][detector].ap
+                for clip in clips:
+                    found = _figures(recorded, clip, detector, paint, entry.category, tracker)
+                    every.append(ClipFigures(clip.name, *told, **asdict(found)))
+    if not every:
         raise RaucaError("evaluate: none of the views are clips; make some with `rauca dataset make --clips`")
-    return Drives(tracker, tuple(rows), tuple(every))
+    return Drives(tracker, _rows(every, aps), tuple(every))
+
+
+def over_vehicles(drives: Drives) -> Drives:
+    """The same with one row for all vehicles together; the clips stay as they are."""
+    called = ", ".join(dict.fromkeys(row.vehicle for row in drives.rows))
+    aps: defaultdict[Told, list[float]] = defaultdict(list)
+    for row in drives.rows:
+        aps[called, row.weathers, row.defence, row.paint, row.detector].append(row.ap)
+    together = [replace(clip, vehicle=called) for clip in drives.clips]
+    return replace(drives, rows=_rows(together, {told: float(np.mean(some)) for told, some in aps.items()}))
 
 
 def save_drives(folder: Path, drives: Drives) -> Path:
-    """Write ``clips.json``."""
+    """Write ``drives.json``."""
     write_json(folder / FILE_NAME, drives.to_json())
     return folder / FILE_NAME
 
@@ -192,7 +203,15 @@ def _figures(recorded: Recorded, clip: Clip, detector: str, paint: str, category
     return figures(clip.drive, follow(truth, tracks)[CAR], hota(truth, tracks).hota)
 
 
-def _row(told: tuple[str, str, str, str], ap: float, found: Sequence[Figures], plain: Sequence[Figures]) -> Driven:
+def _rows(every: Sequence[ClipFigures], aps: Mapping[Told, float]) -> tuple[Driven, ...]:
+    """A row for each of ``aps``, from its clips and those of the plain vehicle, which come in the same order."""
+    found: defaultdict[Told, list[ClipFigures]] = defaultdict(list)
+    for clip in every:
+        found[clip.vehicle, clip.weathers, clip.defence, clip.paint, clip.detector].append(clip)
+    return tuple(_row(told, ap, found[told], found[*told[:3], NORMAL, told[4]]) for told, ap in aps.items())
+
+
+def _row(told: Told, ap: float, found: Sequence[ClipFigures], plain: Sequence[ClipFigures]) -> Driven:
     close = [one.blind for one in found if one.blind is not None]
     return Driven(
         *told,
@@ -231,9 +250,9 @@ def _without_others(boxes: Boxes, frame: Frame) -> Boxes:
     return boxes.where(~((others >= SAME) & (others > ours)))
 
 
-def by_detector(drives: Drives) -> Mapping[tuple[str, str, str], list[Driven]]:
-    """Rows of each set of weathers, defence and detector."""
-    found: defaultdict[tuple[str, str, str], list[Driven]] = defaultdict(list)
+def by_detector(drives: Drives) -> Mapping[tuple[str, str, str, str], list[Driven]]:
+    """Rows of each vehicle, set of weathers, defence and detector."""
+    found: defaultdict[tuple[str, str, str, str], list[Driven]] = defaultdict(list)
     for row in drives.rows:
-        found[row.weathers, row.defence, row.detector].append(row)
+        found[row.vehicle, row.weathers, row.defence, row.detector].append(row)
     return found

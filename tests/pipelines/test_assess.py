@@ -47,6 +47,41 @@ def test_one_command_ends_in_a_headline_a_page_and_an_exit_code(
     assert drawn_blender.frames == drawn
 
 
+def test_clips_are_told_apart_from_the_headline(
+    small_battery: Path, drawn_blender: DrawnBlender, tmp_path: Path
+) -> None:
+    pytest.importorskip("trackers")
+    asked = ["yolov4-tiny", "--battery", small_battery, "--no-white-box"]
+    still = run(*asked, "--out", tmp_path / "still")
+    assert still.exit_code == 0, still.output
+    out = tmp_path / "driven"
+    driven = run(*asked, "--clips", "approach,passing", "--clip-frames", 4, "--frame-rate", 10, "--out", out)
+    assert driven.exit_code == 0, driven.output
+    told = [json.loads((tmp_path / name / "assess.json").read_text()) for name in ("still", "driven")]
+    clips = told[1].pop("clips")
+    for one in told:  # all else is what it was without clips
+        one.pop("clips", None)
+        one.pop("seconds")
+        one["detector"].pop("ms_per_image")
+    assert told[0] == told[1]
+    headline, *table = driven.stdout.splitlines()
+    assert headline == still.stdout.strip()
+    assert any("2 clips, tracks by bytetrack" in line for line in table)
+
+    rows = {row["paint"]: row for row in clips["rows"]}
+    assert set(rows) == {"normal", "random", "theirs"}  # "mine" was made against this very detector
+    assert all(row["clips"] == 2 for row in rows.values())
+    assert rows["normal"]["lost_m"]["value"] == 0
+    assert rows["theirs"]["lost_s"]["low"] <= rows["theirs"]["lost_s"]["value"] <= rows["theirs"]["lost_s"]["high"]
+    page = (out / "report.html").read_text()
+    assert "On the road: yolov4-tiny, sedan, single" in page
+    assert '<a href="clips/clips.html">' in page
+    assert "On the road" not in (tmp_path / "still" / "report.html").read_text()
+    assert (out / "clips" / "clips.html").is_file()
+    kept = json.loads((out / "clips" / "drives.json").read_text())  # by each vehicle; here there is but one
+    assert (kept["rows"], kept["clips"]) == (clips["rows"], clips["clips"])
+
+
 def test_several_detectors_are_compared(small_battery: Path, drawn_blender: DrawnBlender, tmp_path: Path) -> None:
     names = published_weights("yolov4-tiny", "yolov2-tiny")
     told = run(*names, "--battery", small_battery, "--no-white-box", "--out", tmp_path / "out")
@@ -66,6 +101,8 @@ def test_several_detectors_are_compared(small_battery: Path, drawn_blender: Draw
         (["--slurm", "default", "--classes", "car=car"], "drop --classes"),
         (["yolov2-tiny", "--json", "one.json"], "is for one detector"),
         (["other/yolov4-tiny"], "have one name"),
+        (["--clips", "flying"], "--clips: flying: clips are any of"),
+        (["--clips", "approach", "--clip-weathers", "hail"], "hail"),
     ],
 )
 def test_mistakes_are_told_before_anything_is_made(

@@ -24,6 +24,7 @@ from rauca_core.contract import (
     load_vehicle,
     save_frame,
 )
+from rauca_core.contract.clips import clip_name
 from rauca_core.contract.files import png_bytes, write_bytes
 from rauca_core.runtime.images import read_image
 
@@ -51,9 +52,14 @@ class DrawnBlender:
         claim_folder(job.out, plan)
         for task in job.wanted():
             if not (job.out / "frames" / task.id).is_dir():
-                camera = around(plan.ring.nominal(task.view)[0], plan.size)
-                drawn = draw_frame(vehicle, camera, task.id, task.view, task.weather)
-                save_frame(job.out / "frames" / task.id, *drawn)
+                azimuth = plan.ring.nominal(task.view)[0] if plan.clips is None else 10.0 * task.view
+                frame, passes = draw_frame(vehicle, around(azimuth, plan.size), task.id, task.view, task.weather)
+                if plan.clips is not None:
+                    clip = clip_name(plan.clips, task.location, task.view, task.weather.name)
+                    time_s = plan.clips.at(task.view)[1]
+                    gap_m = 20.0 - plan.clips.speed_m_s * time_s
+                    frame = replace(frame, clip=clip, time_s=time_s, distance_m=gap_m)
+                save_frame(job.out / "frames" / task.id, frame, passes)
                 append_entry(job.out, LedgerEntry(task.id, "done"))
                 self.frames["make_dataset"] += 1
 

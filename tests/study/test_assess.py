@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from rauca_core.attack import random_camouflage
-from rauca_core.contract import Camera, Camouflage, Plan, RaucaError, Ring, load_vehicle, save_camouflage
+from rauca_core.contract import Camera, Camouflage, Clips, Plan, RaucaError, Ring, load_vehicle, save_camouflage
 from rauca_core.contract.files import file_digest, png_bytes, write_json
 from rauca_core.detect import load_detector
 from rauca_core.pictures.add import add_picture
@@ -19,10 +19,11 @@ from rauca_core.runtime.images import read_image
 from rauca_core.study import assess as assessing
 from rauca_core.study import battery as batteries
 from rauca_core.study import recipes
-from rauca_core.study.assess import INFORMED, WHITE_BOX, Effort, assess, strongest
+from rauca_core.study.assess import INFORMED, WHITE_BOX, Driving, Effort, assess, strongest, works_of
 from rauca_core.study.assessment import load_assessment
 from rauca_core.study.battery import Battery, BatteryVehicle, BatteryViews
 from rauca_core.study.candidates import NORMAL, RANDOM, find_vehicles
+from rauca_core.study.cost import cost_of
 from rauca_core.study.evaluate import RandomPaint
 from rauca_core.study.makers import CAMOUFLAGE
 from rauca_core.study.study import load_study
@@ -92,6 +93,16 @@ def test_an_assessment_holds_all_that_engineers_act_on(
     assert "one run of 2 steps on 2 views" in found.white_box_note
     assert {entry.weathers for entry in study.entries} == {"near", "far"}
     assert json.loads((tmp_path / "out" / "assess.json").read_text())["detector"]["differentiable"] is True
+
+
+def test_the_cost_of_clips_is_told_beforehand() -> None:
+    asked = Driving(Clips(("approach", "passing"), 10), ("demo",))  # of two vehicles, in three weathers
+    still, driven = works_of()["quick"], works_of(clips=asked)["quick"]
+    assert driven == dataclasses.replace(still, driven=2 * 20 * 3)
+    costs = [cost_of(work, ms_forward=1000.0, ms_step=None, cores=1) for work in (still, driven)]
+    assert costs[1].look_s - costs[0].look_s == 120 * 4  # plain, random, the worst of the library, the detector's own
+    assert costs[1].render_s > costs[0].render_s + 120 * 2
+    assert costs[1].attack_s == costs[0].attack_s
 
 
 def test_of_several_runs_the_strongest_is_worn(tmp_path: Path) -> None:

@@ -90,6 +90,22 @@ def test_a_study_of_clips_says_what_warning_is_lost(study: Study, tmp_path: Path
     assert (film.n_frames, film.size) == (CLIPS.frames, (640, 320))
 
 
+def test_vehicles_have_rows_of_their_own_and_one_together(study: Study):
+    (entry,) = study.entries
+    drives = driven.measure_drives(Study("", (entry, dataclasses.replace(entry, vehicle="crate"))))
+    assert [len(rows) for rows in driven.by_detector(drives).values()] == [2] * 4
+    together = driven.over_vehicles(drives)
+    assert together.clips == drives.clips
+    alone = {(row.paint, row.detector): row for row in drives.rows if row.vehicle == "box"}
+    assert {(row.paint, row.detector) for row in together.rows} == set(alone)
+    for row in together.rows:  # both vehicles are the same one, so only what is counted doubles
+        one = alone[row.paint, row.detector]
+        assert row.vehicle == "box, crate"
+        assert (row.clips, row.breaks) == (2 * one.clips, 2 * one.breaks)
+        assert (row.ap, row.gap_s) == pytest.approx((one.ap, one.gap_s))
+        assert row.lost_m.value == pytest.approx(one.lost_m.value)
+
+
 def test_still_views_have_no_clips(scene: Scene, study: Study):
     stills = dataclasses.replace(study.entries[0], views=None)
     with pytest.raises(RaucaError, match="none of the views are clips"):
